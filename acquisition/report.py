@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.remedies import REMEDIES
 from cell.logs import SourceName
 
 Severity = Literal["repaired", "warning"]
@@ -30,6 +31,11 @@ class Finding:
     lines: tuple[int, ...]  # the first few, counted from 1; empty for findings about the whole file
     count: int
     sentence: str
+
+    @property
+    def remedy(self) -> str:
+        """What to do about a warning; empty for a repair."""
+        return REMEDIES.get(self.kind, "") if self.severity == "warning" else ""
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,10 @@ class ImportReport:
     def to_dict(self) -> dict[str, Any]:
         """The report as plain lists, dicts, numbers and text, ready for JSON."""
         plain = asdict(self)
-        findings = [{**entry, "lines": list(entry["lines"])} for entry in plain["findings"]]
+        findings = [
+            {**entry, "lines": list(entry["lines"]), "remedy": finding.remedy}
+            for entry, finding in zip(plain["findings"], self.findings, strict=True)
+        ]
         return {"files": list(plain["files"]), "findings": findings}
 
 
@@ -94,10 +103,10 @@ def report_lines(report: ImportReport) -> list[str]:
 
 
 def finding_line(entry: Finding) -> str:
-    """A finding with its location as a line of text: `file:lines: kind (count): sentence`."""
+    """A finding with its location as a line: `file:lines: kind (count): sentence remedy`."""
     location, times = entry.file, ""
     if entry.lines:
         more = ",..." if entry.count > len(entry.lines) else ""
         location += f":{','.join(map(str, entry.lines))}{more}"
         times = f" ({entry.count} times)" if entry.count > 1 else ""
-    return f"{location}: {entry.kind}{times}: {entry.sentence}"
+    return f"{location}: {entry.kind}{times}: {entry.sentence} {entry.remedy}".rstrip()

@@ -115,8 +115,9 @@ class IdentifySettings(Strict):
 
     accuracy_mm: Annotated[float, Field(gt=0.0)] | None = Field(
         None,
-        description="Stated TCP uncertainty (1 sigma, rms over the workspace) up to which a result "
-        "is acceptable; by default half of the nominal robot's error, and 0.1 mm in any case.",
+        description="Stated TCP uncertainty (1 sigma, rms over the workspace, with the scale) up "
+        "to which a result is acceptable; by default half of the nominal robot's error, and 0.1 mm "
+        "in any case.",
     )
 
     @property

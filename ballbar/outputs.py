@@ -27,17 +27,23 @@ def write_outputs(
 ) -> None:
     """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd.
 
-    begin : draws some of the report meanwhile (ballbar.report.process).
+    begin : draws maps and writes the replay meanwhile (ballbar.report.process).
     """
+    from ballbar.report.page import begin_parts, write_report  # noqa: PLC0415  imports Jinja
+
+    parts = begin_parts(data, begin)
+    written = begin(_replay, out / REPLAY, data) if replay else None
     reports = {name: recording for name, _, recording in data.read}
     write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     write_calibration(out / CALIBRATION, data)
-    from ballbar.report.page import write_report  # noqa: PLC0415  imports Matplotlib
-
     progress("writing the report")
-    write_report(out / REPORT, data, command=command, begin=begin)
-    if replay:
-        from ballbar.replay.write import write_replay  # noqa: PLC0415  imports Rerun
-
+    write_report(out / REPORT, data, parts, command=command)
+    if written is not None:
         progress("writing the replay")
-        write_replay(out / REPLAY, data)
+        written()
+
+
+def _replay(path: Path, data: RunData) -> None:
+    from ballbar.replay.write import write_replay  # noqa: PLC0415  imports Rerun
+
+    write_replay(path, data)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.extended_yaml import files_of
 from cell.files import DESCRIPTIONS, claimed_folder
+from cell.processes import Begin
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
 from sim.simulate import Simulation, simulate
@@ -86,17 +88,19 @@ def _claimed_recording(folder: Path) -> Iterator[None]:
 def run_scenario(
     scenario: Scenario,
     scenario_file: Path,
-    out: Path,
     *,
+    out: Path,
     command: str,
     progress: Progress,
     live: LiveRun | None = None,
+    begin: Begin = partial,
 ) -> RunData:
     """Simulates, identifies, compares with the truth, and writes report and replay.
 
     A recording on accept.held_out_file, of the same machine, is tried on the result.
 
     command : the command line, for the report. live : window that shows each stage while it runs.
+    begin : draws maps and writes the replay meanwhile (ballbar.report.process).
 
     Raises InputError when the scenario cannot be run or identifies with one of the thesis's costs,
     or when `out` holds something else.
@@ -141,7 +145,7 @@ def run_scenario(
         )
         if live:
             live.finished(data)
-        write_outputs(out, data, command=command, replay=True, progress=progress)
+        write_outputs(out, data, command=command, replay=True, progress=progress, begin=begin)
         return data
 
 

@@ -41,10 +41,12 @@ class TcpLimits(Strict):
     tcp_mean_mm: Limit = Field(None, description="Mean TCP error over the accuracy grid.")
     tcp_max_mm: Limit = Field(None, description="Largest TCP error over the accuracy grid.")
     tcp_sigma_mm: Limit = Field(
-        None, description="Stated TCP uncertainty (1 sigma), mean over the same poses."
+        None,
+        description="Stated TCP uncertainty (1 sigma), mean over the same poses; with the scale of "
+        "plate and rod, or of a length's sensor. Of still poses in the instrument's scale.",
     )
     tcp_over_stated: Limit = Field(
-        None, description="Mean TCP error over the mean stated uncertainty."
+        None, description="Mean TCP error over the mean stated uncertainty, likewise."
     )
 
 

@@ -30,7 +30,7 @@ def main(scenarios: list[str]) -> bool:
             data = run_scenario(
                 settings,
                 Path(name),
-                Path(top) / "run",
+                out=Path(top) / "run",
                 command="benchmark",
                 progress=lambda _: None,
             )

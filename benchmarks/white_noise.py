@@ -1,23 +1,33 @@
 """White noise: error against the Cramer-Rao bound, coverage of the stated intervals.
 
     python -m benchmarks.white_noise    # 200 seeds for each encoder set, about three minutes
+    python -m benchmarks.white_noise --verdicts    # 30 seeds of 60 s and of 120 s, two minutes
 
 Kinematic plant, thesis Table 3.1 errors, 10 urad on every logged angle, 1500 samples, clock as
 parameter. The bound is the inverse of the normal equations at the true parameters with the true
 noise; the TCP error is that of the kinematic robot over the accuracy grid, base aligned, root mean
 square over poses and seeds.
+
+With --verdicts: device logs of the kinematic plant with Table 3.1 errors and white noise of 10 urad
+on every angle, clocks off and drifting, and nothing else; five and four encoders. Nothing is wrong,
+so each verdict that is not good and each remark is a false alarm.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.identify_settings import IdentifySettings
+from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
 from cell.arrays import Array
@@ -28,7 +38,21 @@ from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import MARGIN, samples_of
 from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
 from ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
+from ident.verdict import Status
 from sim.kinematic_samples import KinematicSamples
+from sim.recording_files import write_recording
+from sim.settings import (
+    CellSettings,
+    ClockSettings,
+    EncoderSettings,
+    ErrorSettings,
+    JointNoise,
+    PathSettings,
+    PlantSettings,
+    SimulationSettings,
+    StaticErrors,
+)
+from sim.simulate import simulate
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 NOISE = 1e-5  # [rad]
@@ -91,13 +115,61 @@ def _bound(
     return float((tcp_sigma(samples.true, grid, indices, at_truth.covariance) ** 2).mean())
 
 
+def logged(fitted: tuple[int, ...], duration: float, seed: int) -> list[str]:
+    """What the identification of a run in which nothing is wrong finds fault with."""
+    settings = SimulationSettings(
+        cell=CellSettings(
+            robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)
+        ),
+        path=PathSettings(kind="lissajous", file="paths/irb2400_a.yaml", duration_s=duration),
+        plant=PlantSettings(kind="kinematic"),
+        errors=ErrorSettings(
+            static=StaticErrors(table="thesis_3_1"), joint_noise=JointNoise(sigma_rad=NOISE)
+        ),
+        encoders=EncoderSettings(fitted=fitted, noise_sigma_rad=NOISE),
+        clocks=ClockSettings(offset_s=0.137, skew=5e-5),
+        seed=seed,
+    )
+    with TemporaryDirectory() as folder:
+        recording = Path(folder) / "recording"
+        write_recording(simulate(settings, relative_to=SCENARIOS), settings, recording)
+        data = identify_recordings([recording], settings=IdentifySettings())
+    verdict = data.identification.verdict
+    status = [] if verdict.status is Status.GOOD else [f"verdict: {verdict.sentence}"]
+    found = [f for r in data.recordings for f in r.recording.report.findings]
+    findings = [f"finding: {f.sentence}" for f in found if f.severity != "info"]
+    return [*status, *(f"remark: {w}" for w in verdict.warnings), *findings]
+
+
+def false_alarms(seeds: int) -> None:
+    """Prints how many of the runs in which nothing is wrong were found fault with."""
+    with ProcessPoolExecutor(2) as pool:
+        for fitted in ENCODER_SETS[-2:]:
+            for duration in (60.0, 120.0):
+                alarms = list(
+                    pool.map(logged, repeat(fitted), repeat(duration), range(1, seeds + 1))
+                )
+                verdicts = sum(any(a.startswith("verdict") for a in run) for run in alarms)
+                print(
+                    f"{len(fitted)} encoders, {duration:g} s: {sum(map(bool, alarms))} of {seeds} "
+                    f"runs with a remark or warning, {verdicts} with a verdict that is not good"
+                )
+                for text, count in Counter(a for run in alarms for a in run).most_common():
+                    print(f"    {count} times: {text}")
+
+
 def main() -> None:
-    """Prints efficiency and coverage of every encoder set."""
+    """Prints efficiency and coverage of every encoder set, or the false alarms."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, default=200)
-    seeds = range(1, parser.parse_args().seeds + 1)
+    parser.add_argument("--seeds", type=int)
+    parser.add_argument("--verdicts", action="store_true")
+    options = parser.parse_args()
+    if options.verdicts:
+        false_alarms(options.seeds or 30)
+        return
+    seeds = range(1, (options.seeds or 200) + 1)
     with ProcessPoolExecutor(2) as pool:
         for fitted in ENCODER_SETS:
             errors, bounds, covered = np.array(

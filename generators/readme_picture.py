@@ -138,7 +138,7 @@ def main() -> None:
     """Writes both."""
     with TemporaryDirectory(prefix="ballbar-picture-") as folder:
         data = run_scenario(
-            load_scenario(SCENARIO), SCENARIO, Path(folder) / "run", command="", progress=print
+            load_scenario(SCENARIO), SCENARIO, out=Path(folder) / "run", command="", progress=print
         )
     write_whole(IMAGES / "readme.png", picture(data))
     write_whole(IMAGES / "tutorial.png", tutorial_picture())

@@ -24,13 +24,14 @@ from ident.complete_fit import fit_complete, settled
 from ident.consistency import AGREED, consistency
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
+from ident.estimator.considered import held_shifts
 from ident.estimator.fit import Fit
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
+from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names, priors, taken_as_exact
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
@@ -56,7 +57,8 @@ from ident.result import (
     Residuals,
     RobotEstimate,
 )
-from ident.robot.accuracy import accuracy_grid, position_error, position_sigma
+from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, tcp_uncertainty
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
@@ -300,7 +302,7 @@ def _result(
     if options.rod_sigma is not None and not complete:
         verdict = verdict.with_warning(
             "the measured rod length was not used: the dh model explains the recording and finds "
-            "the rod by itself"
+            "the rod by itself; --model complete uses it"
         )
     if complete and options.corrections is None:
         without = corrections_without_data(cell.robot)
@@ -308,7 +310,7 @@ def _result(
             keys = dict.fromkeys(f"`{key}`" for lacking in without.values() for key in lacking)
             verdict = verdict.with_warning(
                 f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
-                f"has no {', '.join(keys)}{_substituted(robot)}"
+                f"has no {', '.join(keys)}{_substituted(robot)}. Add them to the file"
             )
     for remark in (payload_remark(payload), *recording_remarks(fit)):
         verdict = verdict.with_warning(remark) if remark else verdict
@@ -370,7 +372,7 @@ def _robot(
             )
             for c, position in zip(corrections, positions, strict=True)
         ),
-        tcp_sigma=_tcp_sigma(cell, fit, stated, deviated),
+        tcp=_tcp_uncertainty(cell, fit, stated, deviated),
         dropped=_dropped(cell, first, fit, at_prior),
     )
 
@@ -397,23 +399,40 @@ def _deviated(cell: Cell, fit: Fit, payload: PayloadEstimate | None) -> tuple[Ce
     return deviated_cells(cell, known)
 
 
-def _tcp_sigma(cell: Cell, fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]) -> Array:
-    """(G,) [m] stated uncertainty of the unloaded robot's tool, base aligned.
+def _tcp_uncertainty(
+    cell: Cell, fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]
+) -> TcpUncertainty:
+    """Of the unloaded robot's tool over the accuracy grid.
 
-    Masses move the tool directly and by what they made of the unknowns, so both stand in one
-    covariance.
+    Masses, and lengths and angles of the instrument that the fit took as exact, move the tool
+    directly and by what they made of the unknowns, so all stand in one covariance.
     """
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
     robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
     machine = layout.machine
-    moves = robot.jacobian(grid, layout.shared)
+    names, moves = [layout.names[i] for i in machine], robot.jacobian(grid, layout.shared)
     covariance = stated.covariance[np.ix_(machine, machine)]
+    if (held := taken_as_exact(cell, layout)).size:
+        table = layout.fixed.table
+        root, shifts = held_shifts(fit, held, priors(cell, table, held))
+        shifts = shifts[machine]
+        covariance += shifts @ shifts.T
+        covariance = _bordered(covariance, shifts @ root.T, root @ root.T)
+        direct = UnloadedRobot(cell, fit.geometry()).jacobian(robot.joints(grid), held)
+        names, moves = [*names, *(table.names[i] for i in held)], np.concatenate((moves, direct))
     if deviated:
-        shifts = stated.considered[machine]
+        apart = np.zeros((len(names) - machine.size, len(deviated)))
+        cross = np.concatenate((stated.considered[machine], apart))
+        covariance = _bordered(covariance, cross, np.eye(len(deviated)))
         moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
-        covariance = np.block([[covariance, shifts], [shifts.T, np.eye(len(deviated))]])
-    return position_sigma(robot.tool(grid), moves, covariance)
+        names += [f"{MASSES}{k}" for k in range(1, len(deviated) + 1)]
+    return tcp_uncertainty(robot.tool(grid), moves, covariance, names)
+
+
+def _bordered(covariance: Array, cross: Array, own: Array) -> Array:
+    """Covariance (P, P) with K more variables; cross : (P, K) with the others. own : (K, K)."""
+    return np.block([[covariance, cross], [cross.T, own]])
 
 
 def _recording(
@@ -506,8 +525,8 @@ def _with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
     )
     grid = accuracy_grid(robot.cell.robot)
     other = replace(robot, corrections=stiffer).unloaded()
-    doubt = position_error(other.tool(grid), robot.unloaded().tool(grid)).error
-    return replace(robot, tcp_sigma=np.hypot(robot.tcp_sigma, MASSES_IN_DOUBT * doubt))
+    doubt = position_error(other.tool(grid), robot.unloaded().tool(grid))
+    return replace(robot, tcp=robot.tcp.with_doubt(doubt, MASSES_IN_DOUBT))
 
 
 def _softer(fit: Fit) -> float:

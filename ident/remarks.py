@@ -28,12 +28,12 @@ def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...
         if step.channel is not None:
             remarks.append(
                 f"robot joint {step.channel + 1} jumped by {step.size * 1e3:+.3f} mrad at row "
-                f"{step.row} of its log; taken out of it"
+                f"{step.row} of its log; taken out of it. Record again if it was not its resolver"
             )
         elif samples.ballbar is None:
             remarks.append(
                 f"the robot's clock stepped by {step.size * 1e3:+.1f} ms at row {step.row} of its "
-                "log; taken out of it"
+                "log; taken out of it. Do not set clocks while recording"
             )
     remarks += _left_out(
         "robot", samples.robot.outliers, [f"joint {j + 1}" for j in range(samples.joint_noise.size)]
@@ -44,7 +44,7 @@ def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...
         remarks += _left_out(log, samples.ballbar.outliers, channels)
         remarks += [
             f"the length jumped by {step.size * 1e3:+.4f} mm at row {step.row} of its log; taken "
-            "out of it"
+            "out of it. Check the seat and the sensor's cable"
             for step in samples.ballbar.steps
             if samples.measures_length and step.channel is not None
         ]
@@ -59,7 +59,7 @@ def _left_out(log: str, outliers: Outliers, channels: Sequence[str]) -> list[str
     verb = "is an outlier and was" if outliers.rows == 1 else "are outliers and were"
     return [
         f"{rows} {verb} left out: {channels[outliers.channels[first]]} first at t = "
-        f"{outliers.times[first]:.2f} s"
+        f"{outliers.times[first]:.2f} s. A few do no harm; of many, check cable and shield"
     ]
 
 
@@ -81,7 +81,12 @@ def joint_error_remark(
         parts.append(
             f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
         )
-    return f"joint errors found by evidence: {'; '.join(parts)}" if parts else ""
+    if not parts:
+        return ""
+    return (
+        f"joint errors found by evidence: {'; '.join(parts)}. They are in the result; a held-out "
+        "recording (--validate) confirms them"
+    )
 
 
 def payload_remark(payload: PayloadEstimate | None) -> str:
@@ -125,7 +130,8 @@ def recording_remarks(fit: Fit) -> list[str]:
                 continue
             out.append(
                 f"the tool sits elsewhere in recording {k + 1} than in the first, by "
-                f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields"
+                f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields. "
+                "The result is for its seat in the first one"
             )
     for k, samples in enumerate(fit.model.recordings):
         time = samples.times[-1] / UNIT
@@ -134,5 +140,8 @@ def recording_remarks(fit: Fit) -> list[str]:
                 square = values[name.replace("_line", "_square")]
                 link = name.removeprefix("growth_r").partition("_")[0]
                 size = (line * time + square * time * time) * 1e6
-                out.append(f"{link} grew by {size:+.0f} um during recording {k + 1}: it warmed up")
+                out.append(
+                    f"{link} grew by {size:+.0f} um during recording {k + 1}: it warmed up. "
+                    "The result is the robot at the start of the first one; warm it up before"
+                )
     return out

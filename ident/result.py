@@ -20,6 +20,7 @@ from ident.corrections import correction_of_result
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.loads.payload import PayloadEstimate
+from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start
@@ -71,10 +72,15 @@ class RobotEstimate:
     sigma: dict[str, float]  # [m, rad] of the identified shared parameters
     covariance: NamedCovariance  # of the shared parameters and coefficients
     corrections: tuple[CorrectionEstimate, ...]
-    tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
+    tcp: TcpUncertainty  # stated, over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
     # Masses that the torque logs show, and that `cell` then has; None where none were logged
     payload: PayloadEstimate | None = None
+
+    @property
+    def tcp_sigma(self) -> Array:
+        """(G,) [m] stated TCP uncertainty over the accuracy grid, with the scale."""
+        return self.tcp.sigma
 
     def unloaded(self) -> UnloadedRobot:
         """The robot as identified, without ball-bar."""

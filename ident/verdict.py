@@ -127,7 +127,7 @@ class Evidence:
     softer: float = (
         1.0  # compliance of all gears over the catalogue's, where no torque tells masses
     )
-    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace
+    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace, with the scale
     nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
     accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
 
@@ -259,13 +259,15 @@ def _unexplained(evidence: Evidence, cell: Cell) -> tuple[Status, str] | None:
         return Status.MISFIT, (
             f"Misfit: neighbouring residuals are correlated ({evidence.neighbours}): something "
             "systematic is in the data that is not in the model; the stated intervals are too "
-            "narrow."
+            "narrow. Look where the residuals stand out (report.html); fit --model complete, or "
+            "state what the robot's file lacks."
         )
     if noise_status(evidence.chi2_per_dof) is Status.MISFIT:
         return Status.MISFIT, (
             f"Misfit: the residual is {evidence.ratio:.1f} times what the noise in the logs "
             "explains. Something is in the data that is not in the model; the stated intervals are "
-            "widened by that factor but may still be too narrow."
+            "widened by that factor but may still be too narrow. Look where the residuals stand "
+            "out (report.html), and check mounting, play of the joints and the cell's files."
         )
     return None
 
@@ -286,8 +288,8 @@ def _uncertain(evidence: Evidence) -> tuple[Status, str] | None:
         )
         return Status.UNCERTAIN, (
             f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
-            f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
-            "every joint further, or several recordings together."
+            f"the workspace, with the scale), and {limit} would be the most. Record longer, on a "
+            "path that moves every joint further, or several recordings together."
         )
     return None
 
@@ -308,12 +310,13 @@ def _with_care(
         care = (
             f"{', '.join(evidence.pulled)} stand more than {PULL:g} standard "
             "deviations from what the cell files expect; either the files are wrong or something "
-            "else is not in the model."
+            "else is not in the model. Check these values in the files first."
         )
     elif evidence.tells(cell) and evidence.autocorrelation > AUTOCORRELATED:
         care = (
             f"neighbouring residuals are correlated ({evidence.neighbours}), so "
-            "something systematic is not in the model; the stated intervals may be too narrow."
+            "something systematic is not in the model; the stated intervals may be too narrow. "
+            "Test the result on a held-out recording (--validate)."
         )
     elif noise is Status.GOOD and recording.clock_sigma > UNSEEN_CLOCK:
         care = (
@@ -321,7 +324,10 @@ def _with_care(
             "at best, since the length hardly changes. Vary it within its stroke, or move faster."
         )
     elif noise is Status.SUSPECT:
-        care = f"the residual is {evidence.ratio:.2f} times what the noise in the logs explains."
+        care = (
+            f"the residual is {evidence.ratio:.2f} times what the noise in the logs explains. "
+            "Test the result on a held-out recording (--validate)."
+        )
     return None if care is None else (Status.SUSPECT, f"Usable, with care: {care}")
 
 
@@ -352,7 +358,7 @@ def _rod_warnings(evidence: Evidence, cell: Cell, nominal: Geometry) -> list[str
         return []  # beyond it the verdict's sentence says so
     return [
         f"the rod comes out {length * 1e3:.2f} mm long, and the file of {cell.ballbar.name} states "
-        f"{stated * 1e3:.2f} mm (bd3); is it the ball-bar that was used?"
+        f"{stated * 1e3:.2f} mm (bd3); is it the ball-bar that was used? Name it, or correct bd3"
     ]
 
 
@@ -371,7 +377,7 @@ def _data_warnings(evidence: Evidence, recording: RecordingEvidence) -> list[str
     if recording.samples < FEW_SAMPLES:
         warnings.append(
             f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "
-            "3.5 wants 750)"
+            "3.5 wants 750). Record longer, or raise --samples"
         )
     if evidence.autocorrelation > CORRELATED and not evidence.complete:
         left_out = "elastic gears, backlash, ripple"

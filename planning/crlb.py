@@ -10,7 +10,7 @@ does the prediction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +29,7 @@ from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import normal_equations
 from ident.estimator.samples import DWELL_KEPT, Samples
-from ident.estimator.unknowns import RecordingStart, Unknowns, complete_unknowns
+from ident.estimator.unknowns import TENSION_PRIOR, RecordingStart, Unknowns, complete_unknowns
 from ident.loads.gear_loads import MassModel, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.options import DEFAULT_SAMPLES
@@ -38,7 +38,7 @@ from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import interpolating_log
 from planning.request import PlanSensors, PlanTiming, Workspace
-from planning.trajectory import Trajectory
+from planning.trajectory import Passage
 
 EXACT = 1e-9  # [m] prior of a length taken as exact
 # Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
@@ -56,6 +56,9 @@ class Predictor:
     corrections: tuple[Correction, ...]
     grid: Array  # (G, J) [rad] poses over which the TCP error counts
     samples: int = SAMPLES
+    excess: ExcessNoise | None = None  # of a fitted sample, if known better than by the sensors
+    exact_scale: bool = True  # whether plate and ba5 are taken as exact
+    tension_sigma: float = TENSION_PRIOR  # [N] prior of a knot of the rod's tension
 
     @property
     def instants(self) -> Array:
@@ -157,7 +160,7 @@ def predictor(
 def planned_unknowns(
     on: Predictor, nominal: Geometry, recordings: Sequence[RecordingStart]
 ) -> tuple[Unknowns, Array]:
-    """Unknowns of the complete model with the scale taken as exact, and start (P,) [SI].
+    """Unknowns of the complete model, and start (P,) [SI]; the scale is exact if `on` says so.
 
     `ba5` is equivalent to the plate's length, ra6: 5 um of each are 28 ppm of scale on any path,
     which a plan states apart (planning.plan). The `dh` model of a length has no Hayati angles.
@@ -170,6 +173,8 @@ def planned_unknowns(
         measured_force=False,
         rod_sigma=on.sensors.rod_sigma_m,
     )
+    if not on.exact_scale:
+        return layout, x
     sigma = layout.sigma.copy()
     exact = (
         nominal.table.hayati if on.cell.ballbar.stroke is not None else ("ba5", nominal.table.plate)
@@ -179,7 +184,7 @@ def planned_unknowns(
 
 
 def predict(
-    on: Predictor, trajectory: Trajectory, tension: Array, previous: Prediction | None = None
+    on: Predictor, trajectory: Passage, tension: Array, previous: Prediction | None = None
 ) -> Prediction:
     """The prediction of a trajectory.
 
@@ -188,7 +193,11 @@ def predict(
     """
     samples = _samples(on, trajectory)
     begin = RecordingStart(
-        samples.encoders, trajectory.nominal, Clock(0.0, 0.0), samples.splines.shape[0]
+        samples.encoders,
+        trajectory.nominal,
+        Clock(0.0, 0.0) if samples.has_clock else None,
+        samples.splines.shape[0],
+        on.tension_sigma,
     )
     layout, x = planned_unknowns(on, trajectory.nominal, [begin])
     knots, t = layout.own[0].knots, samples.times
@@ -197,7 +206,8 @@ def predict(
     model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
     bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
     points = previous.points if previous else ()
-    linear = normal_equations(model, x, [bar], _excess(on), previous=points)
+    excess = ExcessNoise(*(on.dilution * sigma for sigma in astuple(_excess(on))))
+    linear = normal_equations(model, x, [bar], excess, previous=points)
     return Prediction(
         layout=layout,
         model=model,
@@ -209,7 +219,7 @@ def predict(
     )
 
 
-def predictions(on: Predictor, trajectory: Trajectory, tensions: Array) -> tuple[Prediction, ...]:
+def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[Prediction, ...]:
     """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
     out: list[Prediction] = []
     for tension in tensions:
@@ -218,16 +228,18 @@ def predictions(on: Predictor, trajectory: Trajectory, tensions: Array) -> tuple
 
 
 def _excess(on: Predictor) -> ExcessNoise:
-    f, s = on.dilution, on.sensors
+    if on.excess is not None:
+        return on.excess
+    sensors = on.sensors
     return ExcessNoise(
-        f * s.robot_sigma_rad,
-        2.0 * f * s.robot_sigma_rad,
-        f * s.encoder_sigma_rad,
-        f * (FIRST_EXCESS.rod if s.length_sigma_m is None else s.length_sigma_m),
+        sensors.robot_sigma_rad,
+        2.0 * sensors.robot_sigma_rad,
+        sensors.encoder_sigma_rad,
+        FIRST_EXCESS.rod if sensors.length_sigma_m is None else sensors.length_sigma_m,
     )
 
 
-def _samples(on: Predictor, trajectory: Trajectory) -> Samples:
+def _samples(on: Predictor, trajectory: Passage) -> Samples:
     """The samples of a noise-free run along a trajectory, with the noise of the sensors."""
     s, f = on.sensors, on.dilution
     fitted = [j - 1 for j in on.encoders]
@@ -245,9 +257,11 @@ def _samples(on: Predictor, trajectory: Trajectory) -> Samples:
     t = trajectory.t
     # of a sensed length the second log is the rod's extension, which the nominal robot leaves at 0
     sensed = trajectory.b[:, fitted] if fitted else np.zeros((t.size, 1))
+    second = interpolating_log(t, sensed, np.zeros(sensed.shape[1]))
+    silent = not fitted and on.cell.ballbar.stroke is None
     return Samples(
         robot=interpolating_log(t, trajectory.q, np.zeros(trajectory.q.shape[1])),
-        ballbar=interpolating_log(t, sensed, np.zeros(sensed.shape[1])),
+        ballbar=None if silent else second,
         encoders=on.encoders,
         directions=np.ones(len(fitted)),
         times=on.instants,

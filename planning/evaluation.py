@@ -19,7 +19,7 @@ from cell.geometry import nominal_chain, nominal_geometry
 from cell.inverse import has_closed_form
 from cell.load import load_instrument, load_measured_cell
 from ident.loads.gear_loads import mass_model
-from ident.robot.accuracy import rigid_basis
+from ident.robot.accuracy import aligned_columns
 from ident.robot.unloaded_robot import UnloadedRobot
 from planning.candidate import Candidate, Space, space_of
 from planning.clearance import Clearance, clearance, nearest
@@ -263,7 +263,5 @@ def _gram(on: Predictor) -> Array:
     layout, x = planned_unknowns(on, nominal, ())
     unloaded = UnloadedRobot(on.cell, nominal, on.corrections, x[layout.coefficients])
     moves = unloaded.jacobian(on.grid, layout.shared)
-    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))
-    basis = rigid_basis(unloaded.tool(on.grid))
-    columns -= basis @ (basis.T @ columns)
+    columns = aligned_columns(unloaded.tool(on.grid), moves)
     return np.asarray(columns.T @ columns)

@@ -78,10 +78,12 @@ CHANGES = {
     "rate": Property("Hz", 1.0, 1e5, _sensor("ballbar_rate_hz")),
     "duration": Property("s", 20.0, 3600.0, _duration),
     "length": Property("m", 1e-9, 1e-2, _sensor("length_sigma_m")),
+    "rod_sigma": Property("m", 1e-7, 1e-2, _sensor("rod_sigma_m")),
 }
 ENCODERS = "encoders"
 # What matters to one kind of instrument alone; nothing bends a plate that carries no force.
-OF_BALLBAR, OF_TELESCOPING = ("encoder", ENCODERS, "rate", "plate_thickness"), ("length",)
+OF_BALLBAR = ("encoder", ENCODERS, "rate", "plate_thickness", "rod_sigma")
+OF_TELESCOPING = ("length",)
 
 
 def question(text: str) -> Question:

@@ -21,13 +21,19 @@ STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
-    """One candidate over time, in one configuration of the arm."""
+class Passage:
+    """Robot and ball-bar over time: of a candidate, or as recorded."""
 
-    nominal: Geometry
+    nominal: Geometry  # nominal, or as identified
     t: Array  # (N,) [s]
     b: Array  # (N, 5) [rad]
     q: Array  # (N, J) [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory(Passage):
+    """One candidate over time, in one configuration of the arm."""
+
     speed: Array  # (N, J) [rad/s]
     acceleration: Array  # (N, J) [rad/s^2]
     tip: Array  # (N, 3) [m]

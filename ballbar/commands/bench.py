@@ -46,9 +46,6 @@ def run(
     runs/NAME); of a scenario of still poses recording/, calibration.yaml and report.html. Exits
     with 1 when a limit under `accept` is not met.
     """
-    from ballbar.commands.result_json import run_data
-    from ballbar.report.terminal import say_comparison, say_identification, say_plant
-    from ballbar.run import run_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
 
     settings = load_any_scenario(scenario, overrides=overrides or ())
@@ -56,9 +53,25 @@ def run(
     if isinstance(settings, PoseScenario):
         _run_poses(settings, scenario, folder, live=live, as_json=as_json)
         return
-    with _live_window() if live else nullcontext() as window, progress_bar() as progress:
+    from ballbar.report.process import reporting_process
+
+    with (
+        _live_window() if live else nullcontext() as window,
+        progress_bar() as progress,
+        reporting_process(replay=True) as begin,
+    ):
+        from ballbar.commands.result_json import run_data
+        from ballbar.report.terminal import say_comparison, say_identification, say_plant
+        from ballbar.run import run_scenario
+
         data = run_scenario(
-            settings, scenario, folder, command=command_line(), progress=progress, live=window
+            settings,
+            scenario,
+            out=folder,
+            command=command_line(),
+            progress=progress,
+            live=window,
+            begin=begin,
         )
     if as_json:
         say_json(run_data(data, folder))

@@ -75,8 +75,8 @@ def identify(
     accuracy: Annotated[
         float | None,
         typer.Option(
-            help="Stated TCP uncertainty [mm] (1 sigma, rms) up to which logs give an acceptable "
-            "result; default: half of the nominal robot's error.",
+            help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
+            "an acceptable result; default: half of the nominal robot's error.",
             metavar="MM",
         ),
     ] = None,
@@ -139,7 +139,7 @@ def _identify_recordings(
     with (
         claimed_folder(folder, OUTPUTS, "the result"),
         progress_bar() as progress,
-        reporting_process() as begin,
+        reporting_process(replay=rerun) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.outputs import write_outputs

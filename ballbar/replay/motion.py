@@ -156,15 +156,25 @@ def _telescoping(estimate: RecordingEstimate, log: LengthLog, t: Array, q: Array
     return pointing_bar(geometry, q, extension)
 
 
+def bar_angles_at(estimate: RecordingEstimate, log: BallBarLog | None, t: Array, q: Array) -> Array:
+    """(N, 5) [rad] angles that `bar_frames` takes, at ball-bar instants t (N,) [s].
+
+    q : (N, J) [rad] of the robot at the same instants; unmeasured angles follow from it.
+    """
+    if log is None:
+        return complete_bar_angles(estimate.geometry, q, np.zeros((t.size, 0)), ())
+    angles = log.angles * np.array(estimate.directions)
+    measured = np.stack([np.interp(t, log.t, column) for column in angles.T], axis=1)
+    return complete_bar_angles(estimate.geometry, q, measured, log.joints)
+
+
 def _bar_angles(estimate: RecordingEstimate, log: BallBarLog | None, t: Array, q: Array) -> Array:
     """(N, 5) [rad] angles that `bar_frames` takes, at rows of the robot's log."""
-    solved = complete_bar_angles(estimate.geometry, q, np.zeros((t.size, 0)), ())
+    solved = bar_angles_at(estimate, None, t, q)
     if log is None or estimate.clock is None:
         return solved
     t_bar = estimate.clock.ballbar_time(t)
-    angles = log.angles * np.array(estimate.directions)
-    measured = np.stack([np.interp(t_bar, log.t, column) for column in angles.T], axis=1)
-    completed = complete_bar_angles(estimate.geometry, q, measured, log.joints)
+    completed = bar_angles_at(estimate, log, t_bar, q)
     return np.where(_covered(log.t, t_bar)[:, None], completed, solved)
 
 

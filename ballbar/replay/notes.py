@@ -13,6 +13,7 @@ import yaml
 from acquisition.report import report_lines
 from ballbar.replay.motion import rms_norm
 from ballbar.replay.parameters import units_of
+from ballbar.report.numbers import with_and_without
 from ballbar.result.compare import Comparison
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
@@ -27,8 +28,9 @@ Rows = list[tuple[str, str]]
 def replay_notes(data: RunData) -> str:
     """Verdict, key figures, remarks, dropped parameters; parameters of machine and recordings."""
     result, comparison = data.identification, data.comparison
-    robot, sigma = result.robot, result.robot.tcp_sigma.mean() * MM
-    rows = [*_truth_rows(comparison), ("TCP uncertainty as stated, mean", f"{sigma:.4f} mm")]
+    robot, tcp = result.robot, result.robot.tcp
+    stated = with_and_without(tcp.sigma, tcp.without_scale, robot.cell)
+    rows = [*_truth_rows(comparison), ("TCP uncertainty as stated, mean", stated)]
     if not data.several:
         rows += _recording_rows(data.recordings[0].estimate)
     rows += _fit_rows(result.fit)

@@ -23,7 +23,7 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from matplotlib.transforms import blended_transform_factory
 
-from ballbar.figure_style import AFTER, BEFORE, DASHED, FRAME, INK, LINES, QUIET, svg_text
+from ballbar.figure_style import AFTER, BEFORE, DASHED, FRAME, INK, LINES, svg_text
 from ballbar.report.numbers import length_scale
 from ballbar.units import MM
 from cell.arrays import Array
@@ -46,7 +46,6 @@ _LABEL = 0.02, 0.17  # [in] left edge and upper edge of the labels of an axis, f
 _BAR_TICKS = 5  # intervals between the numbers of a colour scale, at most
 SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale them
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
-_HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
 STYLE: dict[RcKeyType, Any] = {
     **FRAME,
     "svg.hashsalt": "ballbar-report",
@@ -136,71 +135,6 @@ def workspace_map(
         return as_svg(figure)
 
 
-def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> Markup:
-    """Norms of residuals before and after (N, 3), in the unit of `label`, on a logarithmic axis.
-
-    t : (N,) [s] on the clock named `clock`.
-    """
-    with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(2.9, top=TOP + LEGEND_ROW)
-        for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
-            norm = np.linalg.norm(values, axis=1)
-            axes.plot(t, np.where(norm > 0.0, norm, np.nan), color=colour, label=name)
-        _time_axis(axes, t, clock)
-        axes.set(yscale="log", ylabel=label)
-        axes.set_ylim(bottom=_floor(after))
-        axes.yaxis.set_major_formatter("{x:g}")
-        legend_above(figure)
-        return as_svg(figure)
-
-
-def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> Markup:
-    """Three residual components (N, 3) after the fit, in the unit of `label`, on one scale.
-
-    t : (N,) [s] on the clock named `clock`.
-    """
-    with matplotlib.rc_context(STYLE):
-        figure, panels = plots(3.5, rows=3, top=TOP + LEGEND_ROW, sharex=True, sharey=True)
-        for axes, column, name in zip(panels, values.T, "xyz", strict=True):
-            axes.axhline(0.0, color=QUIET, linewidth=0.6)
-            axes.plot(t, column, color=AFTER, linewidth=0.8)
-            axes.set_ylabel(name)
-            axes.yaxis.label.set(rotation=0, ha="left", va="center")
-        _time_axis(panels[2], t, clock)
-        panels[0].set_title(label, loc="left")
-        return as_svg(figure)
-
-
-def tension_over_time(t: Array, tension: Array, *, clock: str) -> Markup:
-    """Force in the rod (N,) [N], tension positive, at t (N,) [s] on the clock named `clock`."""
-    with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(2.4)
-        axes.axhline(0.0, color=QUIET, linewidth=0.6)
-        axes.plot(t, tension, color=AFTER)
-        axes.set_ylabel("force in the rod [N]")
-        _time_axis(axes, t, clock)
-        return as_svg(figure)
-
-
-def whitened_histogram(whitened: Array) -> Markup:
-    """Whitened residuals (E, N), with the unit normal curve that they should follow."""
-    values = whitened.ravel()
-    half = max(_HISTOGRAM_HALF_WIDTH, float(np.ceil(np.quantile(np.abs(values), 0.999))))
-    x, bins = np.linspace(-half, half, 201), np.linspace(-half, half, 51).tolist()
-    normal = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
-    outside = f"{int((np.abs(values) > half).sum())} of {values.size} beyond ±{half:g}"
-    with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(2.9, top=TOP + LEGEND_ROW)
-        axes.hist(values, bins=bins, density=True, color="#8fb4d9", label="residuals after")
-        axes.plot(x, normal, color=INK, linewidth=1.4, label="unit normal")
-        axes.set(
-            xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half)
-        )
-        axes.text(1.0, 0.97, outside, transform=axes.transAxes, ha="right", va="top", color=QUIET)
-        legend_above(figure)
-        return as_svg(figure)
-
-
 def order_spectra(before: Array, after: Array) -> Markup:
     """Score (J, K) of the first K orders of every joint, before the search for them and after."""
     orders = np.arange(1, before.shape[1] + 1)
@@ -283,10 +217,6 @@ def colour_bar(cells: Any, panels: Sequence[Axes], label: str, *, extend: Any = 
     figure.text(0.5 * (first.x0 + last.x1), 0.995, label, ha="center", va="top")
 
 
-def _time_axis(axes: Axes, t: Array, clock: str) -> None:
-    axes.set(xlabel=f"time on the {clock} clock [s]", xlim=(t[0], t[-1]))
-
-
 def _map(axes: Axes, position: Array, error: Array, colours: LinearSegmentedColormap) -> Any:
     """Cells of one view; position : (G, 2) [m], error : (G,)."""
     axes.set_aspect("equal", anchor="S")
@@ -307,13 +237,6 @@ def _mark(axes: Axes, sphere: Sphere, column: int) -> None:
         axes.add_patch(Circle(centre, sphere.radius, fill=False, **style))
     axes.plot(*centre, marker="+", color=INK, markersize=8, linestyle="none")
     axes.plot(0.0, 0.0, marker="s", color=INK, markersize=6, linestyle="none")
-
-
-def _floor(after: Array) -> float | None:
-    """End of the logarithmic axis: a norm (N,) that passes through zero would stretch it."""
-    norm = np.linalg.norm(after, axis=1)
-    positive = norm[norm > 0.0]
-    return float(np.quantile(positive, 0.02)) / 2.0 if positive.size else None
 
 
 def as_svg(figure: Figure) -> Markup:

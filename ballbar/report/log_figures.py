@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import matplotlib
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 
 from acquisition.dwells import find_dwells
-from ballbar.figure_style import AFTER, BEFORE, PURPLE, QUIET
+from ballbar.figure_style import AFTER, BEFORE, LINES, PURPLE, QUIET
 from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock
-from ballbar.report.figures import LEGEND_ROW, STYLE, TOP, as_svg, legend_above, one_panel, plots
+from ballbar.report.line_plot import INCH, Curve, Plot, draw
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MM, MS, URAD
 from cell.arrays import Array
@@ -85,14 +83,12 @@ def jitter_in_dwell(fitted: FittedRecording) -> Markup:
     dwells = [rows for _, t, q, _ in logs if (rows := _longest_dwell(t, q)) is not None]
     if len(dwells) < len(logs):
         return Markup()
-    with matplotlib.rc_context(STYLE):
-        figure, panels = plots(1.5 * len(logs) + 0.4, rows=len(logs), gap=0.35)
-        for axes, (name, t, angles, colour), rows in zip(panels, logs, dwells, strict=True):
-            jitter = (angles[rows] - angles[rows].mean(axis=0)) * URAD
-            axes.plot(t[rows], jitter, color=colour, linewidth=0.5)
-            axes.set(ylabel=f"{name} [µrad]", xlim=(t[rows][0], t[rows][-1]))
-        panels[-1].set_xlabel("time on each log's own clock [s]")
-        return as_svg(figure)
+    plots = []
+    for (name, t, angles, colour), rows in zip(logs, dwells, strict=True):
+        jitter = (angles[rows] - angles[rows].mean(axis=0)) * URAD
+        curves = [Curve(t[rows], column, colour, width=0.5) for column in jitter.T]
+        plots.append(Plot(curves, f"{name} [µrad]"))
+    return draw(plots, "time on each log's own clock [s]", height=(1.5 * len(logs) + 0.4) * INCH)
 
 
 def _longest_dwell(t: Array, angles: Array) -> slice | None:
@@ -116,21 +112,29 @@ def dwells_of_both(fitted: FittedRecording) -> Markup:
     instants, middle = robot.t[robot_dwells & inner], 0.5 * float(robot.t[-1])
     if instants.size:
         middle = float(instants[np.abs(instants - instants.mean()).argmin()])  # in a dwell
-    with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(1.9, top=TOP + LEGEND_ROW)
+    curves = [
+        Curve(*_steps(t, level), colour, name)
         for name, t, level, colour in (
             ("robot", robot.t, robot_dwells.astype(float), BEFORE),
             ("ball-bar", clock.robot_time(ballbar.t), -ballbar_dwells.astype(float), AFTER),
-        ):
-            axes.step(t, level, where="mid", color=colour, label=name)
-        axes.set(
-            xlim=(middle - _SPAN / 2, middle + _SPAN / 2),
-            ylim=(-1.2, 1.2),
-            xlabel="time on the robot's clock [s]",
         )
-        axes.set_yticks([-1, 0, 1], ["dwell", "motion", "dwell"])
-        legend_above(figure)
-        return as_svg(figure)
+    ]
+    words = {-1.0: "dwell", 0.0: "motion", 1.0: "dwell"}
+    return draw(
+        [Plot(curves, "", y=(-1.2, 1.2), names=words)],
+        "time on the robot's clock [s]",
+        height=1.9 * INCH,
+        x=(middle - _SPAN / 2, middle + _SPAN / 2),
+        legend=True,
+    )
+
+
+def _steps(t: Array, level: Array) -> tuple[Array, Array]:
+    """Corners of a level (N,) over t (N,) [s] that changes midway between two rows."""
+    change = np.flatnonzero(np.diff(level))
+    at = 0.5 * (t[change] + t[change + 1])
+    levels = np.r_[level[change], level[-1]]
+    return np.r_[t[0], np.repeat(at, 2), t[-1]], np.repeat(levels, 2)
 
 
 def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks) -> Markup:
@@ -141,43 +145,31 @@ def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks
     estimate, ballbar = fitted.estimate, fitted.recording.ballbar_log
     length = fitted.recording.length_log
     used = on_robot_clock(estimate, estimate.after.t)
-    with matplotlib.rc_context(STYLE):
-        figure, panels = plots(4.1, rows=2, top=LEGEND_ROW, gap=TOP + LEGEND_ROW, sharex=True)
-        joints = [f"q{j + 1}" for j in range(motion.q.shape[1])]
-        _draw_angles(panels[0], motion.t, motion.q, joints)
-        panels[0].set_ylabel("robot joints [rad]")
-        if ballbar is not None:
-            angles, joints = mechanism_angles(estimate, ballbar), [f"b{j}" for j in ballbar.joints]
-            _draw_angles(panels[1], on_robot_clock(estimate, ballbar.t), angles, joints)
-        if length is not None:
-            t, shown = on_robot_clock(estimate, length.t), length.length[:, None] * MM
-            _draw_angles(panels[1], t, shown, ["length"])
-        second = "ball-bar joints [rad]" if length is None else "sensed length [mm]"
-        panels[1].set(ylabel=second, xlabel="time on the robot's clock [s]")
-        spans = [(span, QUIET, 0.18) for span in passed.dwells]
-        for name, stretches in passed.near_singular.items():
-            if name.startswith("ball-bar"):
-                spans += [(span, PURPLE, 0.25) for span in stretches]
-        for axes in panels:
-            for (begin, end), colour, alpha in spans:
-                axes.axvspan(begin, end, color=colour, alpha=alpha, linewidth=0)
-            for t in (used[0], used[-1]):
-                axes.axvline(float(t), color=AFTER, linestyle="--", linewidth=1.0)
-        return as_svg(figure)
+    shaded = [(*span, QUIET, 0.18) for span in passed.dwells]
+    for name, stretches in passed.near_singular.items():
+        if name.startswith("ball-bar"):
+            shaded += [(*span, PURPLE, 0.25) for span in stretches]
+    lines = float(used[0]), float(used[-1])
 
+    def plot(t: Array, angles: Array, names: list[str], label: str) -> Plot:
+        rows = slice(None, None, max(1, t.size // _POINTS))
+        curves = [
+            Curve(t[rows], column[rows], LINES[k % len(LINES)], name, width=0.7)
+            for k, (column, name) in enumerate(zip(angles.T, names, strict=True))
+        ]
+        return Plot(curves, label, legend=True, spans=shaded, lines=lines)
 
-def _draw_angles(axes: Axes, t: Array, angles: Array, names: list[str]) -> None:
-    """Thinned angles (N, C) [rad] over t (N,) [s], and their legend above the plot."""
-    rows = slice(None, None, max(1, t.size // _POINTS))
-    axes.plot(t[rows], angles[rows], linewidth=0.7, label=names)
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=6,
-        handlelength=0.9,
-        columnspacing=0.9,
-        fontsize=7,
-    )
+    joints = [f"q{j + 1}" for j in range(motion.q.shape[1])]
+    plots = [plot(motion.t, motion.q, joints, "robot joints [rad]")]
+    if ballbar is not None:
+        angles, joints = mechanism_angles(estimate, ballbar), [f"b{j}" for j in ballbar.joints]
+        times = on_robot_clock(estimate, ballbar.t)
+        plots.append(plot(times, angles, joints, "ball-bar joints [rad]"))
+    if length is not None:
+        times, sensed = on_robot_clock(estimate, length.t), length.length[:, None] * MM
+        plots.append(plot(times, sensed, ["length"], "sensed length [mm]"))
+    x = float(motion.t[0]), float(motion.t[-1])
+    return draw(plots, "time on the robot's clock [s]", height=2.05 * len(plots) * INCH, x=x)
 
 
 def error_over_shift(fitted: FittedRecording) -> Markup:
@@ -185,16 +177,13 @@ def error_over_shift(fitted: FittedRecording) -> Markup:
     curve = shift_curve(fitted)
     if curve is None:
         return Markup()
-    with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(2.2)
-        axes.plot(SHIFTS * MS, curve * MM, color=AFTER)
-        axes.set(
-            xlabel="shift of the ball-bar's clock [ms]",
-            ylabel="loop-closure error,\nrms [mm]",
-            ylim=(0.0, None),
-            xlim=(-300, 300),
-        )
-        return as_svg(figure)
+    plot = Plot(
+        [Curve(SHIFTS * MS, curve * MM, AFTER)],
+        "loop-closure error,\nrms [mm]",
+        y=(0.0, 1.05 * float(curve.max()) * MM),
+    )
+    ends = float(SHIFTS[0] * MS), float(SHIFTS[-1] * MS)
+    return draw([plot], "shift of the ball-bar's clock [ms]", height=2.2 * INCH, x=ends)
 
 
 def shift_curve(fitted: FittedRecording) -> Array | None:

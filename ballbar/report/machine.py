@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from acquisition.report import ImportReport
-from ballbar.report import sphere
 from ballbar.report.corrections import (
     CorrectionTable,
     coefficient_text,
@@ -68,7 +67,6 @@ class MachineSection:
     left_at_nominal: list[LeftAtNominal]
     not_requested: list[str]
     correlated: list[str]  # names of each group
-    correlations: str  # figure; empty where there is nothing to see
     corrections: list[CorrectionTable]
     at_prior: list[str]
     coefficients_at_prior: list[tuple[str, str]]  # name and value
@@ -89,7 +87,6 @@ def machine_section(data: RunData) -> MachineSection:
         left_at_nominal=left_at_nominal(robot),
         not_requested=not_requested(robot),
         correlated=[", ".join(names) for names in groups],
-        correlations=sphere.correlation_map(robot.covariance, groups),
         corrections=correction_tables(robot),
         at_prior=parameters_at_prior(robot),
         coefficients_at_prior=[(c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)],

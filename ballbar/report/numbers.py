@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 from ballbar.units import MM, UM
+from cell.arrays import Array
+from cell.descriptions import Cell
 
 MISSING = "\u2013"
 # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
@@ -53,6 +55,16 @@ def length_scale(largest: float) -> tuple[float, str]:
 def millimetres(length: float) -> str:
     """A length [m] in mm, to three digits."""
     return f"{significant(length * MM)} mm"
+
+
+def with_and_without(sigma: Array, without_scale: Array, cell: Cell, *, times: float = 1.0) -> str:
+    """Mean stated TCP uncertainty with the scale and without it, and where the scale comes from.
+
+    sigma, without_scale : (G,) [m] standard deviations. times : standard deviations to state.
+    """
+    source = "plate and rod" if cell.ballbar.stroke is None else "the sensed length"
+    with_scale, without = (millimetres(times * s.mean()) for s in (sigma, without_scale))
+    return f"{with_scale} with the scale of {source}, {without} without it"
 
 
 def listed(names: Sequence[str]) -> str:

@@ -1,14 +1,17 @@
 """report.html: one page about one run, the verdict in sentences before any number.
 
-RunData -> summary, TCP view, machine, recordings, provenance -> templates/report.html. No script,
-no request to another host.
+RunData -> summary, TCP view, diagnosis, machine, recordings, provenance -> templates/report.html.
+Its script shows values at the cursor and asks no host for anything.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
@@ -17,31 +20,57 @@ from ballbar.report.machine import machine_section
 from ballbar.report.numbers import significant
 from ballbar.report.provenance import provenance
 from ballbar.report.recording import recording_sections, residual_section
+from ballbar.report.sphere_figures import SphereFigures, correlation_figure, sphere_figures
 from ballbar.report.summary import summary
-from ballbar.report.tcp_view import tcp_section, tcp_view
+from ballbar.report.tcp_view import TcpSection, tcp_section, tcp_view
 from ballbar.result.run_data import RunData
 from cell.files import write_whole
 from cell.foreign_text import printable
 from cell.processes import Begin
 
+if TYPE_CHECKING:
+    from ballbar.report.diagnosis import DiagnosisSection
 
-def write_report(path: Path, data: RunData, *, command: str, begin: Begin = partial) -> None:
+
+@dataclass(frozen=True)
+class BegunParts:
+    """Functions that give the parts of a page that take longest; `begin_parts` makes them."""
+
+    diagnosis: Callable[[], DiagnosisSection]
+    tcp: Callable[[], TcpSection]
+    spheres: list[Callable[[], SphereFigures]]  # of each recording
+    correlations: Callable[[], str]
+
+
+def begin_parts(data: RunData, begin: Begin = partial) -> BegunParts:
+    """Begins maps and predictions of a report; begin : meanwhile (ballbar.report.process)."""
+    return BegunParts(
+        diagnosis=begin(_diagnosis, data),
+        tcp=begin(tcp_section, data),
+        spheres=[begin(sphere_figures, fitted) for fitted in data.recordings],
+        correlations=begin(correlation_figure, data.identification.robot),
+    )
+
+
+def write_report(path: Path, data: RunData, parts: BegunParts, *, command: str) -> None:
     """Write the report of one run, whole or not at all.
 
-    command : as the user typed it; absolute paths in it are cut to their last part. begin : draws
-        some of it meanwhile.
+    command : as the user typed it; absolute paths in it are cut to their last part.
     """
-    page = render_report(data, command=command, written=datetime.now(UTC), begin=begin)
+    page = render_report(data, parts, command=command, written=datetime.now(UTC))
     write_whole(path, printable(page, allowed="\n\t").encode())
 
 
-def render_report(data: RunData, *, command: str, written: datetime, begin: Begin = partial) -> str:
+def render_report(data: RunData, parts: BegunParts, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
-    logs = [begin(log_section, fitted) for fitted in data.recordings]
-    figures = [begin(residual_section, fitted) for fitted in data.recordings]
     view = tcp_view(data)
-    tcp, machine = tcp_section(data, view), machine_section(data)
-    last_first = [drawn() for drawn in reversed(figures)]  # what comes last may not be begun yet
+    logs = [log_section(fitted) for fitted in data.recordings]
+    machine, origin = machine_section(data), provenance(data, command, written)
+    diagnosed, tcp, spheres = parts.diagnosis(), parts.tcp(), [drawn() for drawn in parts.spheres]
+    residuals = [
+        residual_section(fitted, drawn)
+        for fitted, drawn in zip(data.recordings, spheres, strict=True)
+    ]
     return template("report.html").render(
         title=data.name,
         result=data.identification,
@@ -49,10 +78,18 @@ def render_report(data: RunData, *, command: str, written: datetime, begin: Begi
         several=data.several,
         summary=summary(data, view),
         tcp=tcp,
+        diagnosis=diagnosed,
         machine=machine,
-        recordings=recording_sections(data, last_first[::-1], [drawn() for drawn in logs]),
-        provenance=provenance(data, command, written),
+        correlations=parts.correlations(),
+        recordings=recording_sections(data, residuals, logs),
+        provenance=origin,
     )
+
+
+def _diagnosis(data: RunData) -> DiagnosisSection:
+    from ballbar.report.diagnosis import diagnosis  # noqa: PLC0415  imports the planner
+
+    return diagnosis(data)
 
 
 def template(name: str) -> Template:

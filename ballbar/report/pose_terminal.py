@@ -42,7 +42,7 @@ def say_poses(out: Console, run: PoseRun) -> None:
     sigma = result.tcp_sigma.mean()
     out.print(
         f"stated TCP uncertainty over the fitted ranges: mean {sigma * MM:.4f} mm (1 sigma, "
-        "all axes together)"
+        "all axes together; without the scale of the instrument)"
     )
 
 

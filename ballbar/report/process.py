@@ -7,6 +7,12 @@ from contextlib import AbstractContextManager
 from cell.processes import Begin, second_process
 
 
-def reporting_process() -> AbstractContextManager[Begin]:
-    """The process, begun before logs are read: it imports its libraries while they are fitted."""
-    return second_process("ballbar.report.page", "matplotlib.backends.backend_svg")
+def reporting_process(*, replay: bool) -> AbstractContextManager[Begin]:
+    """The process, begun before logs are read: it imports its libraries while they are fitted.
+
+    replay : whether it writes a replay, too.
+    """
+    report = ("page", "sphere", "diagnosis")
+    modules = [f"ballbar.report.{name}" for name in report]
+    modules += ["matplotlib.backends.backend_svg"]
+    return second_process(*modules, *(["ballbar.replay.write"] if replay else []))

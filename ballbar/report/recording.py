@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from acquisition.report import ImportReport
 from ballbar.replay.motion import rms_norm
-from ballbar.report import figures, sphere
+from ballbar.report import residual_figures as figures
 from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
 from ballbar.report.log_figures import LogSection
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
+from ballbar.report.sphere_figures import SphereFigures
 from ballbar.report.tracker import TrackerSection, tracker_section
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
@@ -55,8 +55,7 @@ class ResidualSection:
     angle_norm: str
     position: str
     angle: str
-    sphere_before: str
-    sphere_after: str
+    sphere: SphereFigures
     histogram: str
     position_rows: list[ResidualRow]  # µm
     angle_rows: list[ResidualRow]  # µrad; empty of a length, as are the figures of angles
@@ -148,7 +147,7 @@ def _clock_name(estimate: RecordingEstimate) -> str:
     return "ball-bar" if estimate.encoders else "sensor's"
 
 
-def residual_section(fitted: FittedRecording) -> ResidualSection:
+def residual_section(fitted: FittedRecording, sphere: SphereFigures) -> ResidualSection:
     """Figures and table of the residuals of a recording."""
     estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
     t = estimate.after.t
@@ -158,14 +157,12 @@ def residual_section(fitted: FittedRecording) -> ResidualSection:
     position_label, angle_label = "position residual [µm]", "angle residual [µrad]"
     norms, components = figures.norms_over_time, figures.components_over_time
     sensed = fitted.recording.length_log is not None  # a length sees no angle
-    on_sphere = partial(sphere.sphere_map, sphere.tool_directions(fitted), angles=not sensed)
     return ResidualSection(
         position_norm=norms(t, *position, label=position_label, clock=clock),
         angle_norm="" if sensed else norms(t, *angle, label=angle_label, clock=clock),
         position=components(t, position[1], label=position_label, clock=clock),
         angle="" if sensed else components(t, angle[1], label=angle_label, clock=clock),
-        sphere_before=on_sphere(before, figures.BEFORE_SCALE),
-        sphere_after=on_sphere(after, figures.AFTER_SCALE),
+        sphere=sphere,
         histogram=figures.whitened_histogram(estimate.whitened),
         position_rows=_residual_rows(*position),
         angle_rows=[] if sensed else _residual_rows(*angle),

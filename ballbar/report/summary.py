@@ -8,7 +8,7 @@ import numpy as np
 
 from ballbar.replay.motion import rms_norm
 from ballbar.report.clock import clock_rows
-from ballbar.report.numbers import listed, millimetres, significant
+from ballbar.report.numbers import listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.tcp_view import TcpView
 from ballbar.result.run_data import RunData
@@ -53,7 +53,7 @@ def summary(data: RunData, tcp: TcpView) -> Summary:
         band=_BANDS.get(verdict.status, "bad") if data.acceptable else "bad",
         heading=_heading(data),
         sentences=(*held_out, verdict.sentence),
-        in_short=_in_short(tcp),
+        in_short=_in_short(tcp, data.identification),
         confidence=_confidence(data.identification),
         what_to_do=_what_to_do(data),
         warnings=verdict.warnings,
@@ -85,7 +85,7 @@ def _heading(data: RunData) -> str:
     return _HEADINGS.get(verdict.status, "Not acceptable")
 
 
-def _in_short(tcp: TcpView) -> str:
+def _in_short(tcp: TcpView, result: Identification) -> str:
     """The error before and after."""
     before, after = millimetres(tcp.before.mean()), millimetres(tcp.after.mean())
     poses = f"Over {tcp.before.size} poses of the workspace"
@@ -94,9 +94,10 @@ def _in_short(tcp: TcpView) -> str:
             f"{poses} the mean TCP error is {before} with the nominal model and {after} with the "
             "identified one."
         )
+    stated = with_and_without(tcp.stated, tcp.stated_without_scale, result.robot.cell)
     return (
         f"{poses} the identified model moves the TCP by {before} on average against the nominal "
-        f"one; the stated uncertainty of what remains is {after} (1 sigma, mean)."
+        f"one; the stated uncertainty of what remains is {stated} (1 sigma, mean)."
     )
 
 
@@ -121,11 +122,14 @@ def _what_to_do(data: RunData) -> str:
 
 def _confidence(result: Identification) -> str:
     """How sure the figures are, and what they leave out."""
-    sigma, left = result.robot.tcp_sigma, left_at_nominal(result.robot)
+    tcp, left = result.robot.tcp, left_at_nominal(result.robot)
+    mean, worst = (millimetres(2.0 * size) for size in (tcp.sigma.mean(), tcp.sigma.max()))
+    without = millimetres(2.0 * tcp.without_scale.mean())
     sentence = (
-        f"By its own account the identified model is within {millimetres(2.0 * sigma.mean())} of "
-        f"the true tool position at an average pose and within {millimetres(2.0 * sigma.max())} at "
-        "the worst, with 95 % confidence (2 sigma), under the assumptions below."
+        f"By its own account the identified model is within {mean} of the true tool position at an "
+        f"average pose and within {worst} at the worst, with 95 % confidence (2 sigma), under the "
+        f"assumptions below; without the scale, which no recording shows, within {without} at an "
+        "average pose."
     )
     if not left:
         return sentence
@@ -169,10 +173,11 @@ def _unknowns(result: Identification) -> str:
 def _tcp_tile(tcp: TcpView) -> Tile:
     before, after = (significant(values.mean() * MM) for values in (tcp.before, tcp.after))
     poses = f"mean of {tcp.before.size} poses"
+    without = millimetres(tcp.stated_without_scale.mean())
     if not tcp.against_truth:
-        note = f"1 sigma, {poses}; correction made {before} mm"
+        note = f"1 sigma, {poses}, with scale; {without} without; correction made {before} mm"
         return Tile("Stated TCP uncertainty", f"{after} mm", note)
-    stated = f"stated uncertainty {millimetres(tcp.stated.mean())} (1 sigma)"
+    stated = f"stated {millimetres(tcp.stated.mean())} with scale, {without} without (1 sigma)"
     note = f"{poses}, against the truth; {stated}"
     return Tile("TCP error, before → after", f"{before} → {after} mm", note)
 

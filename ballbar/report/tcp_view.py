@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE
-from ballbar.report import figures
 from ballbar.report.numbers import MISSING, significant
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
-from ident.estimator.unknowns import scale_sigma
-from ident.robot.accuracy import accuracy_grid, position_error
+from cell.statistics import rms
+from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
 
 
@@ -31,8 +30,9 @@ class TcpView:
     after: Array  # (G,) [m] error of the identified model
     before_label: str
     after_label: str
-    predicted: Array  # (G,) [m] distance between nominal and identified model
-    stated: Array  # (G,) [m] stated uncertainty of the identified model
+    predicted: TcpError  # distance between nominal and identified model
+    stated: Array  # (G,) [m] stated uncertainty of the identified model, with the scale
+    stated_without_scale: Array  # (G,) [m]
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class TcpSection:
     cumulative: str
     map_before: str
     map_after: str
-    scale_ppm: float  # standard deviation of every length in proportion
+    scale_ppm: float  # standard deviation of every length in proportion, as the stated sigma has it
 
 
 def tcp_view(data: RunData) -> TcpView:
@@ -73,13 +73,17 @@ def tcp_view(data: RunData) -> TcpView:
         after=comparison.tcp.error if comparison else robot.tcp_sigma,
         before_label="TCP error before" if comparison else "TCP correction",
         after_label="TCP error after" if comparison else "Stated TCP sigma",
-        predicted=shift.error,
-        stated=robot.tcp_sigma,
+        predicted=shift,
+        stated=robot.tcp.sigma,
+        stated_without_scale=robot.tcp.without_scale,
     )
 
 
-def tcp_section(data: RunData, view: TcpView) -> TcpSection:
-    """Table, curves and maps of a TCP view."""
+def tcp_section(data: RunData) -> TcpSection:
+    """Table, curves and maps of the TCP view."""
+    from ballbar.report import figures  # noqa: PLC0415  imports Matplotlib
+
+    view = tcp_view(data)
     estimates = [fitted.estimate for fitted in data.recordings]
     spheres = [figures.Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
     before, after = (f"{label}, mean" for label in (view.before_label, view.after_label))
@@ -87,30 +91,42 @@ def tcp_section(data: RunData, view: TcpView) -> TcpSection:
     return TcpSection(
         view=view,
         rows=_rows(data, view),
-        cumulative=figures.cumulative(_curves(view), label=quantity),
+        cumulative=figures.cumulative(
+            [figures.Curve(*curve) for curve in _curves(view)], label=quantity
+        ),
         map_before=figures.workspace_map(
             view.position, view.before, spheres, label=before, colours=figures.BEFORE_SCALE
         ),
         map_after=figures.workspace_map(
             view.position, view.after, spheres, label=after, colours=figures.AFTER_SCALE
         ),
-        scale_ppm=scale_sigma(data.identification.robot.cell) * PPM,
+        scale_ppm=_scale(view) * PPM,
     )
+
+
+def _scale(view: TcpView) -> float:
+    """Relative standard deviation of the scale in the stated uncertainty."""
+    reach = np.linalg.norm(view.position - view.position.mean(axis=0), axis=1)
+    squares = rms(view.stated) ** 2 - rms(view.stated_without_scale) ** 2
+    return float(np.sqrt(max(0.0, squares)) / rms(reach))
 
 
 def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
     if data.comparison is None:
-        rows = [tcp_row("correction (nominal to identified)", view.before, "before")]
+        rows = [_row("correction", view.predicted, "before")]
     else:
         nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
         rows = [
-            tcp_row("before (nominal)", nominal.error, "before", nominal.error_without_scale),
-            tcp_row(
-                "after (identified)", identified.error, "after", identified.error_without_scale
-            ),
-            tcp_row("predicted before", view.predicted, "before"),
+            _row("before (nominal)", nominal, "before"),
+            _row("after (identified)", identified, "after"),
+            _row("predicted before", view.predicted, "before"),
         ]
-    return [*rows, tcp_row("stated sigma", view.stated, "after")]
+    stated = tcp_row("stated sigma", view.stated, "after", view.stated_without_scale)
+    return [*rows, stated]
+
+
+def _row(name: str, error: TcpError, side: str) -> TcpRow:
+    return tcp_row(name, error.error, side, error.error_without_scale)
 
 
 def tcp_row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
@@ -128,14 +144,15 @@ def tcp_row(name: str, error: Array, side: str, without_scale: Array | None = No
     )
 
 
-def _curves(view: TcpView) -> list[figures.Curve]:
+def _curves(view: TcpView) -> list[tuple[str, Array, str, bool]]:
+    """Label, values, colour and whether it is dashed."""
     curves = [
-        figures.Curve(view.before_label, view.before, BEFORE),
-        figures.Curve(view.after_label, view.after, AFTER),
+        (view.before_label, view.before, BEFORE, False),
+        (view.after_label, view.after, AFTER, False),
     ]
     if view.against_truth:
         label = "predicted before: nominal against identified"
-        curves.append(figures.Curve(label, view.predicted, BEFORE, dashed=True))
+        curves.append((label, view.predicted.error, BEFORE, True))
         label = "predicted after: stated sigma"
-        curves.append(figures.Curve(label, view.stated, AFTER, dashed=True))
+        curves.append((label, view.stated, AFTER, True))
     return curves

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from ballbar.report.corrections import coefficients_at_prior, parameters_at_prior
+from ballbar.report.numbers import with_and_without
 from ballbar.report.parameters import parameter_count
 from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import Comparison
@@ -38,8 +39,9 @@ def say_identification(out: Console, data: RunData) -> None:
     for fitted in data.recordings:
         _clock(out, fitted, f"clock of {fitted.name}" if data.several else "clock")
         _tracker(out, fitted.estimate.tracker, fitted.name if data.several else "")
-    sigma = result.robot.tcp_sigma.mean() * MM
-    out.print(f"stated TCP uncertainty over the workspace: mean {sigma:.4f} mm (1 sigma)")
+    tcp, cell = result.robot.tcp, result.robot.cell
+    stated = with_and_without(tcp.sigma, tcp.without_scale, cell)
+    out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")
 
 
 def say_plant(out: Console, simulation: Simulation) -> None:
@@ -57,7 +59,8 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
     tcp, before = comparison.tcp, comparison.tcp_nominal
     out.print(
         f"TCP error over the workspace: mean {tcp.mean * MM:.4f} mm, "
-        f"largest {tcp.maximum * MM:.4f} mm "
+        f"largest {tcp.maximum * MM:.4f} mm, "
+        f"mean without scale {tcp.error_without_scale.mean() * MM:.4f} mm "
         f"(nominal robot {before.mean * MM:.3f} and {before.maximum * MM:.3f} mm)"
     )
     if comparison.deviations:

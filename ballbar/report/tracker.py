@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ballbar.report.figures import norms_over_time
 from ballbar.report.numbers import significant
+from ballbar.report.residual_figures import norms_over_time
 from ballbar.units import MM
 from ident.tracker import TrackerCheck
 

@@ -179,7 +179,8 @@ class FitEntry(Strict):
     rank: int
     condition: float
     rod_sigma_m: float  # deviation of the rod from a constant length
-    tcp_sigma_mean_m: float
+    tcp_sigma_mean_m: float  # stated, with the scale
+    tcp_sigma_without_scale_mean_m: float | None = None  # older files do not state it
 
 
 class DroppedEntry(Strict):
@@ -319,7 +320,8 @@ def calibration_of(data: RunData) -> CalibrationFile:
             rank=fit.rank,
             condition=fit.condition,
             rod_sigma_m=fit.excess.rod,
-            tcp_sigma_mean_m=float(robot.tcp_sigma.mean()),
+            tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
+            tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
         ),
         held_out=tuple(_held_out(validation.outcome) for validation in data.validations),
     )

@@ -90,7 +90,7 @@ def _tcp(error: TcpError, sigma: Array) -> Measured:
     return {
         "tcp_mean_mm": ("TCP error, mean", error.mean * MM, "mm"),
         "tcp_max_mm": ("TCP error, largest", error.maximum * MM, "mm"),
-        "tcp_sigma_mm": ("stated TCP uncertainty, mean", stated * MM, "mm"),
+        "tcp_sigma_mm": ("stated TCP uncertainty with scale, mean", stated * MM, "mm"),
         "tcp_over_stated": ("TCP error over the stated, means", error.mean / stated, ""),
     }
 

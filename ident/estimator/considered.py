@@ -1,11 +1,12 @@
-"""What uncertain masses, which a fit takes as given, add to its uncertainty.
+"""What a fit takes as given adds to its uncertainty: masses, lengths and angles of the instrument.
 
 Consider parameters (Schmidt 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change
 `r_m` for one standard deviation of a direction of the masses, the estimate moves by
 
     x_m = -C J' W r_m
 
-and its covariance grows by the sum of `x_m x_m'` over the directions. The tool of the unloaded
+and its covariance grows by the sum of `x_m x_m'` over the directions. A parameter of the geometry
+that was held is a direction like them. The tool of the unloaded
 robot moves with the masses directly and through x; since heavier links under the same deflection
 mean stiffer gears, the two nearly cancel, so the x_m are kept, not their squares alone.
 """
@@ -16,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
@@ -53,3 +55,29 @@ def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
                 own = gradient_of(model, k, block, change[:, block.samples])
                 gradient[:, m] += n * own
     return np.asarray(-fit.covariance @ gradient)
+
+
+def held_shifts(fit: Fit, held: NDArray[np.intp], sigma: Array) -> tuple[Array, Array]:
+    """What parameters that a fit held at their nominal values may be, and what that changes.
+
+    Once freed under their priors, they would have the covariance D and go by the step h. Their
+    error in the fit has the mean square D + h h', so what the data say of them counts.
+
+    held : (H,) indices into the table. sigma : (H,) [m, rad] of their priors.
+    Returns (H, H) the errors' independent directions, one a column, and (P, H) the shifts of the
+    estimate for each of them.
+    """
+    model, first = fit.model, fit.model.unknowns.shared.size
+    layout, x = model.unknowns.with_shared(held, fit.x)
+    linear = normal_equations(replace(model, unknowns=layout), x, fit.ballbars, fit.excess)
+    freed = first + np.arange(held.size)
+    mixed = np.delete(linear.normal[:, freed], freed, axis=0)
+    shift = -fit.covariance @ mixed  # of the estimate, per unit of each
+    gradient = linear.gradient[freed] + shift.T @ np.delete(linear.gradient, freed)
+    reduced = linear.normal[np.ix_(freed, freed)] + mixed.T @ shift
+    scaled = np.outer(sigma, sigma) * reduced + np.eye(held.size)  # of order one and above
+    covariance = np.linalg.inv(scaled)
+    step = covariance @ (sigma * gradient)
+    values, vectors = np.linalg.eigh(covariance + np.outer(step, step))
+    root = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return root, shift @ root

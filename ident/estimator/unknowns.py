@@ -82,6 +82,19 @@ def scale_sigma(cell: Cell) -> float:
     return bar.length_tolerance / bar.length if bar.length_tolerance <= KNOWN_LENGTH else 0.0
 
 
+def taken_as_exact(cell: Cell, layout: Unknowns) -> NDArray[np.intp]:
+    """Indices into the table of the instrument's parameters that a fit took as exact.
+
+    Plate and ball-bar, whose files state how well they are known. Of a bar between two balls there
+    is nothing but its length.
+    """
+    table = parameter_table(cell.robot)
+    bar = [n for n in shared_names(table) if n.startswith("b")]
+    instrument = (table.plate, *(bar if cell.ballbar.stroke is None else ["bd3"]))
+    left = [n for n in instrument if n not in layout.names]
+    return np.array([table.index[name] for name in left], dtype=np.intp)
+
+
 def held_names(cell: Cell) -> tuple[str, ...]:
     """Those of `declared_names` that stay as declared where every unknown has a prior.
 
@@ -107,6 +120,16 @@ class Own:
     clock: slice | None  # offset, skew
     steps: slice | None  # clock steps [s]
     knots: slice | None  # of the tension's spline [N]
+
+    def moved(self, shift: int) -> Own:
+        """The places behind `shift` more unknowns."""
+
+        def further(part: slice) -> slice:
+            return slice(part.start + shift, part.stop + shift)
+
+        rest = (self.clock, self.steps, self.knots)
+        clock, steps, knots = (None if part is None else further(part) for part in rest)
+        return Own(self.parameters, further(self.geometry), clock, steps, knots)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +184,6 @@ class Unknowns:
             ]
             return np.concatenate((old[:first], chosen, old[stop:]))
 
-        def moved(part: slice | None) -> slice | None:
-            return None if part is None else slice(part.start + shift, part.stop + shift)
-
         means = [c.mean for c in coefficients]
         layout = replace(
             self,
@@ -172,18 +192,34 @@ class Unknowns:
             sigma=recast(self.sigma, [c.sigma for c in coefficients]),
             coefficients=slice(first, stop + shift),
             gain=None if self.gain is None else self.gain + shift,
-            own=tuple(
-                Own(
-                    own.parameters,
-                    slice(own.geometry.start + shift, own.geometry.stop + shift),
-                    moved(own.clock),
-                    moved(own.steps),
-                    moved(own.knots),
-                )
-                for own in self.own
-            ),
+            own=tuple(own.moved(shift) for own in self.own),
         )
         return layout, recast(x, means)
+
+    def with_shared(self, parameters: NDArray[np.intp], x: Array) -> tuple[Unknowns, Array]:
+        """The unknowns with more shared parameters, without priors; and x (P,) for them.
+
+        parameters : (H,) indices into the table; they follow the shared ones, at the values that
+        they were fixed at.
+        """
+        first, shift = self.shared.size, parameters.size
+
+        def recast(old: Array, new: Array) -> Array:
+            return np.concatenate((old[:first], new, old[first:]))
+
+        names = [self.fixed.table.names[i] for i in parameters]
+        values, old = self.fixed.values[parameters], self.coefficients
+        layout = replace(
+            self,
+            names=(*self.names[:first], *names, *self.names[first:]),
+            mean=recast(self.mean, values),
+            sigma=recast(self.sigma, np.full(shift, np.inf)),
+            shared=np.concatenate((self.shared, parameters)),
+            coefficients=slice(old.start + shift, old.stop + shift),
+            gain=None if self.gain is None else self.gain + shift,
+            own=tuple(own.moved(shift) for own in self.own),
+        )
+        return layout, recast(x, values)
 
     def moved(self, x: Array, step: Array) -> Array:
         """(P,) x + step, the clocks kept where the logs' splines say anything."""

@@ -18,6 +18,7 @@ from cell.chain import screw
 from cell.descriptions import Robot
 from cell.geometry import Geometry, robot_frames
 from cell.robot_angles import controller_to_joints
+from cell.sobol import sobol
 
 GRID_POSES = 800
 _GRID_SEED = 2400  # the grid is part of the metric: the same poses for everyone
@@ -49,10 +50,7 @@ def accuracy_grid(robot: Robot) -> Array:
 @cache
 def _grid_points(joints: int) -> Array:
     """(G, J) points of the unit cube."""
-    from scipy.stats import qmc  # noqa: PLC0415  the slowest of our libraries to import
-
-    sobol = qmc.Sobol(d=joints, scramble=True, rng=np.random.default_rng(_GRID_SEED))
-    return read_only(sobol.random(1024)[:GRID_POSES])
+    return read_only(sobol(1024, joints, np.random.default_rng(_GRID_SEED))[:GRID_POSES])
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
@@ -97,11 +95,19 @@ def position_sigma(positions: Array, moves: Array, covariance: Array) -> Array:
 
     moves : (P, 3, G) change of the tool per unit of each unknown; covariance : (P, P).
     """
-    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))  # (3G, P)
-    basis = rigid_basis(positions)
-    columns = columns - basis @ (basis.T @ columns)
+    columns = aligned_columns(positions, moves)
     variance = ((columns @ covariance) * columns).sum(axis=1).reshape(-1, 3).sum(axis=1)
     return np.asarray(np.sqrt(variance))
+
+
+def aligned_columns(positions: Array, moves: Array) -> Array:
+    """(3G, P) changes of tool positions (G, 3) [m] per unit of each unknown, base aligned.
+
+    moves : (P, 3, G) the changes as they are.
+    """
+    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))
+    basis = rigid_basis(positions)
+    return np.asarray(columns - basis @ (basis.T @ columns))
 
 
 def rigid_basis(points: Array) -> Array:

@@ -26,9 +26,12 @@ class StepFault:
         at = f"at t = {self.time:.2f} s"
         if self.kind == "clock":
             step = f"{self.size * 1e3:+.1f} ms (ball-bar's against robot's)"
-            return f"clock step of {step} {at}; repaired"
+            return f"clock step of {step} {at}; repaired. Do not set clocks while recording"
         if self.periods:
             slip = f"{self.periods:+d} signal period{'s' * (abs(self.periods) > 1)}"
-            return f"encoder b{self.joint} slipped {slip} {at}; repaired"
+            return f"encoder b{self.joint} slipped {slip} {at}; repaired. Check its cable and speed"
         jump = f"{self.size * 1e3:+.3f} mrad"
-        return f"encoder b{self.joint} jumped by {jump} {at} (slipping coupling?); repaired"
+        return (
+            f"encoder b{self.joint} jumped by {jump} {at} (slipping coupling?); repaired. Tighten "
+            "its coupling"
+        )

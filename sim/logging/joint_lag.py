@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from cell.arrays import Array
 from cell.descriptions import Robot
@@ -41,6 +40,8 @@ def _filtered(values: Array, decay: float) -> Array:
     """(K,) exact response of the filter to values (K,) that are linear between steps."""
     # The output after a step of a ramp: decay y + (1 - decay) u0 + (1 - gain) (u1 - u0), with
     # gain = (1 - decay) / -log(decay).
+    from scipy.signal import lfilter  # noqa: PLC0415  slow to import, and needed here alone
+
     gain = (decay - 1.0) / np.log(decay)
     taps = [1.0 - gain, gain - decay]
     out, _ = lfilter(taps, [1.0, -decay], values, zi=[gain * values[0]])

@@ -216,7 +216,8 @@ def test_torques_under_other_names_are_not_read_and_the_report_asks(tmp_path: Pa
     assert recording.robot_log.torque is None
     assert (
         "  raw/robot.csv: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant "
-        "for tau1? Then rename it." in (report_lines(recording.report))
+        "for tau1? Then rename it. What is none of the signals needs nothing; name others as the "
+        "dialect does." in (report_lines(recording.report))
     )
 
 

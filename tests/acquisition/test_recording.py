@@ -195,6 +195,7 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
         "lines": [151],
         "count": 1,
         "sentence": "expected 5 fields, got 1; treated as torn line and dropped.",
+        "remedy": "",
     }
     text = report_lines(report)
     assert text[:3] == [

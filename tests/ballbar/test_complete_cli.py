@@ -18,7 +18,7 @@ from ballbar.commands import cli
 from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.show import chosen_replay
 from ballbar.replay.write import write_replay
-from ballbar.report.page import render_report
+from ballbar.report.page import begin_parts, render_report
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
@@ -488,7 +488,12 @@ def light(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> RunDa
 
 
 def page_of(data: RunData) -> str:
-    return render_report(data, command="ballbar identify", written=datetime(2026, 1, 1, tzinfo=UTC))
+    return render_report(
+        data,
+        begin_parts(data),
+        command="ballbar identify",
+        written=datetime(2026, 1, 1, tzinfo=UTC),
+    )
 
 
 def test_what_recordings_share_stands_once_and_their_own_part_once_for_each(light: RunData) -> None:

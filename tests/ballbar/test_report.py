@@ -6,6 +6,7 @@ What the recordings share stands once, what belongs to a recording once for each
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,13 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from acquisition.recording import read_recording
+from ballbar.replay.notes import replay_notes
 from ballbar.report import figures as report_figures
-from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
-from ballbar.report.page import render_report, write_report
+from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
+from ballbar.report.page import begin_parts, render_report, write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
+from ballbar.report.terminal import say_identification
+from ballbar.result.calibration import calibration_of
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
@@ -29,6 +34,8 @@ from cell.processes import process_pool
 from ident.identify import identify
 from ident.options import FitOptions
 from ident.result import NamedCovariance
+from ident.robot.accuracy import accuracy_grid
+from ident.robot.tcp_correction import correction_parts
 from ident.verdict import Status, Verdict
 from sim.recording_files import write_recording
 from sim.settings import (
@@ -47,6 +54,7 @@ from tests.helpers.page_cells import Cells
 from tests.helpers.six_axes import INDEX, PARAMETERS
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
+TEMPLATES = Path(report_figures.__file__).parent / "templates"
 COMMAND = "ballbar run scenarios/irb2400.yaml"
 
 
@@ -102,19 +110,13 @@ def page(run: RunData, tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture
 def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures take most of the time; tests about words do without."""
-    for name in (
-        "cumulative",
-        "workspace_map",
-        "norms_over_time",
-        "components_over_time",
-        "whitened_histogram",
-    ):
+    for name in ("cumulative", "workspace_map"):
         monkeypatch.setattr(report_figures, name, lambda *_, **__: "<svg></svg>")
 
 
 def _page(data: RunData, folder_of_page: Path, *, command: str = COMMAND) -> str:
     path = folder_of_page / "report.html"
-    write_report(path, data, command=command)
+    write_report(path, data, begin_parts(data), command=command)
     return path.read_text(encoding="utf-8")
 
 
@@ -237,9 +239,13 @@ def test_noise_and_import_findings_are_those_of_the_logs(run: RunData, page: str
         )
 
 
-def test_the_page_requests_nothing_and_runs_nothing(page: str) -> None:
+def test_the_page_requests_nothing_and_runs_its_own_script_alone(page: str) -> None:
     parsed = _Page(page)
-    assert not {"script", "link", "iframe", "object", "embed", "base"} & set(parsed.tags)
+    script = (TEMPLATES / "hover.js").read_text()
+    assert page.count("<script") == 1
+    assert f"<script>\n{script.strip()}</script>" in page  # nothing of a recording is in it
+    assert not set(re.findall(r"fetch|XMLHttp|WebSocket|import|eval|innerHTML", script))
+    assert not {"link", "iframe", "object", "embed", "base"} & set(parsed.tags)
     loading = [
         (name, value)
         for name, value in parsed.attributes
@@ -281,7 +287,8 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
     result = replace(run.identification, verdict=verdict)
     data = replace(_with(run, recording=hostile), name=evil, identification=result)
     parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
-    assert not {"script", "img"} & set(parsed.tags)
+    assert "img" not in parsed.tags
+    assert parsed.tags.count("script") == 1
     assert parsed.text.count("onerror=alert(1)") >= 6
 
 
@@ -452,6 +459,51 @@ def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) ->
     assert "What to do. The identified robot may be used" in text
 
 
+def test_both_meanings_of_the_stated_uncertainty_are_named_wherever_it_stands(
+    run: RunData, page: str, tmp_path: Path
+) -> None:
+    tcp, cell = run.identification.robot.tcp, run.identification.robot.cell
+    stated = with_and_without(tcp.sigma, tcp.without_scale, cell)
+    with_scale, without = (
+        f"{significant(sigma.mean() * 1e3)} mm" for sigma in (tcp.sigma, tcp.without_scale)
+    )
+    assert stated == f"{with_scale} with the scale of plate and rod, {without} without it"
+    assert with_scale != without
+    console = Console(record=True, width=500, file=io.StringIO())
+    say_identification(console, run)
+    assert f"(1 sigma, mean): {stated}" in console.export_text()
+    assert stated in replay_notes(run)
+    entry = calibration_of(run).fit
+    assert entry.tcp_sigma_mean_m == pytest.approx(tcp.sigma.mean())
+    assert entry.tcp_sigma_without_scale_mean_m == pytest.approx(tcp.without_scale.mean())
+    parsed = _Page(page)
+    assert f"stated {with_scale} with scale, {without} without (1 sigma)" in parsed.text
+    row = parsed.row("stated sigma")
+    assert (f"{row[1]} mm", f"{row[4]} mm") == (with_scale, without)
+    unknown = replace(run, simulation=None, comparison=None)
+    assert f"what remains is {stated} (1 sigma, mean)" in _Page(_page(unknown, tmp_path)).text
+
+
+def test_drivers_and_next_steps_stand_in_the_page_with_their_numbers(
+    run: RunData, page: str
+) -> None:
+    parsed, robot = _Page(page), run.identification.robot
+    parts = correction_parts(robot, accuracy_grid(robot.cell.robot))
+    ranked = [row for row in parsed.rows if row and row[0] == "1"]
+    before, after = ranked
+    assert before[1] == parts[0].name
+    assert _shows(before[3], parts[0].size * 1e3)
+    assert _shows(before[5], 100.0 * parts[0].share)
+    largest = robot.tcp.directions[0]
+    assert after[2].startswith("scale of all lengths")
+    assert _shows(after[3], largest.rms * 1e3)
+    assert _shows(after[4], 100.0 * robot.tcp.share(largest))
+    ranks = [row[0] for row in parsed.rows if len(row) == 7 and row[0].isdigit()]
+    assert ranks == list("12345678")
+    assert "Most would help next: the rod measured to 5 µm" in parsed.text
+    assert parsed.row("the same path once more")[1:]
+
+
 @pytest.mark.parametrize(
     ("command", "shown"),
     [
@@ -490,13 +542,15 @@ def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_
 
 def test_a_second_process_draws_the_same_page(run: RunData) -> None:
     written = datetime(2026, 1, 1, tzinfo=UTC)
-    alone = render_report(run, command=COMMAND, written=written)
+    alone = render_report(run, begin_parts(run), command=COMMAND, written=written)
     with process_pool(1, int) as pool:
 
         def begin(work: Callable[..., object], *arguments: object) -> Callable[[], object]:
             return pool.submit(work, *arguments).result
 
-        assert render_report(run, command=COMMAND, written=written, begin=begin) == alone
+        assert (
+            render_report(run, begin_parts(run, begin), command=COMMAND, written=written) == alone
+        )
 
 
 def _raise(*_: object, **__: object) -> str:
@@ -509,11 +563,11 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
     path = tmp_path / "report.html"
     monkeypatch.setattr(report_figures, "cumulative", _raise)
     with pytest.raises(RuntimeError, match="no figure today"):
-        write_report(path, run, command=COMMAND)
+        write_report(path, run, begin_parts(run), command=COMMAND)
     assert list(tmp_path.iterdir()) == []
     path.write_text("the report of yesterday")
     with pytest.raises(RuntimeError, match="no figure today"):
-        write_report(path, run, command=COMMAND)
+        write_report(path, run, begin_parts(run), command=COMMAND)
     assert [p.read_text() for p in tmp_path.iterdir()] == ["the report of yesterday"]
 
 
@@ -521,9 +575,7 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 @pytest.mark.usefixtures("blank_figures")
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
-        write_report(
-            tmp_path / "report.html", _with(run, folder=tmp_path / "gone"), command=COMMAND
-        )
+        _page(_with(run, folder=tmp_path / "gone"), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -507,7 +507,7 @@ def test_a_run_with_report_refuses_what_only_sweeps_do(tmp_path: Path) -> None:
         InputError, match=r"identify\.cost = transform, data = samples: .* are for sweeps"
     ):
         run_scenario(
-            load_scenario(file), file, tmp_path / "out", command="test", progress=lambda _: None
+            load_scenario(file), file, out=tmp_path / "out", command="test", progress=lambda _: None
         )
     assert not (tmp_path / "out").exists()
 

@@ -41,16 +41,19 @@ def test_every_step_fault_has_its_sentence(samples: Samples) -> None:
         StepFault(0, "encoder", 2, 30.0, 1e-3),
     )
     assert log_remarks(samples, faults) == (
-        "clock step of -50.2 ms (ball-bar's against robot's) at t = 12.35 s; repaired",
-        "encoder b4 slipped -2 signal periods at t = 20.00 s; repaired",
-        "encoder b2 jumped by +1.000 mrad at t = 30.00 s (slipping coupling?); repaired",
+        "clock step of -50.2 ms (ball-bar's against robot's) at t = 12.35 s; repaired. Do not "
+        "set clocks while recording",
+        "encoder b4 slipped -2 signal periods at t = 20.00 s; repaired. Check its cable and speed",
+        "encoder b2 jumped by +1.000 mrad at t = 30.00 s (slipping coupling?); repaired. "
+        "Tighten its coupling",
     )
 
 
 def test_a_joint_that_jumped_in_the_robots_log_is_named_by_its_row(samples: Samples) -> None:
     robot = replace(samples.robot, steps=(LogStep(250, 12.5, 2, -2e-3),))
     assert log_remarks(replace(samples, robot=robot), ()) == (
-        "robot joint 3 jumped by -2.000 mrad at row 250 of its log; taken out of it",
+        "robot joint 3 jumped by -2.000 mrad at row 250 of its log; taken out of it. Record again "
+        "if it was not its resolver",
     )
 
 
@@ -60,7 +63,8 @@ def test_a_step_of_the_robots_clock_is_said_once(samples: Samples) -> None:
     assert log_remarks(replace(samples, robot=robot), ()) == ()
     alone = replace(samples, robot=robot, ballbar=None, encoders=(), directions=np.empty(0))
     assert log_remarks(alone, ()) == (
-        "the robot's clock stepped by +30.0 ms at row 250 of its log; taken out of it",
+        "the robot's clock stepped by +30.0 ms at row 250 of its log; taken out of it. Do not set "
+        "clocks while recording",
     )
 
 
@@ -70,8 +74,10 @@ def test_outliers_are_counted_by_rows_and_the_first_one_is_named(samples: Sample
     # encoders b1, b2, b4, b5: the third channel is b4
     ballbar = replace(samples.ballbar, outliers=out([2], [40.004], 1))
     assert log_remarks(replace(samples, robot=robot, ballbar=ballbar), ()) == (
-        "2 of 60 000 robot rows are outliers and were left out: joint 1 first at t = 2.50 s",
-        "1 of 60 000 ball-bar rows is an outlier and was left out: b4 first at t = 40.00 s",
+        "2 of 60 000 robot rows are outliers and were left out: joint 1 first at t = 2.50 s. "
+        "A few do no harm; of many, check cable and shield",
+        "1 of 60 000 ball-bar rows is an outlier and was left out: b4 first at t = 40.00 s. "
+        "A few do no harm; of many, check cable and shield",
     )
 
 
@@ -86,7 +92,8 @@ def test_joint_errors_are_named_with_their_amplitudes_and_what_they_may_be_inste
     orders = [JointOrder(1, 17, 50.0, 0.4, ()), JointOrder(2, 52.6, 30.0, 0.1, (52, 53))]
     assert joint_error_remark(orders, [correction]) == (
         "joint errors found by evidence: joint 2: 17 cycles a turn, 250 urad; "
-        "joint 3: 52.6 cycles a turn (or 52, 53), 50 urad"
+        "joint 3: 52.6 cycles a turn (or 52, 53), 50 urad. They are in the result; a held-out "
+        "recording (--validate) confirms them"
     )
     assert joint_error_remark(orders, []) == ""  # the data did not support them in the end
 

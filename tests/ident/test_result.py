@@ -24,6 +24,7 @@ from ident.result import (
     RobotEstimate,
     unloaded_robot,
 )
+from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.start.automatic import Start
 from ident.verdict import Status, Verdict
@@ -58,7 +59,7 @@ def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
         sigma={"ra2": 1e-5},
         covariance=NamedCovariance(("ra2",), np.array([[1e-10]]), np.array([[1e-11]])),
         corrections=corrections,
-        tcp_sigma=np.full(10, 1e-5),
+        tcp=TcpUncertainty(np.full(10, 1e-5), np.full(10, 9e-6), ()),
         dropped=(),
     )
 

@@ -100,14 +100,15 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
         (
             replace(GOOD, tcp_sigma=0.8e-3, nominal_error=1.2e-3),
             Status.UNCERTAIN,
-            "Uncertain: the tool is known to 0.8 mm (1 sigma, rms over the workspace), and half of "
-            "the 1.2 mm that the nominal robot is off would be the most. Record longer",
+            "Uncertain: the tool is known to 0.8 mm (1 sigma, rms over the workspace, with the "
+            "scale), and half of the 1.2 mm that the nominal robot is off would be the most. "
+            "Record longer",
         ),
         (
             replace(GOOD, tcp_sigma=0.06e-3, nominal_error=1.2e-3, accuracy=0.05e-3),
             Status.UNCERTAIN,
-            "Uncertain: the tool is known to 0.06 mm (1 sigma, rms over the workspace), and the "
-            "0.05 mm that are asked for would be the most.",
+            "Uncertain: the tool is known to 0.06 mm (1 sigma, rms over the workspace, with the "
+            "scale), and the 0.05 mm that are asked for would be the most.",
         ),
         (
             replace(GOOD, tcp_sigma=0.8e-3, nominal_error=1.2e-3, accuracy=1e-3),
@@ -295,7 +296,7 @@ def test_remarks_of_several_recordings_carry_their_names() -> None:
         "second: encoder b1 counts against its declared direction; the identified one is used "
         "(check `sign` in recording.yaml)",
         f"second: only {FEW_SAMPLES - 1} samples in the fit; intervals are optimistic (thesis sec. "
-        "3.5 wants 750)",
+        "3.5 wants 750). Record longer, or raise --samples",
         "second: another",
     )
 

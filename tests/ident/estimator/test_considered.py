@@ -9,13 +9,14 @@ import pytest
 
 from cell.arrays import Array
 from cell.descriptions import Cell
+from cell.geometry import Geometry
 from cell.payload import with_deviations
 from ident.corrections import correction_named
 from ident.estimator import considered
-from ident.estimator.considered import considered_shifts
-from ident.estimator.fit import Fit, fit
+from ident.estimator.considered import considered_shifts, held_shifts
+from ident.estimator.fit import Fit, fit, fit_kinematics
 from ident.estimator.model import Model, gearing
-from ident.estimator.samples import samples_of
+from ident.estimator.samples import Samples, samples_of
 from ident.estimator.uncertainty import uncertainty
 from ident.estimator.unknowns import RecordingStart, complete_unknowns
 from ident.loads.gear_loads import loads, mass_model
@@ -24,6 +25,7 @@ from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.robot.accuracy import accuracy_grid, position_sigma, rigid_basis
 from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.complete_model import EXCESS
+from tests.helpers.six_axes import INDEX
 from tests.helpers.synthetic_recording import (
     CELL,
     NO_CLOCK_ERROR,
@@ -174,3 +176,43 @@ def test_a_fit_without_loads_has_nothing_to_consider(
 ) -> None:
     bare = replace(elastic_fit, model=replace(elastic_fit.model, masses=None))
     assert not considered_shifts(bare, deviated).any()
+
+
+@pytest.fixture(scope="module")
+def kinematic_samples() -> Samples:
+    path, columns = minute(), [j - 1 for j in UNIVERSAL_AND_GIMBAL]
+    logs = exact_log(path.t, path.q), exact_log(path.t, path.b[:, columns])
+    times, signs = np.linspace(3.0, 57.0, 200), np.ones(len(columns))
+    return samples_of(*logs, UNIVERSAL_AND_GIMBAL, signs, times)
+
+
+def of_lengths(samples: Samples, nominal: Geometry) -> Fit:
+    """A fit of the arm's and the rod's lengths; the plate and ba5 are held."""
+    names = ["ox", "oy", "oz", "ra2", "ra3", "rd4", "rd6", "bd3"]
+    free = np.array([INDEX[name] for name in names])
+    return fit_kinematics(samples, nominal, NO_CLOCK_ERROR, free, EXCESS)
+
+
+def test_a_fit_with_another_plate_ends_where_the_shift_says(kinematic_samples: Samples) -> None:
+    held, sigma = np.array([INDEX["ra6"], INDEX["ba5"]]), np.array([5e-6, 5e-6])
+    estimate = of_lengths(kinematic_samples, NOMINAL)
+    root, shifts = held_shifts(estimate, held, sigma)
+    for k, name in enumerate(("ra6", "ba5")):
+        longer = NOMINAL.replaced({name: NOMINAL[name] + sigma[k]})
+        moved = of_lengths(kinematic_samples, longer).x - estimate.x
+        stated = shifts @ np.linalg.solve(root, np.eye(2)[k] * sigma[k])
+        assert np.linalg.norm(moved[:-2]) > 5e-6  # [m] or the test would say nothing
+        # bilinear in deviations of 5 um and lengths of the arm
+        assert moved[:-2] == pytest.approx(stated[:-2], abs=1e-3 * np.linalg.norm(moved[:-2]))
+
+
+def test_a_held_angle_that_the_data_show_counts_as_far_as_they_leave_it_open(
+    kinematic_samples: Samples,
+) -> None:
+    """An axis of the ball-bar 50 urad out of square by its file: the angles show it better."""
+    held, sigma = np.array([INDEX["balpha2"]]), np.array([5e-5])
+    root, _ = held_shifts(of_lengths(kinematic_samples, NOMINAL), held, sigma)
+    assert np.abs(root) < 1e-5
+    bent = NOMINAL.replaced({"balpha2": NOMINAL["balpha2"] + 5e-5})
+    off, _ = held_shifts(of_lengths(kinematic_samples, bent), held, sigma)
+    assert np.abs(off) == pytest.approx(5e-5, rel=0.1)  # and its error in this fit counts whole

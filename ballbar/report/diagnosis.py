@@ -1,0 +1,235 @@
+"""The page's section on what drives the TCP error, and what would help most next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.replay.motion import bar_angles_at, logged_joints
+from ballbar.report.numbers import fixed, listed, significant
+from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.scenario import SHIPPED
+from ballbar.units import MM
+from cell.arrays import Array
+from cell.geometry import parameter_named
+from ident.robot.accuracy import accuracy_grid
+from ident.robot.tcp_correction import CorrectionPart, correction_parts
+from ident.robot.tcp_uncertainty import MASSES, SCALE, TcpDirection, TcpUncertainty
+from ident.verdict import Status
+from planning.next_step import (
+    PATH,
+    REPEAT,
+    ROD_SIGMA,
+    NextStep,
+    Recorded,
+    next_steps,
+    predicted,
+    recorded_sensors,
+)
+from planning.questions import ENCODERS
+from planning.trajectory import Passage
+from sim.path_files import load_lissajous
+
+STEP = 0.1  # [s] of a recording's motion, half that of planned ones: it may be faster
+SHOWN = 8  # rows of a table; what follows is added up
+NAMED = 4  # unknowns of a direction that are named
+WORTHWHILE = 0.05  # share of the stated uncertainty below which a step is not recommended
+PATHS = ("a", "b", "planned")  # of scenarios/paths, behind the robot's name
+ENOUGH = (Status.GOOD, Status.SUSPECT, Status.UNCERTAIN)  # nothing is to be repaired first
+
+_KINDS = {
+    "a": "link length",
+    "d": "link offset",
+    "alpha": "twist",
+    "beta": "Hayati angle",
+    "theta": "joint offset",
+}
+
+
+@dataclass(frozen=True)
+class DriverRow:
+    """One thing that moves the tool, over the poses of the workspace."""
+
+    names: str  # of parameters or coefficients, in the notation of the tables; may be empty
+    what: str
+    size: str  # [mm] rms
+    sigma: str  # [mm]; empty where it is the size itself
+    share: str  # [%]
+    bar: float  # [%] length of the bar beside the share
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """One thing that could be done next."""
+
+    what: str
+    with_scale: str  # [mm] mean
+    without_scale: str
+    gain: str  # [%] of the uncertainty with scale
+
+
+@dataclass(frozen=True)
+class DiagnosisSection:
+    """Drivers before and after, and next steps."""
+
+    before: list[DriverRow]
+    after: list[DriverRow]
+    advice: str  # one sentence; empty where nothing was predicted
+    present: str  # predicted of what was recorded
+    steps: list[StepRow]
+
+
+def diagnosis(data: RunData) -> DiagnosisSection:
+    """The section of a run."""
+    result = data.identification
+    robot = result.robot
+    parts = correction_parts(robot, accuracy_grid(robot.cell.robot))
+    sentences = {c.name: c.sentence for c in robot.corrections}
+    section = DiagnosisSection(
+        before=_before(parts, sentences), after=_after(robot.tcp), advice="", present="", steps=[]
+    )
+    if robot.cell.ballbar.stroke is not None or result.verdict.status not in ENOUGH:
+        return section
+    recordings = [recorded_passage(fitted) for fitted in data.recordings]
+    present = predicted(robot, result.fit.excess, recordings)
+    paths = {
+        file.stem: load_lissajous(file)
+        for kind in PATHS
+        if (file := SHIPPED / "paths" / f"{robot.cell.robot.name}_{kind}.yaml").is_file()
+    }
+    steps = next_steps(robot, result.fit.excess, recordings, paths)
+    return DiagnosisSection(
+        before=section.before,
+        after=section.after,
+        advice=_advice(steps, present),
+        present=f"{_mm(present.sigma)} mm with the scale, {_mm(present.without_scale)} mm without",
+        steps=[_step_row(step, present) for step in steps],
+    )
+
+
+def _before(parts: Sequence[CorrectionPart], sentences: dict[str, str]) -> list[DriverRow]:
+    rows = [
+        DriverRow(
+            names=part.name,
+            what=sentences[part.source] if part.source else _meaning(part.name),
+            size=significant(part.size * MM),
+            sigma=significant(part.sigma * MM, 2),
+            share=_percent(part.share),
+            bar=_bar(part.share),
+        )
+        for part in parts[:SHOWN]
+    ]
+    rest = parts[SHOWN:]
+    share = sum(part.share for part in rest)
+    what = f"{len(rest)} smaller ones together"
+    return [*rows, DriverRow("", what, "", "", _percent(share), _bar(share))] if rest else rows
+
+
+def _after(tcp: TcpUncertainty) -> list[DriverRow]:
+    rows = [
+        DriverRow(
+            names=_members(direction),
+            what=_direction(direction),
+            size=significant(direction.rms * MM),
+            sigma="",
+            share=_percent(tcp.share(direction)),
+            bar=_bar(tcp.share(direction)),
+        )
+        for direction in tcp.directions[:SHOWN]
+    ]
+    share = 1.0 - sum(tcp.share(direction) for direction in tcp.directions[:SHOWN])
+    return [*rows, DriverRow("", "all other directions", "", "", _percent(share), _bar(share))]
+
+
+def _members(direction: TcpDirection) -> str:
+    members = [(n, c) for n, c in direction.members if not n.startswith(MASSES)][:NAMED]
+    return ", ".join(f"{name} {fixed(c, 2, sign=True)}" for name, c in members)
+
+
+def _direction(direction: TcpDirection) -> str:
+    if direction.name == SCALE:
+        return "scale of all lengths, which no recording shows"
+    if direction.name == MASSES:
+        return "masses that the fit took from the files"
+    return ""
+
+
+def _meaning(name: str) -> str:
+    parameter = parameter_named(name)
+    return f"{_KINDS[parameter.kind]}, row {parameter.row + 1}"
+
+
+def recorded_passage(fitted: FittedRecording) -> Recorded:
+    """A recording from the first instant of its fit to the last, evenly spaced."""
+    estimate, log = fitted.estimate, fitted.recording.ballbar_log
+    times = estimate.after.t
+    t = np.linspace(times[0], times[-1], 1 + round(float(times[-1] - times[0]) / STEP))
+    q = logged_joints(fitted, t)
+    b = np.unwrap(bar_angles_at(estimate, log, t, q), axis=0)  # unmeasured ones are within a turn
+    robot_rate = _rate(fitted.recording.robot_log.t)
+    tension = np.zeros(t.size)
+    if estimate.tension is not None:
+        tension = np.interp(t, times, estimate.tension)
+    return Recorded(
+        passage=Passage(nominal=estimate.geometry, t=t, b=b, q=q),
+        tension=tension,
+        force_source=estimate.tension_source,
+        sensors=recorded_sensors(
+            estimate.noise,
+            estimate.encoders,
+            robot_rate,
+            robot_rate if log is None else _rate(log.t),
+        ),
+    )
+
+
+def _rate(t: Array) -> float:
+    """[Hz] of a log's rows, t (N,) [s]."""
+    return 1.0 / float(np.median(np.diff(t)))
+
+
+def _advice(steps: Sequence[NextStep], present: TcpUncertainty) -> str:
+    best = min(steps, key=lambda step: float(step.predicted.sigma.mean()))
+    gain = _gain(best, present)
+    if gain < WORTHWHILE:
+        return "None of the steps below would lower the stated uncertainty by 5 %."
+    return (
+        f"Most would help next: {_words(best)}; the uncertainty would be {_percent(gain)} % less, "
+        "as far as it can be predicted."
+    )
+
+
+def _words(step: NextStep) -> str:
+    return {
+        ENCODERS: f"an encoder on {listed(step.value.split())} too",
+        "rod_sigma": f"the rod measured to {significant(ROD_SIGMA * 1e6, 1)} µm (--rod-sigma)",
+        REPEAT: "the same path once more",
+        PATH: f"another path from the same place, such as {step.value} (ballbar plan finds others)",
+    }[step.key]
+
+
+def _step_row(step: NextStep, present: TcpUncertainty) -> StepRow:
+    return StepRow(
+        what=_words(step),
+        with_scale=_mm(step.predicted.sigma),
+        without_scale=_mm(step.predicted.without_scale),
+        gain=_percent(-_gain(step, present)),
+    )
+
+
+def _gain(step: NextStep, present: TcpUncertainty) -> float:
+    return 1.0 - float(step.predicted.sigma.mean() / present.sigma.mean())
+
+
+def _mm(sigma: Array) -> str:
+    return significant(float(sigma.mean()) * MM)
+
+
+def _percent(share: float) -> str:
+    return fixed(100.0 * share, 0 if abs(share) >= 0.1 else 1)
+
+
+def _bar(share: float) -> float:
+    return round(100.0 * min(1.0, max(0.0, share)), 1)

@@ -1,0 +1,120 @@
+"""Plots drawn directly: what a reader, or the page's script, reads off them is what was given."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ballbar.report.line_plot import COLUMN, INCH, LEFT, RIGHT, WIDTH, Curve, Plot, draw
+from cell.arrays import Array
+
+HEIGHT = 3.0 * INCH
+T = np.linspace(5.0, 115.0, 5000)
+
+
+class Read(NamedTuple):
+    """One curve as the script reads it: in the units of its axes."""
+
+    name: str
+    x: Array
+    y: Array
+    half_line: float  # [units of y, or decades] of half a hundredth of a point
+
+
+def numbers(text: str) -> list[float]:
+    return [float(v) for v in text.split()]
+
+
+def read(svg: str) -> list[Read]:
+    """As templates/hover.js does."""
+    out = []
+    for plot in re.findall(r'<g class="plot".*?</g>', svg, flags=re.DOTALL):
+        keys = {k: re.search(rf'data-{k}="([^"]*)"', plot) for k in ("x", "y", "log", "box")}
+        x, y, log, box = (numbers(m[1]) for m in keys.values() if m)
+        low, high = np.log10(y) if log[0] else np.array(y)
+        for name, path in re.findall(r'<path data-name="([^"]*)" d="([^"]*)"', plot):
+            points = np.array(
+                [
+                    (float(a), float(b))
+                    for a, b in re.findall(r"(\S+) ([\d.]+)", re.sub("[ML]", " ", path))
+                ]
+            )
+            across = x[0] + (points[:, 0] - box[0]) / box[2] * (x[1] - x[0])
+            values = low + (box[1] + box[3] - points[:, 1]) / box[3] * (high - low)
+            size = 0.0051 / box[3] * (high - low)
+            out.append(Read(name, across, 10.0**values if log[0] else values, size))
+    return out
+
+
+def test_values_at_the_cursor_are_those_that_were_drawn() -> None:
+    t = np.linspace(0.0, 10.0, 40)
+    (curve,) = read(
+        draw([Plot([Curve(t, np.sin(t), "#000", "a")], "y")], "t", height=HEIGHT, x=(0.0, 10.0))
+    )
+    assert curve.name == "a"
+    assert curve.x == pytest.approx(t, abs=0.05 / 260.0 * 10.0)
+    assert curve.y == pytest.approx(np.sin(t), abs=curve.half_line)
+
+
+def test_values_on_a_logarithmic_axis_likewise() -> None:
+    t = np.linspace(0.0, 10.0, 40)
+    plot = Plot([Curve(t, np.exp(t - 5.0), "#000")], "y", log=True)
+    (curve,) = read(draw([plot], "t", height=HEIGHT, x=(0.0, 10.0)))
+    assert np.log10(curve.y) == pytest.approx((t - 5.0) / np.log(10.0), abs=curve.half_line)
+
+
+@settings(max_examples=25, deadline=None)
+@given(row=st.integers(1, T.size - 2), peak=st.floats(2.0, 50.0))
+def test_no_peak_of_a_long_curve_is_lost(row: int, peak: float) -> None:
+    values = np.sin(T)
+    values[row] = peak
+    (curve,) = read(
+        draw([Plot([Curve(T, values, "#000")], "y")], "t", height=HEIGHT, x=(5.0, 115.0))
+    )
+    assert curve.y.size < 2 * (WIDTH - LEFT - RIGHT) / COLUMN + 4
+    assert curve.y.max() == pytest.approx(peak, abs=curve.half_line)
+    assert abs(curve.x[curve.y.argmax()] - T[row]) < 0.1
+
+
+def test_what_is_not_a_number_is_a_gap() -> None:
+    y = np.array([1.0, 2.0, np.nan, 2.0, 1.0])
+    svg = draw([Plot([Curve(np.arange(5.0), y, "#000")], "y")], "t", height=HEIGHT, x=(0.0, 4.0))
+    (path,) = re.findall(r' d="([^"]*)"', svg)
+    assert re.sub(r"[\d. ]", "", path) == "MLML"
+
+
+def test_an_excerpt_shows_levels_whose_corners_lie_beyond_it() -> None:
+    """A dwell that filled the excerpt had no corner in it, and the figure fell over."""
+    curve = Curve(np.array([0.0, 10.0, 10.0, 90.0]), np.array([0.0, 0.0, 1.0, 1.0]), "#000")
+    svg = draw([Plot([curve], "y", y=(-1.2, 1.2))], "t", height=HEIGHT, x=(40.0, 60.0))
+    (shown,) = read(svg)
+    assert shown.x == pytest.approx([40.0, 60.0], abs=0.01)
+    assert shown.y == pytest.approx([1.0, 1.0], abs=0.01)
+
+
+def test_a_curve_outside_the_excerpt_is_not_drawn() -> None:
+    curve = Curve(np.array([0.0, 1.0]), np.ones(2), "#000")
+    assert 'd=""' in draw([Plot([curve], "y")], "t", height=HEIGHT, x=(40.0, 60.0))
+
+
+def test_hostile_names_are_text() -> None:
+    curve = Curve(np.arange(3.0), np.arange(3.0), "#000", '"><script>')
+    svg = draw([Plot([curve], "<b>")], "</svg>", height=HEIGHT, x=(0.0, 2.0), legend=True)
+    assert "<script" not in svg
+    assert svg.count("</svg>") == 1
+    assert "<b>" not in svg
+
+
+@pytest.mark.parametrize("ends", [(0.0, 1e-9), (-3.2e5, 4.7e5), (0.99999, 1.00001)])
+def test_an_axis_has_three_round_numbers_and_more(ends: tuple[float, float]) -> None:
+    curve = Curve(np.array(ends), np.zeros(2), "#000")
+    svg = draw([Plot([curve], "", y=(-1.0, 1.0))], "", height=HEIGHT, x=ends)
+    middle = re.findall(r'text-anchor="middle"[^>]*>([^<]+)<', svg)
+    ticks = [float(text.replace("\u2212", "-")) for text in middle]
+    assert 3 <= len(ticks) <= 12
+    assert all(ends[0] - 1e-12 <= tick <= ends[1] + 1e-12 for tick in ticks)
