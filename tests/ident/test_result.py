@@ -24,6 +24,7 @@ from ident.result import (
     RobotEstimate,
     unloaded_robot,
 )
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.start.automatic import Start
 from ident.verdict import Status, Verdict
@@ -60,6 +61,9 @@ def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
         corrections=corrections,
         tcp_sigma=np.full(10, 1e-5),
         dropped=(),
+        tool=ToolCovariance(("ra2",), np.zeros((0, 28)), np.array([[1e-10]])),
+        lower=np.full(6, -1.0),
+        upper=np.full(6, 1.0),
     )
 
 
