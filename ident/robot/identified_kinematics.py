@@ -140,7 +140,8 @@ class IdentifiedKinematics:
         turned = np.stack([turned_near(self.robot, start, previous) for start in starts])
         away = joints_to_axes(self.robot, turned) - joints_to_axes(self.robot, previous)
         distance = np.where(np.isnan(away).any(axis=2), np.inf, (away**2).sum(axis=2))
-        return np.take_along_axis(turned, distance.argmin(axis=0)[None, :, None], axis=0)[0]
+        nearest = distance.argmin(axis=0)[None, :, None]
+        return np.asarray(np.take_along_axis(turned, nearest, axis=0)[0])
 
     def uncertainty(self, q: Array) -> PositionUncertainty:
         """Uncertainty of the tool's position at q (N, J) [rad].
@@ -211,8 +212,8 @@ class IdentifiedKinematics:
             q=q,
             position_left=left[0],
             angle_left=left[1],
-            reached=(left < REACHED).all(axis=0),
-            within=within,
+            reached=np.asarray((left < REACHED).all(axis=0)),
+            within=np.asarray(within),
             dexterity=dexterous,
         )
 

@@ -101,7 +101,7 @@ def error_fields(robot: UnloadedRobot, covariance: ToolCovariance, tool: Array) 
     columns, stacked = motions.reshape(-1, 6), errors.reshape(arm.size, -1)
     twists = np.linalg.lstsq(columns, stacked, rcond=None)[0]
     factors = arm.ravel() @ (stacked - columns @ twists) / (arm * arm).sum()
-    return ErrorFields(robot, covariance, tool, centre, twists, factors)
+    return ErrorFields(robot, covariance, tool, centre, np.asarray(twists), np.asarray(factors))
 
 
 def _errors(
