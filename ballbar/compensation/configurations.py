@@ -42,12 +42,17 @@ class _Posture:
     negative: bool  # axis 5
 
 
-def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget, previous: Array | None) -> Array:
+def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
     """(J,) [deg] axis angles of the nominal robot at a pose (4, 4) of its flange.
 
-    previous : (J,) [deg] of the target before, whose configuration one without data takes.
     Raises ProgramError where there is none, or more than one, of the stated configuration.
     """
+    if not target.configuration:
+        raise ProgramError(
+            target.line,
+            f"{target.name}: states no configuration, so the joints it stands for are not known; "
+            "add S and T",
+        )
     chain = nominal_chain(robot)
     solutions = _solutions(robot, chain, pose)
     if not len(solutions):
@@ -56,19 +61,8 @@ def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget, previous: Arr
             f"{target.name}: the nominal robot does not reach the pose, or stands at a singularity "
             "there; are tool, frame and robot the right ones?",
         )
-    if target.configuration:
-        turned = _turned(robot, solutions, target)
-        turned = turned[_in_range(robot, turned)]
-        turned = _decided(robot, chain, turned, target)
-    elif previous is None:
-        raise ProgramError(
-            target.line,
-            f"{target.name}: no configuration is stated, and no target before has one; add S and T",
-        )
-    else:
-        turned = solutions - FULL_TURN * np.round((solutions - previous) / FULL_TURN)
-        turned = turned[_in_range(robot, turned)]
-        turned = turned[np.argsort(((turned - previous) ** 2).sum(axis=1))][:1]
+    turned = _turned(robot, solutions, target)
+    turned = _decided(robot, chain, turned[_in_range(robot, turned)], target)
     if not len(turned):
         raise ProgramError(
             target.line,

@@ -69,6 +69,7 @@ class _Krl:
         self.points: dict[str, list[tuple[_Krl, _Point]]] = shared.points if shared else {}
         self.tools: dict[str, tuple[str, str]] = shared.tools if shared else {}
         self.uses: dict[str, list[tuple[int, Setup]]] = shared.uses if shared else {}
+        self.frames: set[str] = shared.frames if shared else set()  # points that are tools or bases
         self.depth = 0
         self.setup = Setup()
         self.tool: str | None = None  # number or name of the tool in force; None: not known
@@ -226,15 +227,8 @@ class _Krl:
             if what == "load":
                 self.load = _load(reader, self.fields)
                 return
-            values = self.fields(reader, tokens[0].text)
-            if set(values) != set(POSE):
-                raise ProgramError(tokens[0].line, f"{tokens[0].text}: expected X, Y, Z, A, B, C")
             self._select(what, "")
-            frame = pose_of_angles([values[key].value for key in POSE])
-            if what == "tool":
-                self.known_tool = frame
-            else:
-                self.known_base = frame
+            self._known(what, self.fields(reader, tokens[0].text), tokens[0])
             return
         name = reader.token.text.lower()
         if what == "load":
@@ -243,8 +237,22 @@ class _Krl:
             self._select(what, "0")
         elif name in ("tool_data", "base_data") and len(tokens) == 6 and tokens[4].kind == "number":
             self._select(what, tokens[4].text)
+        elif len(self.points.get(name, [])) == 1 and len(tokens) == 3:
+            self._select(what, "")
+            self._known(what, self.points[name][0][1].fields, tokens[0])
+            self.frames.add(name)
         else:
             raise ProgramError(tokens[0].line, f"{tokens[0].text} is computed")
+
+    def _known(self, what: str, fields: dict[str, Number], token: Token) -> None:
+        """Puts a constant frame in force as $TOOL or $BASE."""
+        if set(fields) != set(POSE):
+            raise ProgramError(token.line, f"{token.text}: expected X, Y, Z, A, B, C")
+        frame = pose_of_angles([fields[key].value for key in POSE])
+        if what == "tool":
+            self.known_tool = frame
+        else:
+            self.known_base = frame
 
     def _moves(self, tokens: list[Token]) -> None:
         word, line = tokens[0].text, tokens[0].line
@@ -358,7 +366,7 @@ def _declared(files: Sequence[_Krl], options: FrameOptions) -> None:
             joints = "a1" in point.fields
             try:
                 if not uses and not joints:
-                    if name.partition("[")[0] in ("$tool", "$base"):
+                    if name in shared.frames:
                         continue
                     raise ProgramError(
                         point.line,

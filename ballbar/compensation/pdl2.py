@@ -78,6 +78,12 @@ class _Pdl2:
 
     def _computed(self, tokens: list[Token]) -> None:
         name, value = _assignment(tokens)
+        if not name and not any(t.isword(*_MOVES) for t in tokens):
+            if any(t.issymbol("{") for t in tokens):
+                raise ProgramError(
+                    tokens[0].line, "a joint position outside of MOVE and assignment"
+                )
+            return
         if not name or value[0].issymbol("{") or value[0].isword("jntp"):
             return
         if value[0].isword("pos", "xtndpos"):
@@ -104,8 +110,8 @@ class _Pdl2:
             raise ProgramError(line, f"MOVE: {_CARTESIAN}")
         else:
             self._named(reader, line)
-        if any(t.isword("via") for t in reader.tokens[reader.at :]):
-            raise ProgramError(line, "MOVE ... VIA: its target is not understood")
+        if any(t.isword("via", "syncmove") or t.issymbol("{") for t in reader.tokens[reader.at :]):
+            raise ProgramError(line, "MOVE has another target, which is not understood")
 
     def _named(self, reader: Reader, line: int) -> None:
         name = reader.next().text

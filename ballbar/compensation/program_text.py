@@ -103,7 +103,7 @@ class ProgramTarget:
     # rotation of a pose: quaternion w x y z, or angles [deg] about z, y', x''; None for axis angles
     rotation: Literal["quaternion", "zyx"] | None
     setup: Setup
-    configuration: tuple[Number, ...] = ()  # cf1 cf4 cf6 cfx, or S T; none: that of the one before
+    configuration: tuple[Number, ...] = ()  # cf1 cf4 cf6 cfx, or S T
 
 
 @dataclass(frozen=True, eq=False)

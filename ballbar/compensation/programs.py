@@ -102,18 +102,16 @@ def correct_program(program: Program, result: AnyResult) -> CorrectedProgram:
 def _nominal_joints(program: Program, robot: Robot) -> Array:
     """(N, J) [rad] of the nominal robot at the targets."""
     axes, faults = np.zeros((len(program.targets), robot.joints)), []
-    previous = None
     for k, target in enumerate(program.targets):
         try:
-            axes[k] = _axes(target, robot, previous)
-            previous = axes[k]
+            axes[k] = _axes(target, robot)
         except ProgramError as fault:
             faults.append((fault.line, fault.why))
     refuse(program.path, faults)
     return controller_to_joints(robot, np.radians(axes))
 
 
-def _axes(target: ProgramTarget, robot: Robot, previous: Array | None) -> Array:
+def _axes(target: ProgramTarget, robot: Robot) -> Array:
     values = [number.value for number in target.numbers]
     if target.rotation is None:
         if len(values) != robot.joints:
@@ -134,7 +132,7 @@ def _axes(target: ProgramTarget, robot: Robot, previous: Array | None) -> Array:
     except ValueError as error:
         raise ProgramError(target.line, f"{target.name}: {error}") from None
     flange = target.setup.frame @ pose @ np.linalg.inv(target.setup.tool)
-    return axes_of_pose(robot, flange, target, previous)
+    return axes_of_pose(robot, flange, target)
 
 
 def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[CorrectedTargets, list[str]]:

@@ -99,6 +99,9 @@ class _Module:
         for i, token in enumerate(self.tokens):
             if token.kind == "word" and not self.parsed[i]:
                 self._guard(self._instruction, i)
+        for i, token in enumerate(self.tokens):
+            if token.issymbol("[") and not self.parsed[i] and not self.tokens[i - 1].issymbol("["):
+                self._guard(self._loose, i)
         for name, data in self.data.items():
             if data.kind in ("jointtarget", "robtarget"):
                 self._guard(self._declared_target, name)
@@ -168,6 +171,22 @@ class _Module:
                 f"are MoveAbsJ, MoveJ, MoveL, MoveC, TriggJ, TriggL, TriggC",
             )  # fmt: skip
 
+    def _loose(self, i: int) -> None:
+        """Refuses a value outside of declarations and moves that has the form of a target."""
+        reader = Reader(self.tokens, self.text, i)
+        try:
+            value = _aggregate(reader, "")
+        except ProgramError:
+            return  # an index or a computed list; names of targets in it are refused by themselves
+        parts = value if isinstance(value, list) else []
+        sizes = [len(part) if isinstance(part, list) else 0 for part in parts]
+        if sizes[:3] == [3, 4, 4] or (len(sizes) == 2 and sizes[0] == AXES):
+            raise ProgramError(
+                self.tokens[i].line,
+                "a target is written where no move is understood to go there; declare it, and move "
+                "to it by MoveAbsJ, MoveJ, MoveL or MoveC",
+            )
+
     def _reference(self, token: Token, following: Token, data: _Data) -> None:
         """A name of a target, tool or work object outside of declarations and moves."""
         if data.kind in ("jointtarget", "robtarget"):
@@ -229,7 +248,7 @@ class _Module:
         self._rest(reader, what)
         if (data.kind == "jointtarget") is not joints:
             raise ProgramError(
-                move.line, f"{name.text} is a {data.kind}, which {move.text} takes not"
+                move.line, f"{name.text} is a {data.kind}, which {move.text} does not take"
             )
         self.uses.setdefault(key, []).append((move.line, joints, setup))
 
