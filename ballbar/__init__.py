@@ -13,6 +13,8 @@ PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")  # of 
 _PUBLIC = {
     "cell.descriptions": "Cell Robot",
     "cell.load": "load_cell load_robot",
+    "cell.payload": "Payload",
+    "cell.robot_angles": "controller_to_joints joints_to_axes",
     "cell.errors": "InputError FailureError",
     "cell.geometry": "Geometry nominal_geometry robot_frames bar_frames",
     "cell.logs": "RobotLog BallBarLog ForceLog",
@@ -28,6 +30,8 @@ _PUBLIC = {
     "ident.poses.result": "PoseIdentification",
     "ident.poses.verification": "Verification verify",
     "ident.robot.identified_arm": "IdentifiedArm",
+    "ident.robot.identified_kinematics": "IdentifiedKinematics JointSolutions",
+    "ident.robot.tool_covariance": "PositionUncertainty",
     "ident.robot.accuracy": "TcpError accuracy_grid position_error tcp_error",
     "ident.robot.inverse_calibration": "CorrectedTargets corrected_arm_targets corrected_targets",
     "ident.robot.unloaded_robot": "UnloadedRobot",
@@ -69,8 +73,11 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from cell.logs import BallBarLog as BallBarLog
     from cell.logs import ForceLog as ForceLog
     from cell.logs import RobotLog as RobotLog
+    from cell.payload import Payload as Payload
     from cell.poses import PoseGroup as PoseGroup
     from cell.poses import PoseTable as PoseTable
+    from cell.robot_angles import controller_to_joints as controller_to_joints
+    from cell.robot_angles import joints_to_axes as joints_to_axes
     from ident.held_out import HeldOut as HeldOut
     from ident.held_out import held_out as held_out
     from ident.identify import identify as identify
@@ -89,9 +96,12 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ident.robot.accuracy import position_error as position_error
     from ident.robot.accuracy import tcp_error as tcp_error
     from ident.robot.identified_arm import IdentifiedArm as IdentifiedArm
+    from ident.robot.identified_kinematics import IdentifiedKinematics as IdentifiedKinematics
+    from ident.robot.identified_kinematics import JointSolutions as JointSolutions
     from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
     from ident.robot.inverse_calibration import corrected_arm_targets as corrected_arm_targets
     from ident.robot.inverse_calibration import corrected_targets as corrected_targets
+    from ident.robot.tool_covariance import PositionUncertainty as PositionUncertainty
     from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
     from sim.recording_files import write_recording as write_recording
     from sim.simulate import Simulation as Simulation

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array as Array  # noqa: PLC0414  ident and ballbar import it from here
 from cell.arrays import read_only
@@ -59,8 +60,8 @@ class Frames:
     origin: Array  # (J+1, 3, N) [m]
     x_link: Array  # (J, 3, N) x axis of row i before its Hayati angle: the axis of a_i and alpha_i
 
-    def part(self, samples: slice) -> Frames:
-        """The frames at a slice of the samples."""
+    def part(self, samples: slice | NDArray[np.bool_]) -> Frames:
+        """The frames at some of the samples."""
         return Frames(*(getattr(self, field.name)[..., samples] for field in fields(self)))
 
     @property

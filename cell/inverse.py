@@ -53,10 +53,11 @@ def has_closed_form(chain: Chain) -> bool:
     )
 
 
-def robot_branches(chain: Chain, poses: Array) -> Array:
+def robot_branches(chain: Chain, poses: Array, *, behind: bool = False) -> Array:
     """Joint angles of the nominal robot in its four configurations with the arm in front.
 
-    poses : (N, 4, 4) tool frames in the base frame.
+    poses : (N, 4, 4) tool frames in the base frame. behind : the four with the shoulder turned away
+        from the wrist, which reaches back over it.
 
     Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
     where a pose is out of reach, or where the wrist is exactly singular. Raises InputError for a
@@ -69,8 +70,9 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
         )
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     wrist = tip - chain.a[5] * rotation[:, :, 0] - chain.d[5] * rotation[:, :, 2]
-    shoulder = np.arctan2(wrist[:, 1], wrist[:, 0])
-    forward_reach = np.hypot(wrist[:, 0], wrist[:, 1]) - chain.a[0]
+    side = -1.0 if behind else 1.0
+    shoulder = np.arctan2(side * wrist[:, 1], side * wrist[:, 0])
+    forward_reach = side * np.hypot(wrist[:, 0], wrist[:, 1]) - chain.a[0]
     up = wrist[:, 2] - chain.d[0]
     upper, fore = chain.a[1], np.hypot(chain.a[2], chain.d[3])
     fore_angle = np.arctan2(chain.d[3], chain.a[2])

@@ -103,6 +103,19 @@ def in_range(robot: Robot, q: Array) -> Array:
     return np.asarray(q - (turns @ robot.controller_to_joint)[..., None, :])
 
 
+def turned_near(robot: Robot, q: Array, previous: Array) -> Array:
+    """(N, J) [rad] less the whole turns that bring each axis nearest to where it was before.
+
+    A turn less or more is taken where that one is outside the axis range. q, previous : (N, J)
+    [rad] joint angles.
+    """
+    axes, turn = joints_to_axes(robot, q), 2.0 * np.pi
+    near = axes - turn * np.round((axes - joints_to_axes(robot, previous)) / turn)
+    near -= turn * np.ceil(np.maximum(near - robot.axis_upper, 0.0) / turn)
+    near += turn * np.ceil(np.maximum(robot.axis_lower - near, 0.0) / turn)
+    return np.asarray(q + (near - axes) @ robot.controller_to_joint)
+
+
 def led(
     chain: Chain, q: Array, poses_at: Callable[[float], Array], *, way: int = WAY_STEPS
 ) -> Array:
@@ -127,9 +140,16 @@ def polished(chain: Chain, q: Array, poses: Array, *, steps: int = 3) -> Array:
 
 
 def _step(chain: Chain, q: Array, poses: Array, *, damping: float) -> Array:
-    """(N, J) [rad] damped least-squares steps of at most LONGEST, less damped near the pose."""
     frames = forward(chain, q)
-    error = _error(frames, poses).T
+    return damped_step(chain, frames, _error(frames, poses), damping=damping)
+
+
+def damped_step(chain: Chain, frames: Frames, error: Array, *, damping: float = 0.0) -> Array:
+    """(N, J) [rad] damped least-squares steps of at most LONGEST, less damped near the pose.
+
+    frames : of the chain. error : (6, N) [m, rad] of the wanted poses from its last frame.
+    """
+    error = error.T.copy()
     error[:, :3] /= length_of(chain)
     jacobian = scaled_jacobian(chain, frames)
     size = np.minimum(1.0, 10.0 * np.linalg.norm(error, axis=1))

@@ -65,5 +65,18 @@ def payload_of(cell: Cell, deviations: Array, arm: float = 1.0) -> Payload:
     )
 
 
+def deviations_between(cell: Cell, other: Cell) -> Array:
+    """(TOOL + 4 J,) by which another cell's masses deviate, as `with_deviations` takes it."""
+    body, changed = cell.plate.body, other.plate.body
+    moment = changed.mass * changed.com - body.mass * body.com
+    rows = [
+        [there.mass / here.mass - 1.0, *(there.com - here.com)]
+        for here, there in zip(
+            cell.robot.required("links")[1:], other.robot.required("links")[1:], strict=True
+        )
+    ]
+    return np.array([changed.mass - body.mass, *moment, *np.ravel(rows)])
+
+
 def _scaled(link: Link, scale: float, shift: Array) -> Link:
     return Link(scale * link.mass, link.com + shift, scale * link.inertia)

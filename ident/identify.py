@@ -17,7 +17,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
-from cell.payload import with_payload
+from cell.payload import TOOL, deviations_between, with_payload
 from cell.statistics import rms
 from ident.causes import Causes
 from ident.complete_fit import fit_complete, settled
@@ -59,6 +59,7 @@ from ident.result import (
 )
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, tcp_uncertainty
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
@@ -342,6 +343,7 @@ def _robot(
     positions = [np.r_[coefficients_of(fit, c)] for c in corrections]
     machine = np.concatenate((shared, *positions)).astype(np.intp)
     at_prior = [layout.names[i] for i in shared if not known[i]]
+    angles = np.concatenate([e.samples.joint_angles(e.robot_time) for e in fit.linear.evaluations])
     return RobotEstimate(
         cell=cell,
         encoders=first.samples.encoders,
@@ -374,6 +376,32 @@ def _robot(
         ),
         tcp=_tcp_uncertainty(cell, fit, stated, deviated),
         dropped=_dropped(cell, first, fit, at_prior),
+        tool=_tool_covariance(cell, machine, fit, stated, deviated),
+        lower=angles.min(axis=0),
+        upper=angles.max(axis=0),
+    )
+
+
+def _tool_covariance(
+    cell: Cell, machine: NDArray[np.intp], fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]
+) -> ToolCovariance:
+    """Of those of the unknowns `machine` that move the unloaded tool, and of the masses."""
+    layout = fit.model.unknowns
+    parameters = layout.fixed.table.parameters
+    kept = [
+        i
+        for i in machine
+        if i >= layout.shared.size or parameters[layout.shared[i]].side == "robot"
+    ]
+    shifts = stated.considered[kept]
+    own = stated.covariance[np.ix_(kept, kept)]
+    return ToolCovariance(
+        names=tuple(layout.names[i] for i in kept),
+        masses=np.reshape(
+            [deviations_between(cell, other) for other in deviated],
+            (len(deviated), TOOL + 4 * cell.robot.joints),
+        ),
+        values=np.block([[own, shifts], [shifts.T, np.eye(len(deviated))]]),
     )
 
 
@@ -526,7 +554,15 @@ def _with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
     grid = accuracy_grid(robot.cell.robot)
     other = replace(robot, corrections=stiffer).unloaded()
     doubt = position_error(other.tool(grid), robot.unloaded().tool(grid))
-    return replace(robot, tcp=robot.tcp.with_doubt(doubt, MASSES_IN_DOUBT))
+    change = {
+        after.name: MASSES_IN_DOUBT * (after.value - before.value)
+        for old, new in zip(robot.corrections, stiffer, strict=True)
+        for before, after in zip(old.coefficients, new.coefficients, strict=True)
+    }
+    direction = np.zeros(len(robot.tool.values))
+    direction[: len(robot.tool.names)] = [change.get(name, 0.0) for name in robot.tool.names]
+    doubted = replace(robot.tool, values=robot.tool.values + np.outer(direction, direction))
+    return replace(robot, tool=doubted, tcp=robot.tcp.with_doubt(doubt, MASSES_IN_DOUBT))
 
 
 def _softer(fit: Fit) -> float:

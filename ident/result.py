@@ -21,6 +21,7 @@ from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.loads.payload import PayloadEstimate
 from ident.robot.tcp_uncertainty import TcpUncertainty
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start
@@ -74,6 +75,9 @@ class RobotEstimate:
     corrections: tuple[CorrectionEstimate, ...]
     tcp: TcpUncertainty  # stated, over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
+    tool: ToolCovariance  # of what moves the unloaded tool
+    lower: Array  # (J,) [rad] least angle of each joint over the fitted samples
+    upper: Array  # (J,) [rad]
     # Masses that the torque logs show, and that `cell` then has; None where none were logged
     payload: PayloadEstimate | None = None
 

@@ -16,6 +16,8 @@ from cell.errors import InputError
 from cell.files import write_new, write_whole
 
 if TYPE_CHECKING:  # a command imports only what it shows
+    from ballbar.compensation.frames import FrameOptions
+    from ballbar.export.result import AnyResult
     from ballbar.result.calibration import Calibration
     from ballbar.result.compare import Comparison
 
@@ -252,15 +254,17 @@ def export(
 
 
 @commands.command(
-    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`"
+    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`, or "
+    "`ballbar correct weld.mod --with runs/irb2400 --out weld-corrected.mod`"
 )
 def correct(
     path: Annotated[
         Path,
         typer.Argument(
             help="CSV file with columns q1, q2, ... [rad, DH joints] or axis1_deg, axis2_deg, ... "
-            "[controller].",
-            metavar="PATH.csv",
+            "[controller], or a program: RAPID (.mod, .modx, .sys, .prg), KRL (.src with its "
+            ".dat), PDL2 (.pdl).",
+            metavar="PATH",
         ),
     ],
     result: Annotated[
@@ -271,31 +275,99 @@ def correct(
     ],
     file: Annotated[
         Path | None,
-        typer.Option("--out", help="New file. Default: PATH-corrected.csv.", metavar="FILE"),
+        typer.Option("--out", help="New file. Default: beside PATH, -corrected.", metavar="FILE"),
+    ] = None,
+    payload: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of a program's tool: mass [kg] and centre in the flange's frame [mm]. Repeat it "
+            "for several tools.",
+            metavar="[TOOL=]KG[,X,Y,Z]",
+        ),
+    ] = None,
+    tool: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Frame of a tool that the program does not declare, in that of the flange "
+            "[mm, deg; turns about z, y', x'']; repeatable.",
+            metavar="[TOOL=]X,Y,Z,A,B,C",
+        ),
+    ] = None,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Likewise of a work object or base, in the robot's base frame; repeatable.",
+            metavar="[NAME=]X,Y,Z,A,B,C",
+        ),
+    ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Target of another file that stays as it is; repeatable.", metavar="NAME"
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Correct targets planned with the nominal robot so that the identified robot reaches them.
 
     The correction accounts for geometry, and for what was identified of the gears: compliance under
-    the robot's own weight, backlash, ripple. Other columns of the file are copied.
+    the robot's own weight and the payload, backlash, ripple. Other columns of a table are copied.
+    Of a program everything but the numbers of the targets stays the same, byte for byte, and every
+    target is corrected, or the program is refused with the line.
     """
+    from ballbar.compensation.frames import frame_options
+    from ballbar.compensation.programs import is_program
+    from ballbar.export.result import load_result
+
+    stated = frame_options(tool or (), frame or (), payload or (), keep or ())
+    robot, written = (
+        load_result(result),
+        file or path.with_name(f"{path.stem}-corrected{path.suffix}"),
+    )
+    if is_program(path):
+        _correct_program(path, robot, written, stated, as_json=as_json)
+        return
+    if tool or frame or payload or keep:
+        raise InputError("--tool, --frame, --payload and --keep are for programs, not for tables.")
+    _correct_table(path, robot, written, as_json=as_json)
+
+
+def _correct_program(
+    path: Path, result: AnyResult, written: Path, options: FrameOptions, *, as_json: bool
+) -> None:
+    from ballbar.compensation.programs import (
+        correct_program,
+        program_data,
+        program_lines,
+        read_programs,
+        write_programs,
+    )
+
+    with progress_bar() as progress:
+        progress("correcting the program")
+        done = [correct_program(p, result) for p in read_programs(path, options)]
+    files = write_programs(written, done)
+    if as_json:
+        say_json(program_data(done, files, result))
+    for line in program_lines(done):
+        out.print(escape(line))
+    out.print(f"Wrote {escape(', '.join(map(str, files)))}. Run it slowly the first time.")
+
+
+def _correct_table(path: Path, result: AnyResult, written: Path, *, as_json: bool) -> None:
     from ballbar.compensation.targets_file import (
         correct_file,
         correction_data,
         correction_lines,
         write_corrected,
     )
-    from ballbar.export.result import load_result
 
-    robot = load_result(result)
     with progress_bar() as progress:
         progress("correcting the targets")
-        correction = correct_file(path, robot)
-    written = file or path.with_name(f"{path.stem}-corrected.csv")
-    write_corrected(written, correction, robot)
+        correction = correct_file(path, result)
+    write_corrected(written, correction, result)
     if as_json:
-        say_json(correction_data(correction, robot, written))
+        say_json(correction_data(correction, result, written))
     for line in correction_lines(correction):
         out.print(escape(line))
     out.print(f"Wrote {escape(str(written))}")

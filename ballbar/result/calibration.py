@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import RunData
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import DescriptionError
 from cell.files import copied_description, write_yaml
 from cell.geometry import Geometry, table_of_names
+from cell.load import load_measured_cell
 from cell.payload import LinkDeviation, Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
@@ -34,6 +36,8 @@ from ident.result import (
     RobotEstimate,
     unloaded_robot,
 )
+from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_robot
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.tracker import TrackerCheck
@@ -215,6 +219,38 @@ class MassesEntry(Strict):
         return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale, links)
 
 
+class RangeEntry(Strict):
+    """Range of a joint's angle over which the robot was fitted."""
+
+    lower_rad: float
+    upper_rad: float
+
+
+class ToolCovarianceEntry(Strict):
+    """Covariance of what moves the unloaded tool, SI units."""
+
+    names: tuple[str, ...]  # parameters of the robot, then all coefficients
+    # one standard deviation of each direction of masses: mass [kg] and first moment [kg m] of the
+    # tool, then mass (relative) and centre [m] of each link
+    masses: tuple[tuple[float, ...], ...]
+    lower: tuple[str, ...]  # rows of the lower triangle; the directions of masses come last
+
+    @model_validator(mode="after")
+    def _is_triangle(self) -> ToolCovarianceEntry:
+        sizes = [len(row.split()) for row in self.lower]
+        if sizes != list(range(1, len(self.names) + len(self.masses) + 1)):
+            raise ValueError("lower: expected a row for each name and each direction of masses")
+        return self
+
+    @property
+    def covariance(self) -> ToolCovariance:
+        values = np.zeros((len(self.lower), len(self.lower)))
+        for k, row in enumerate(self.lower):
+            values[k, : k + 1] = values[: k + 1, k] = [float(text) for text in row.split()]
+        masses = np.array(self.masses) if self.masses else np.zeros((0, 0))
+        return ToolCovariance(self.names, masses, values)
+
+
 class CalibrationFile(Strict):
     """Schema of calibration.yaml."""
 
@@ -229,6 +265,8 @@ class CalibrationFile(Strict):
     dropped: tuple[DroppedEntry, ...] = ()
     corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
     masses: MassesEntry | None = None  # absent where those of the files were used
+    ranges: tuple[RangeEntry, ...] = ()  # of the joints; older files do not state them
+    tool_covariance: ToolCovarianceEntry | None = None  # likewise
     recordings: Annotated[tuple[RecordingEntry, ...], Field(min_length=1)]
     fit: FitEntry
     held_out: tuple[HeldOutEntry, ...] = ()
@@ -252,6 +290,7 @@ class Calibration:
     """A calibration as read back."""
 
     file: CalibrationFile
+    folder: Path = Path()  # to which the descriptions' paths in the file are relative
 
     @staticmethod
     def load(path: Path | str) -> Calibration | PoseCalibration:
@@ -273,6 +312,35 @@ class Calibration:
     def nominal(self) -> Geometry:
         """Catalogue values likewise."""
         return self.file.geometry(nominal=True)
+
+    def cell(self) -> Cell:
+        """The cell that the file names. Raises DescriptionError where one of its files fails."""
+        file = self.file
+        return load_measured_cell(file.robot, file.instrument, file.plate, relative_to=self.folder)
+
+    def kinematics(
+        self, *, payload: Payload | None = None, tool: Array | None = None
+    ) -> IdentifiedKinematics:
+        """Forward and inverse kinematics of the identified robot, its corrections included.
+
+        payload : mass and centre, in the robot's flange frame, of what the flange carries; by
+            default the offset plate. tool : (4, 4) frame of the tool in that of the flange; by
+            default the end of the offset plate.
+
+        Raises InputError for a payload where the robot's file states no masses.
+        """
+        cell = self.cell()
+        if payload is not None:
+            cell.robot.required("links")
+        covariance = self.file.tool_covariance
+        return kinematics_of_robot(
+            self.unloaded_robot(cell),
+            self.nominal,
+            payload=payload,
+            tool=tool,
+            covariance=None if covariance is None else covariance.covariance,
+            ranges=np.array([[r.lower_rad, r.upper_rad] for r in self.file.ranges]),
+        )
 
     def unloaded_robot(self, cell: Cell) -> UnloadedRobot:
         """The identified robot without ball-bar; cell : as the file names it."""
@@ -308,6 +376,11 @@ def calibration_of(data: RunData) -> CalibrationFile:
         dropped=tuple(DroppedEntry(name=d.name, reason=d.reason, on=d.on) for d in robot.dropped),
         corrections=_corrections(robot),
         masses=masses_entry(robot.payload),
+        ranges=tuple(
+            RangeEntry(lower_rad=float(low), upper_rad=float(high))
+            for low, high in zip(robot.lower, robot.upper, strict=True)
+        ),
+        tool_covariance=tool_covariance_entry(robot.tool),
         recordings=tuple(_recording(estimate) for estimate in result.recordings),
         fit=FitEntry(
             status=verdict.status,
@@ -368,6 +441,16 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
         }
         for correction in robot.corrections
     }
+
+
+def tool_covariance_entry(covariance: ToolCovariance) -> ToolCovarianceEntry:
+    """A covariance as text that reads back bit by bit."""
+    rows = [row[: k + 1].tolist() for k, row in enumerate(covariance.values)]
+    return ToolCovarianceEntry(
+        names=covariance.names,
+        masses=tuple(tuple(row) for row in covariance.masses.tolist()),
+        lower=tuple(" ".join(map(repr, row)) for row in rows),
+    )
 
 
 def masses_entry(estimate: PayloadEstimate | None) -> MassesEntry | None:
@@ -498,4 +581,4 @@ def load_calibration(path: Path) -> Calibration:
             f"{path}: is the result of still poses; here one of logs is needed. "
             "Calibration.load reads both."
         )
-    return Calibration(parse_model(document, CalibrationFile))
+    return Calibration(parse_model(document, CalibrationFile), path.parent)

@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from ballbar.result.calibration import POSES, SCHEMA, CoefficientEntry, ParameterEntry
+from ballbar.result.calibration import POSES, SCHEMA, CoefficientEntry, ParameterEntry, RangeEntry
 from ballbar.result.pose_run import PoseRun
 from cell.arrays import Array
 from cell.chain import Chain
@@ -35,6 +35,7 @@ from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement
 from ident.poses.identify import JointErrors
 from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_arm
 
 Three = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
@@ -69,13 +70,6 @@ class GroupEntry(Strict):
     target: str
     poses: int
     position_rms_m: float  # distance of measurement and model
-
-
-class RangeEntry(Strict):
-    """Range of a joint's angle over which the robot was fitted."""
-
-    lower_rad: float
-    upper_rad: float
 
 
 class OrderEntry(Strict):
@@ -248,6 +242,14 @@ class PoseCalibration:
         Raises InputError for a target that is not in the file.
         """
         return self.file.arm(self.robot, target)
+
+    def kinematics(self, target: str | None = None) -> IdentifiedKinematics:
+        """Forward and inverse kinematics of the identified robot with one of its targets.
+
+        target : its name, by default the first; of one that was measured as a point the axes are
+        those of the flange. Raises InputError for a target that is not in the file.
+        """
+        return kinematics_of_arm(self.arm(target))
 
 
 def pose_calibration(run: PoseRun) -> PoseCalibrationFile:

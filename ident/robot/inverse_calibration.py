@@ -22,9 +22,8 @@ from cell.descriptions import Robot
 from cell.geometry import Geometry, nominal_chain
 from cell.inverse import pose_error, refine_reachable
 from cell.robot_angles import joints_to_axes
-from cell.rotation import matrix_from_rotvec
 from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.unloaded_robot import UnloadedRobot, moved_poses
 
 # [rad] thirty times what geometry needs away from singularities; more is a sign of one
 LARGEST_CORRECTION = 0.1
@@ -100,7 +99,7 @@ def _corrected(
         raise TargetError(faults)
     wanted = forward(nominal, q)
     # the structure yields with the posture, which the correction hardly changes
-    poses = _moved(wanted.poses(), -deflected(q)[1])
+    poses = moved_poses(wanted.poses(), -deflected(q)[1])
     joints, reached = refine_reachable(chain, q, poses, tolerance=_CONVERGED)
     if not reached.all():
         unreached = (
@@ -115,14 +114,6 @@ def _corrected(
         raise TargetError(faults)
     before, after = (_distance(wanted, chain, *deflected(commanded)) for commanded in (q, target))
     return CorrectedTargets(target, *before, *after)
-
-
-def _moved(poses: Array, motion: Array) -> Array:
-    """(N, 4, 4) poses after small motions (6, N) [m, rad] of the base frame."""
-    out = poses.copy()
-    out[:, :3, :3] = matrix_from_rotvec(motion[3:]).transpose(2, 0, 1) @ poses[:, :3, :3]
-    out[:, :3, 3] += motion[:3].T
-    return out
 
 
 def _singular(chain: Chain, nominal: Chain, q: Array) -> dict[int, str]:

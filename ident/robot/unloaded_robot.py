@@ -19,6 +19,7 @@ from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import Geometry, Parameter, robot_frames
 from cell.robot_angles import by_axis
+from cell.rotation import matrix_from_rotvec
 from ident.corrections.base import (
     BAR,
     BEHIND_GEARS,
@@ -57,6 +58,11 @@ class UnloadedRobot:
         joints, motion = self.deflected(q)
         return (robot_frames(self.geometry, joints).tip + motion[:3]).T
 
+    def poses(self, q: Array) -> Array:
+        """(N, 4, 4) tool frames, robot base frame, likewise."""
+        joints, motion = self.deflected(q)
+        return moved_poses(robot_frames(self.geometry, joints).poses(), motion)
+
     def joints(self, q: Array) -> Array:
         """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad]."""
         return self.deflected(q)[0]
@@ -85,17 +91,21 @@ class UnloadedRobot:
         q : (N, J) [rad]. The unknowns are the `parameters` (P,), indices into the table, then the
         coefficients; those off the robot do not move the unloaded tool.
         """
-        frames, none = robot_frames(self.geometry, self.joints(q)), np.zeros((3, len(q)))
+        return self.pose_jacobian(q, parameters)[:, :3]
+
+    def pose_jacobian(self, q: Array, parameters: NDArray[np.intp]) -> Array:
+        """(P + C, 6, N) likewise of the tool's pose [m, rad], base frame."""
+        frames, none = robot_frames(self.geometry, self.joints(q)), np.zeros((6, len(q)))
         columns = []
         for parameter in (self.geometry.table.parameters[i] for i in parameters):
             on_robot = parameter.side == "robot"
-            columns.append(screw(frames, parameter.kind, parameter.row)[:3] if on_robot else none)
+            columns.append(screw(frames, parameter.kind, parameter.row) if on_robot else none)
         if self.corrections:
             to_joint = self.cell.robot.gear_to_joint
-            gears = np.einsum("gj,jcn->gcn", to_joint, joint_screws(frames)[:, :3])
+            gears = np.einsum("gj,jcn->gcn", to_joint, joint_screws(frames))
             for channel, regressor in self._regressors(q):
                 if isinstance(channel, Parameter):
-                    columns.append(regressor * screw(frames, channel.kind, channel.row)[:3])
+                    columns.append(regressor * screw(frames, channel.kind, channel.row))
                 else:
                     columns.append(gears[channel] * regressor if channel >= GEAR else none)
         return np.stack(columns)
@@ -105,14 +115,18 @@ class UnloadedRobot:
 
         Joints turn the tool to first order.
         """
+        return self.pose_moved_by_masses(cells, q)[:, :3]
+
+    def pose_moved_by_masses(self, cells: Sequence[Cell], q: Array) -> Array:
+        """(K, 6, N) [m, rad] likewise of its pose, base frame."""
         carrying = self._carrying()
         joints, motion = carrying.deflected(q)
-        screws = joint_screws(robot_frames(self.geometry, self.joints(q)))[:, :3]
+        screws = joint_screws(robot_frames(self.geometry, self.joints(q)))
         moves = []
         for cell in cells:
             others, other_motion = replace(carrying, cell=cell).deflected(q)
             turned = np.einsum("nj,jcn->cn", others - joints, screws)
-            moves.append(turned + other_motion[:3] - motion[:3])
+            moves.append(turned + other_motion - motion)
         return np.stack(moves)
 
     def _carrying(self) -> UnloadedRobot:
@@ -146,3 +160,13 @@ class UnloadedRobot:
             regressors = correction.regressors(state)
             for coefficient, regressor in zip(correction.coefficients, regressors, strict=True):
                 yield coefficient.channel, regressor
+
+
+def moved_poses(poses: Array, motion: Array) -> Array:
+    """(N, 4, 4) poses after small motions (6, N) [m, rad] of the base frame."""
+    if not motion.any():
+        return poses
+    out = poses.copy()
+    out[:, :3, :3] = matrix_from_rotvec(motion[3:]).transpose(2, 0, 1) @ poses[:, :3, :3]
+    out[:, :3, 3] += motion[:3].T
+    return out

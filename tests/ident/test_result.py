@@ -25,6 +25,7 @@ from ident.result import (
     unloaded_robot,
 )
 from ident.robot.tcp_uncertainty import TcpUncertainty
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.start.automatic import Start
 from ident.verdict import Status, Verdict
@@ -61,6 +62,9 @@ def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
         corrections=corrections,
         tcp=TcpUncertainty(np.full(10, 1e-5), np.full(10, 9e-6), ()),
         dropped=(),
+        tool=ToolCovariance(("ra2",), np.zeros((0, 28)), np.array([[1e-10]])),
+        lower=np.full(6, -1.0),
+        upper=np.full(6, 1.0),
     )
 
 

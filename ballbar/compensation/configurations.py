@@ -1,0 +1,182 @@
+"""Which of the arm's configurations a cartesian target means, and its data after the correction.
+
+RAPID's confdata has the quadrants of axes 1, 4 and 6 (0 from 0 to 90 deg, -1 from -90 to 0) and
+cfx, whose bits are: axis 5 negative, wrist behind the lower arm, wrist behind axis 1. KRL's S has
+the bits: wrist behind axis 1, wrist in front of the line through axes 2 and 3, axis 5; T has a bit
+for every axis with a negative angle. Quadrants and turns decide; cfx and S only between solutions
+that have both right, for their meaning differs from robot to robot.
+
+Sources: ABB, Technical reference manual, RAPID, confdata (3HAC050917-001); KUKA System Software
+8.3, Operating and Programming Instructions for System Integrators, Status and Turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget
+from cell.arrays import Array
+from cell.chain import Chain, forward
+from cell.descriptions import Robot
+from cell.geometry import nominal_chain
+from cell.inverse import has_closed_form, robot_branches
+from cell.numerical_inverse import pose_branches
+from cell.robot_angles import controller_to_joints, joints_to_axes
+
+QUADRANTS = (0, 3, 5)  # axes that confdata has the quadrant of, from 0
+# [deg] beyond its quadrant that an axis may stand for the rounding of a target's numbers
+ROUNDING = 0.5
+ALIKE = 0.1  # [deg] of all axes within which two solutions are one
+FULL_TURN = 360.0
+
+
+@dataclass(frozen=True)
+class _Posture:
+    """The discrete part of joint angles."""
+
+    behind: bool  # the wrist, of axis 1
+    in_front: bool  # the wrist, of the line through axes 2 and 3
+    negative: bool  # axis 5
+
+
+def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
+    """(J,) [deg] axis angles of the nominal robot at a pose (4, 4) of its flange.
+
+    Raises ProgramError where there is none, or more than one, of the stated configuration.
+    """
+    if not target.configuration:
+        raise ProgramError(
+            target.line,
+            f"{target.name}: states no configuration, so the joints it stands for are not known; "
+            "add S and T",
+        )
+    chain = nominal_chain(robot)
+    solutions = _solutions(robot, chain, pose)
+    if not len(solutions):
+        raise ProgramError(
+            target.line,
+            f"{target.name}: the nominal robot does not reach the pose, or stands at a singularity "
+            "there; are tool, frame and robot the right ones?",
+        )
+    turned = _turned(robot, solutions, target)
+    turned = _decided(robot, chain, turned[_in_range(robot, turned)], target)
+    if not len(turned):
+        raise ProgramError(
+            target.line,
+            f"{target.name}: no solution within the axis ranges has the configuration "
+            f"{_shown(target.configuration)}; are tool, frame and robot the right ones?",
+        )
+    return np.asarray(turned[0])
+
+
+def configuration_changes(
+    robot: Robot, target: ProgramTarget, before: Array, after: Array
+) -> list[tuple[Number, str]]:
+    """New numbers of the configuration where an axis passes a limit of it.
+
+    before, after : (J,) [deg] axis angles. Raises ProgramError where the posture itself changes.
+    """
+    if not target.configuration:
+        return []
+    chain = nominal_chain(robot)
+    if _posture(robot, chain, before) != _posture(robot, chain, after):
+        raise ProgramError(
+            target.line, f"{target.name}: the correction passes a singularity; move the target"
+        )
+    if len(target.configuration) == 2:  # S, T
+        turn = target.configuration[1]
+        flipped = (before < 0.0) != (after < 0.0)
+        flipped &= np.abs(after - before) > 1e-6
+        bits = int(turn.value) ^ int((flipped * 2 ** np.arange(len(before))).sum())
+        return [(turn, turn.with_integer(bits))] if flipped.any() else []
+    out = []
+    for number, axis in zip(target.configuration, QUADRANTS, strict=False):
+        given = int(number.value)
+        if _outside(before[axis], given) == 0.0 < _outside(after[axis], given):
+            out.append((number, number.with_integer(int(np.floor(after[axis] / 90.0)))))
+    return out
+
+
+def _solutions(robot: Robot, chain: Chain, pose: Array) -> Array:
+    """(K, J) [deg] axis angles of all configurations at a pose."""
+    if has_closed_form(chain):
+        every = [robot_branches(chain, pose[None], behind=b)[:, 0] for b in (False, True)]
+        q = np.concatenate(every)
+    else:
+        q = pose_branches(chain, pose[None])[:, 0]
+    q = q[~np.isnan(q).any(axis=1)]
+    return np.degrees(joints_to_axes(robot, q)) if len(q) else q
+
+
+def _turned(robot: Robot, axes: Array, target: ProgramTarget) -> Array:
+    """Solutions (K, J) [deg] on the turns that the configuration states, of the right ones."""
+    data = [int(number.value) for number in target.configuration]
+    axes = axes - FULL_TURN * np.round(axes / FULL_TURN)
+    if len(data) == 2:
+        negative = (data[1] >> np.arange(axes.shape[1])) & 1
+        small = np.abs(axes) < ROUNDING
+        wrong = ((axes < 0.0) != negative.astype(bool)) & ~small
+        return np.asarray(axes + np.where(wrong, np.where(negative, -FULL_TURN, FULL_TURN), 0.0))
+    right = np.ones(len(axes), dtype=bool)
+    for given, axis in zip(data, QUADRANTS, strict=False):
+        centre = 90.0 * given + 45.0
+        axes[:, axis] += FULL_TURN * np.round((centre - axes[:, axis]) / FULL_TURN)
+        right &= [_outside(angle, given) <= ROUNDING for angle in axes[:, axis]]
+    others = [j for j in range(axes.shape[1]) if j not in QUADRANTS]
+    low, high = np.degrees(robot.axis_lower), np.degrees(robot.axis_upper)
+    for j in others:
+        axes[:, j] += FULL_TURN * np.ceil((low[j] - axes[:, j]) / FULL_TURN).clip(0.0)
+        axes[:, j] -= FULL_TURN * np.ceil((axes[:, j] - high[j]) / FULL_TURN).clip(0.0)
+    return np.asarray(axes[right])
+
+
+def _decided(robot: Robot, chain: Chain, axes: Array, target: ProgramTarget) -> Array:
+    """The solution that cfx or S tells from the others; all where one is left anyhow."""
+    data = [int(number.value) for number in target.configuration]
+    if len(axes) < 2:
+        return axes
+    stated = data[-1] if len(data) == 4 else data[0]
+    bits = np.array([_bits(_posture(robot, chain, row), krl=len(data) == 2) for row in axes])
+    missed = (bits != [(stated >> k) & 1 for k in range(3)]) @ np.array([1, 1, 1])
+    best = axes[missed == missed.min()]
+    if np.ptp(best, axis=0).max() > ALIKE:
+        raise ProgramError(
+            target.line,
+            f"{target.name}: {len(best)} solutions of the nominal robot agree with the "
+            f"configuration {_shown(target.configuration)}; state it as axis angles",
+        )
+    return np.asarray(best[:1])
+
+
+def _bits(posture: _Posture, *, krl: bool) -> list[int]:
+    if krl:
+        return [int(posture.behind), int(posture.in_front), int(not posture.negative)]
+    return [int(posture.negative), int(not posture.in_front), int(posture.behind)]
+
+
+def _posture(robot: Robot, chain: Chain, axes: Array) -> _Posture:
+    """Of axis angles (J,) [deg]."""
+    frames = forward(chain, controller_to_joints(robot, np.radians(axes))[None])
+    out, up = frames.x_link[0][:, 0], np.array([0.0, 0.0, 1.0])
+    wrist = frames.origin[4][:, 0]
+    lower = frames.origin[2][:, 0] - frames.origin[1][:, 0]
+    to_wrist = wrist - frames.origin[1][:, 0]
+    front = (lower @ up) * (to_wrist @ out) - (lower @ out) * (to_wrist @ up)
+    return _Posture(bool(wrist @ out < 0.0), bool(front > 0.0), bool(axes[4] < 0.0))
+
+
+def _in_range(robot: Robot, axes: Array) -> Array:
+    low, high = np.degrees(robot.axis_lower), np.degrees(robot.axis_upper)
+    return np.asarray(((axes >= low - 1e-9) & (axes <= high + 1e-9)).all(axis=1))
+
+
+def _outside(angle: float, quadrant: int) -> float:
+    """[deg] by which an angle leaves a quadrant."""
+    return max(0.0, 90.0 * quadrant - angle, angle - 90.0 * (quadrant + 1))
+
+
+def _shown(configuration: Sequence[Number]) -> str:
+    return f"[{', '.join(number.text for number in configuration)}]"

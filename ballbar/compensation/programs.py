@@ -1,0 +1,295 @@
+"""`ballbar correct` for programs: every target of a program for the identified robot.
+
+An axis target is corrected as it is. A cartesian target stands for the joints that the nominal
+robot has there in the configuration that it states; these are corrected, and the target becomes the
+pose of the nominal robot with the corrected joints, since it is the nominal robot that the
+controller reckons with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ballbar.compensation.configurations import axes_of_pose, configuration_changes
+from ballbar.compensation.frames import (
+    FrameOptions,
+    angles_near,
+    pose_of_angles,
+    pose_of_quaternion,
+)
+from ballbar.compensation.krl import read_krl
+from ballbar.compensation.pdl2 import read_pdl2
+from ballbar.compensation.program_text import (
+    Number,
+    Program,
+    ProgramError,
+    ProgramTarget,
+    number_text,
+    refuse,
+    rewritten,
+)
+from ballbar.compensation.rapid import read_rapid
+from ballbar.export.result import AnyResult, PoseResult
+from ballbar.units import MM, MRAD
+from cell.arrays import Array
+from cell.chain import forward
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.files import write_new
+from cell.foreign_text import printable
+from cell.geometry import nominal_chain
+from cell.payload import Payload, with_payload
+from cell.robot_angles import controller_to_joints, joints_to_axes
+from cell.rotation import quat_wxyz
+from ident.robot.inverse_calibration import (
+    CorrectedTargets,
+    TargetError,
+    corrected_arm_targets,
+    corrected_targets,
+)
+
+SHOWN = 10  # targets of the largest changes in the report
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedProgram:
+    """A program for the identified robot."""
+
+    program: Program
+    text: str
+    corrected: CorrectedTargets  # of all targets, in the order of the program
+    q: Array  # (N, J) [rad] nominal targets
+    axis_changes: Array  # (N, J) [rad]
+    notes: tuple[str, ...]
+
+
+def correct_program(program: Program, result: AnyResult) -> CorrectedProgram:
+    """Corrects every target. Raises InputError naming the lines of those that cannot be."""
+    robot = result.robot
+    q = _nominal_joints(program, robot)
+    corrected, notes = _corrected(program, result, q)
+    changes: list[tuple[Number, str]] = []
+    faults = []
+    before, after = (np.degrees(joints_to_axes(robot, angles)) for angles in (q, corrected.q))
+    for k, target in enumerate(program.targets):
+        try:
+            changes += _numbers(robot, target, before[k], after[k])
+            changes += configuration_changes(robot, target, before[k], after[k])
+        except ProgramError as fault:
+            faults.append((fault.line, fault.why))
+    refuse(program.path, faults)
+    turned = [
+        f"{program.path.name}:{number.line}: configuration {number.text} becomes {text}, since an "
+        "axis passes a limit of it"
+        for target in program.targets
+        for number, text in changes
+        if number in target.configuration
+    ]
+    return CorrectedProgram(
+        program=program,
+        text=rewritten(program.text, changes),
+        corrected=corrected,
+        q=q,
+        axis_changes=np.radians(after - before),
+        notes=(*program.notes, *notes, *turned),
+    )
+
+
+def _nominal_joints(program: Program, robot: Robot) -> Array:
+    """(N, J) [rad] of the nominal robot at the targets."""
+    axes, faults = np.zeros((len(program.targets), robot.joints)), []
+    for k, target in enumerate(program.targets):
+        try:
+            axes[k] = _axes(target, robot)
+        except ProgramError as fault:
+            faults.append((fault.line, fault.why))
+    refuse(program.path, faults)
+    return controller_to_joints(robot, np.radians(axes))
+
+
+def _axes(target: ProgramTarget, robot: Robot) -> Array:
+    values = [number.value for number in target.numbers]
+    if target.rotation is None:
+        if len(values) != robot.joints:
+            raise ProgramError(
+                target.line, f"{target.name}: {len(values)} axes, {robot.title} has {robot.joints}"
+            )
+        return np.array(values)
+    if robot.joints != 6:
+        raise ProgramError(
+            target.line, f"{target.name}: cartesian targets are corrected for six axes alone"
+        )
+    try:
+        pose = (
+            pose_of_quaternion(values[:3], values[3:])
+            if target.rotation == "quaternion"
+            else pose_of_angles(values)
+        )
+    except ValueError as error:
+        raise ProgramError(target.line, f"{target.name}: {error}") from None
+    flange = target.setup.frame @ pose @ np.linalg.inv(target.setup.tool)
+    return axes_of_pose(robot, flange, target)
+
+
+def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[CorrectedTargets, list[str]]:
+    """Corrected targets, and what was taken as given; targets of one payload go together."""
+    parts: dict[tuple[float, ...], list[int]] = {}
+    for k, target in enumerate(program.targets):
+        parts.setdefault(target.setup.load, []).append(k)
+    whole = [np.empty((len(q), q.shape[1])), *(np.empty(len(q)) for _ in range(4))]
+    faults: list[tuple[int, str]] = []
+    for key, rows in parts.items():
+        payload = Payload(key[0], np.array(key[1:])) if key else None
+        try:
+            done = _with_payload(result, payload, q[rows])
+        except TargetError as error:
+            named = [(program.targets[rows[k]], why) for k, why in error.faults.items()]
+            faults += [(target.line, f"{target.name}: {why}") for target, why in named]
+            continue
+        for array, values in zip(whole, vars(done).values(), strict=True):
+            array[rows] = values
+    refuse(program.path, faults)
+    return CorrectedTargets(*whole), _payload_notes(program, result, parts)
+
+
+def _payload_notes(
+    program: Program, result: AnyResult, parts: dict[tuple[float, ...], list[int]]
+) -> list[str]:
+    if isinstance(result, PoseResult):
+        return ["sag is that with the payload of the measurement"] if any(parts) else []
+    if () not in parts or "joint_compliance" not in result.calibration.file.corrections:
+        return []
+    tools = sorted({program.targets[k].setup.tool_name for k in parts[()]} - {""})
+    of = f" of {', '.join(tools)}" if tools else ""
+    return [
+        f"the payload{of} is not known and was taken for that of the recording "
+        f"({result.cell.plate.mass:.3g} kg); state it by --payload"
+    ]
+
+
+def _with_payload(result: AnyResult, payload: Payload | None, q: Array) -> CorrectedTargets:
+    if isinstance(result, PoseResult):
+        return corrected_arm_targets(result.calibration.arm(), q)
+    robot = result.calibration.unloaded_robot(result.cell)
+    if payload is not None and result.robot.links is not None:
+        robot = replace(robot, cell=with_payload(robot.cell, payload))
+    return corrected_targets(robot, result.calibration.nominal, q)
+
+
+def _numbers(
+    robot: Robot, target: ProgramTarget, before: Array, after: Array
+) -> list[tuple[Number, str]]:
+    """The target's numbers for axis angles (J,) [deg] before and after the correction."""
+    if target.rotation is None:
+        values, units = [before, after], ["deg"] * robot.joints
+    else:
+        given = [number.value for number in target.numbers[3:]]
+        values = [_pose_values(robot, target, axes, given) for axes in (before, after)]
+        units = ["mm"] * 3 + ["1" if target.rotation == "quaternion" else "deg"] * len(given)
+    texts = (
+        number_text(number, float(old), float(new), unit)
+        for number, old, new, unit in zip(target.numbers, *values, units, strict=True)
+    )
+    return list(zip(target.numbers, texts, strict=True))
+
+
+def _pose_values(robot: Robot, target: ProgramTarget, axes: Array, given: Sequence[float]) -> Array:
+    """Position [mm] and rotation of the target at axis angles (J,) [deg] of the nominal robot."""
+    q = controller_to_joints(robot, np.radians(axes))[None]
+    flange = forward(nominal_chain(robot), q).poses()[0]
+    pose = np.linalg.solve(target.setup.frame, flange @ target.setup.tool)
+    if target.rotation == "zyx":
+        return np.concatenate((MM * pose[:3, 3], angles_near(pose, given)))
+    quaternion = quat_wxyz(pose[:3, :3])
+    sign = np.sign(quaternion @ given) or 1.0
+    return np.concatenate((MM * pose[:3, 3], sign * quaternion))
+
+
+def is_program(path: Path) -> bool:
+    """Whether a file is a program, by its ending, rather than a table."""
+    return path.suffix.lower() in READERS
+
+
+def read_programs(path: Path, options: FrameOptions) -> list[Program]:
+    """A program as its files: one, or the .src and .dat files of KRL.
+
+    Raises InputError naming the lines that are not understood.
+    """
+    return READERS[path.suffix.lower()](path, options)
+
+
+def write_programs(out: Path, programs: Sequence[CorrectedProgram]) -> list[Path]:
+    """Writes corrected programs to new files, of several with the endings that they had.
+
+    Raises InputError, and writes none, if one of the files exists.
+    """
+    paths = (
+        [out] if len(programs) == 1 else [out.with_suffix(p.program.path.suffix) for p in programs]
+    )
+    for path in paths:
+        if path.exists():
+            raise InputError(
+                f"{path}: exists already; nothing was written. Name another file with --out."
+            )
+    for path, program in zip(paths, programs, strict=True):
+        write_new(path, program.text.encode("latin-1"))
+    return paths
+
+
+def program_data(
+    programs: Sequence[CorrectedProgram], written: Sequence[Path], result: AnyResult
+) -> dict[str, object]:
+    """JSON of `correct` for a program, SI units."""
+    return {
+        "files": [str(path) for path in written],
+        "source_sha256": result.sha256,
+        "targets": [
+            {
+                "file": done.program.path.name,
+                "name": target.name,
+                "line": target.line,
+                "position_error_m": float(done.corrected.position_before[k]),
+                "angle_error_rad": float(done.corrected.angle_before[k]),
+                "left_in_the_model_m": float(done.corrected.position_after[k]),
+                "axis_correction_rad": done.axis_changes[k].tolist(),
+            }
+            for done in programs
+            for k, target in enumerate(done.program.targets)
+        ],
+        "notes": [note for done in programs for note in done.notes],
+    }
+
+
+def program_lines(programs: Sequence[CorrectedProgram]) -> list[str]:
+    """Lines of text: how many, the largest changes as a table, and what was taken as given."""
+    rows = [
+        (float(c.position_before[k]), float(c.angle_before[k]), changes, done.program, target)
+        for done in programs
+        for c in [done.corrected]
+        for k, (target, changes) in enumerate(
+            zip(done.program.targets, np.abs(done.axis_changes).max(axis=1), strict=True)
+        )
+    ]
+    rows.sort(key=lambda row: -row[0])
+    table = [
+        f"{printable(target.name, ''):20s} {f'{program.path.name}:{target.line}':24s} "
+        f"{position * MM:8.3f} {angle * MRAD:8.3f} {np.degrees(change):8.3f}"
+        for position, angle, change, program, target in rows[:SHOWN]
+    ]
+    head = f"{'largest changes':20s} {'line':24s} {'mm':>8s} {'mrad':>8s} {'axis deg':>8s}"
+    return [
+        f"{len(rows)} targets corrected",
+        *([head, *table] if rows else []),
+        *(f"care: {note}" for done in programs for note in done.notes),
+    ]
+
+
+READERS: dict[str, Callable[[Path, FrameOptions], list[Program]]] = {
+    **dict.fromkeys((".mod", ".modx", ".sys", ".prg"), lambda p, o: [read_rapid(p, o)]),
+    **dict.fromkeys((".src", ".dat"), read_krl),
+    ".pdl": lambda p, o: [read_pdl2(p, o)],
+}

@@ -1,0 +1,331 @@
+"""Kinematics of an identified robot as a service: poses, joint angles, Jacobian, uncertainty.
+
+Joint angles q are those that the controller shows, as angles of the DH model. Gears that yield
+under the arm's own weight and the payload, backlash, transmission error and joint errors lie
+between them and the pose. Inverse kinematics therefore takes the configurations of the nominal arm
+(closed form, or a search), then Newton steps with the Jacobian of the identified rows on the error
+of the whole forward kinematics. What is left of the pose is stated with every solution.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.chain import Chain, cross, forward, joint_screws
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.geometry import Geometry, nominal_chain
+from cell.inverse import has_closed_form, robot_branches
+from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
+from cell.payload import Payload, with_payload
+from cell.robot_angles import joints_to_axes
+from cell.rotation import rotvec_from_matrix
+from ident.robot.identified_arm import RANGE_MARGIN, IdentifiedArm, range_sentence
+from ident.robot.inverse_calibration import (
+    CorrectedTargets,
+    corrected_arm_targets,
+    corrected_targets,
+)
+from ident.robot.tool_covariance import (
+    ErrorFields,
+    PositionUncertainty,
+    ToolCovariance,
+    error_fields,
+    with_exact_tool,
+)
+from ident.robot.unloaded_robot import UnloadedRobot, moved_poses
+
+BLOCK = 4096  # poses computed at a time: their frames stay in the cache
+REACHED = 1e-7  # [m, rad] left of a pose that is taken: far below any robot's repeatability
+SINGULAR = 0.02  # [-] dexterity below which a posture is called near-singular: wrist within 2 deg
+CLOSE = 0.3  # [rad] of each joint within which a solution is taken for the nearest one
+_STEPS = 12  # of Newton at most; gears add half a percent to the Jacobian, so each gains two digits
+_PULLED = 0.005  # of its distance from the shoulder by which a pose out of reach comes closer
+_SETTLED = 1e-10  # [m, rad] of a pose that needs no further step
+
+
+@dataclass(frozen=True, eq=False)
+class JointSolutions:
+    """Joint angles for N poses, in S configurations each (or in one, without that axis)."""
+
+    q: Array  # (S, N, J) [rad]; NaN where there is no further configuration
+    position_left: Array  # (S, N) [m] distance of the pose that q leads to from the wanted one
+    angle_left: Array  # (S, N) [rad]
+    reached: NDArray[np.bool_]  # (S, N) whether both are below REACHED
+    within: NDArray[np.bool_]  # (S, N) whether every axis is within its range
+    dexterity: Array  # (S, N) [-] 0 at a singular posture (cell.numerical_inverse.dexterity)
+
+    @property
+    def singular(self) -> NDArray[np.bool_]:
+        """(S, N) near a singular posture, where small changes of the pose turn axes far."""
+        return np.asarray(self.dexterity < SINGULAR)
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedKinematics:
+    """An identified robot with a tool."""
+
+    robot: Robot  # nominal: axes, ranges
+    chain: Chain  # identified rows
+    nominal: Chain  # catalogue rows
+    # actual joint angles (N, J) [rad] at logged ones, and the motion (6, N) [m, rad] that the
+    # structure yields beside, as `UnloadedRobot.deflected`
+    deflected: Callable[[Array], tuple[Array, Array]]
+    tool: Array  # (4, 4) frame of the tool in that of the last row
+    lower: Array  # (J,) [rad] range of each joint that was fitted; infinite where not stated
+    upper: Array  # (J,) [rad]
+    position_uncertainty: Callable[[Array], PositionUncertainty]
+    target_correction: Callable[[Array], CorrectedTargets]
+
+    def forward(self, q: Array) -> Array:
+        """(N, 4, 4) frames of the tool in the robot's base frame at q (N, J) [rad]."""
+        out = np.empty((len(q), 4, 4))
+        for part in _blocks(len(q)):
+            out[part] = self._ends(q[part]) @ self.tool
+        return out
+
+    def jacobian(self, q: Array) -> Array:
+        """(N, 6, J) motion of the tool [m/rad, -], base frame, per unit of each actual joint angle.
+
+        Source: screws of the identified rows. What gears add between logged and actual angles, up
+        to half a percent where their ripple was identified, is left out.
+        """
+        out = np.empty((len(q), 6, self.robot.joints))
+        for part in _blocks(len(q)):
+            frames = forward(self.chain, self.deflected(q[part])[0])
+            screws = joint_screws(frames)
+            arm = np.einsum("ijn,j->in", frames.rotation(), self.tool[:3, 3])
+            for screw in screws:
+                screw[:3] += cross(screw[3:], arm)
+            out[part] = screws.transpose(2, 1, 0)
+        return out
+
+    def inverse(self, poses: Array) -> JointSolutions:
+        """Every configuration of the arm at poses (N, 4, 4) of the tool, base frame.
+
+        Each axis is turned by whole turns towards the centre of its range. A pose that the robot
+        cannot take has no solution that is `reached`.
+        """
+        starts = self._starts(poses @ np.linalg.inv(self.tool))
+        return self._solved(in_range(self.robot, starts[..., None, :])[..., 0, :], poses)
+
+    def nearest(self, poses: Array, q: Array) -> JointSolutions:
+        """The configuration nearest to q (N, J) or (J,) [rad] at each of poses (N, 4, 4).
+
+        Nearest is the least sum of squares of axis angles; of several turns, that within the axis
+        ranges. The arrays of the result have no axis S.
+        """
+        previous = np.array(np.broadcast_to(q, (len(poses), self.robot.joints)))
+        if has_closed_form(self.nominal):
+            starts = self._chosen(poses, previous)
+        else:  # a search, which takes a millisecond a pose, only where steps from q go elsewhere
+            direct = self._solved(previous[None], poses)
+            with np.errstate(invalid="ignore"):
+                close = direct.reached[0] & (np.abs(direct.q[0] - previous) < CLOSE).all(axis=1)
+            starts = direct.q[0]
+            starts[~close] = self._chosen(poses[~close], previous[~close])
+        every = self._solved(starts[None], poses)
+        return JointSolutions(*(values[0] for values in vars(every).values()))
+
+    def _chosen(self, poses: Array, previous: Array) -> Array:
+        """(N, J) [rad] starts of the configuration nearest to previous angles (N, J) [rad]."""
+        starts = self._starts(poses @ np.linalg.inv(self.tool))
+        turned = np.stack([turned_near(self.robot, start, previous) for start in starts])
+        away = joints_to_axes(self.robot, turned) - joints_to_axes(self.robot, previous)
+        distance = np.where(np.isnan(away).any(axis=2), np.inf, (away**2).sum(axis=2))
+        nearest = distance.argmin(axis=0)[None, :, None]
+        return np.asarray(np.take_along_axis(turned, nearest, axis=0)[0])
+
+    def uncertainty(self, q: Array) -> PositionUncertainty:
+        """Uncertainty of the tool's position at q (N, J) [rad].
+
+        Where a joint leaves the range that was fitted it warns, and `covered` is false: of
+        recordings the figure there is the model's alone, of still poses it is infinite. Raises
+        InputError where the calibration states no covariance.
+        """
+        out = self.position_uncertainty(q)
+        if not out.covered.all():
+            outside = ((q < self.lower - RANGE_MARGIN) | (q > self.upper + RANGE_MARGIN)).any(
+                axis=0
+            )
+            axes = {
+                int(j) + 1: (float(self.lower[j]), float(self.upper[j]))
+                for j in np.flatnonzero(outside)
+            }
+            warnings.warn(f"some poses are {range_sentence(axes)}", stacklevel=2)
+        return out
+
+    def corrected(self, q: Array) -> CorrectedTargets:
+        """Targets that take the identified robot to where the nominal one would be at q (N, J)
+        [rad].
+
+        Raises TargetError as `corrected_targets`.
+        """
+        return self.target_correction(q)
+
+    def _ends(self, q: Array) -> Array:
+        """(N, 4, 4) frames of the last row at q (N, J) [rad]."""
+        joints, motion = self.deflected(q)
+        return moved_poses(forward(self.chain, joints).poses(), motion)
+
+    def _starts(self, ends: Array) -> Array:
+        """(S, N, J) [rad] configurations close to frames of the last row; NaN where none."""
+        if not has_closed_form(self.nominal):
+            return pose_branches(self.chain, ends)
+        starts = self._closed_form(ends)
+        if (lost := np.isnan(starts).any(axis=2).all(axis=0)).any():
+            # just out of the nominal robot's reach is not yet out of that of the identified one
+            closer = ends[lost]
+            closer[:, :3, 3] -= _PULLED * (closer[:, :3, 3] - [0.0, 0.0, self.nominal.d[0]])
+            starts[:, lost] = self._closed_form(closer)
+        return starts
+
+    def _closed_form(self, ends: Array) -> Array:
+        """(8, N, 6) [rad] of the nominal robot."""
+        return np.concatenate(
+            [robot_branches(self.nominal, ends, behind=behind) for behind in (False, True)]
+        )
+
+    def _solved(self, starts: Array, poses: Array) -> JointSolutions:
+        """Solutions from starts (S, N, J) [rad] close by, for poses (N, 4, 4) of the tool."""
+        shape, some = starts.shape[:2], ~np.isnan(starts).any(axis=2)
+        q = np.full(starts.shape, np.nan)
+        left = np.full((2, *shape), np.inf)
+        dexterous = np.full(shape, np.nan)
+        rows, samples = np.nonzero(some)
+        for part in _blocks(rows.size):
+            at = rows[part], samples[part]
+            solved, errors, size = self._refined(starts[at], poses[samples[part]])
+            q[at], dexterous[at] = solved, size
+            left[:, at[0], at[1]] = errors
+        axes = joints_to_axes(self.robot, q)
+        with np.errstate(invalid="ignore"):
+            within = ((axes >= self.robot.axis_lower) & (axes <= self.robot.axis_upper)).all(axis=2)
+        return JointSolutions(
+            q=q,
+            position_left=left[0],
+            angle_left=left[1],
+            reached=np.asarray((left < REACHED).all(axis=0)),
+            within=np.asarray(within),
+            dexterity=dexterous,
+        )
+
+    def _refined(self, starts: Array, poses: Array) -> tuple[Array, Array, Array]:
+        """Solutions (K, J) [rad], what is left (2, K) [m, rad], and dexterity (K,)."""
+        ends, q, rest = poses @ np.linalg.inv(self.tool), starts.copy(), np.arange(len(starts))
+        for _ in range(_STEPS):
+            joints, motion = self.deflected(q[rest])
+            frames = forward(self.chain, joints)
+            error = _difference(ends[rest], moved_poses(frames.poses(), motion))
+            open_ = np.abs(error).max(axis=0) > _SETTLED
+            if not open_.any():
+                break
+            rest = rest[open_]
+            q[rest] += damped_step(self.chain, frames.part(open_), error[:, open_])
+        left = _difference(poses, self.forward(q))
+        sizes = np.stack([np.linalg.norm(part, axis=0) for part in (left[:3], left[3:])])
+        return q, sizes, dexterity(self.chain, self.deflected(q)[0])
+
+
+def _difference(wanted: Array, reached: Array) -> Array:
+    """(6, N) [m, rad] from reached poses (N, 4, 4) to wanted ones, base frame."""
+    turned = wanted[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)
+    shift = wanted[:, :3, 3] - reached[:, :3, 3]
+    return np.concatenate((shift.T, rotvec_from_matrix(turned.transpose(1, 2, 0))))
+
+
+def kinematics_of_robot(
+    robot: UnloadedRobot,
+    nominal: Geometry,
+    *,
+    payload: Payload | None = None,
+    tool: Array | None = None,
+    covariance: ToolCovariance | None = None,
+    ranges: Array | None = None,
+) -> IdentifiedKinematics:
+    """Kinematics of a robot identified from recordings.
+
+    nominal : the catalogue's geometry. payload : in the flange's frame, in place of the offset
+    plate. tool : (4, 4) frame of the tool in that of the flange; by default the end of the plate.
+    ranges : (J, 2) [rad] of the joints that were fitted.
+    """
+    own = robot.cell.robot
+    if payload is not None:
+        robot = replace(robot, cell=with_payload(robot.cell, payload))
+        covariance = None if covariance is None else with_exact_tool(covariance)
+    at_zero = np.zeros((1, own.joints))
+    flange, end = (forward(c, at_zero).poses()[0] for c in (nominal_chain(own), nominal.robot))
+    placed = np.eye(4) if tool is None else np.linalg.solve(end, flange) @ tool
+    stated = np.empty((0, 2)) if ranges is None else ranges.reshape(-1, 2)
+    known = stated if len(stated) else np.tile([-np.inf, np.inf], (own.joints, 1))
+    uncertainty = _RobotUncertainty(robot, covariance, placed[:3, 3], stated)
+    return IdentifiedKinematics(
+        robot=own,
+        chain=robot.geometry.robot,
+        nominal=nominal.robot,
+        deflected=robot.deflected,
+        tool=placed,
+        lower=known[:, 0],
+        upper=known[:, 1],
+        position_uncertainty=uncertainty,
+        target_correction=lambda q: corrected_targets(robot, nominal, q),
+    )
+
+
+def kinematics_of_arm(arm: IdentifiedArm) -> IdentifiedKinematics:
+    """Kinematics of a robot identified from still poses, with one of its targets.
+
+    The payload is the one that was measured with: sag is fitted as it showed, without masses.
+    """
+    tool = np.eye(4)
+    tool[:3, :3], tool[:3, 3] = arm.target.rotation, arm.target.origin
+
+    def uncertainty(q: Array) -> PositionUncertainty:
+        return PositionUncertainty(arm.position_covariance(q), None, arm.covered(q))
+
+    return IdentifiedKinematics(
+        robot=arm.robot,
+        chain=arm.chain,
+        nominal=nominal_chain(arm.robot),
+        deflected=lambda q: (arm.joints(q), np.zeros((6, len(q)))),
+        tool=tool,
+        lower=arm.lower,
+        upper=arm.upper,
+        position_uncertainty=uncertainty,
+        target_correction=lambda q: corrected_arm_targets(arm, q),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _RobotUncertainty:
+    """Uncertainty of a point of an identified robot's tool; the grid is computed once."""
+
+    robot: UnloadedRobot
+    covariance: ToolCovariance | None
+    point: Array  # (3,) [m]
+    ranges: Array  # (J, 2) [rad], or none
+
+    @cached_property
+    def fields(self) -> ErrorFields:
+        if self.covariance is None or not len(self.ranges):
+            raise InputError(
+                "the calibration states neither covariance nor fitted ranges, so the uncertainty "
+                "of a pose is not known; identify the recording again with this version"
+            )
+        return error_fields(self.robot, self.covariance, self.point)
+
+    def __call__(self, q: Array) -> PositionUncertainty:
+        fields, margin = self.fields, RANGE_MARGIN
+        low, high = self.ranges[:, 0] - margin, self.ranges[:, 1] + margin
+        return fields.uncertainty(q, ((q >= low) & (q <= high)).all(axis=1))
+
+
+def _blocks(count: int) -> list[slice]:
+    return [slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)]

@@ -1,0 +1,364 @@
+"""A result as a service: poses, joint angles, Jacobian and uncertainty with arrays."""
+
+from __future__ import annotations
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from ballbar.export.formats import exported
+from ballbar.export.result import load_result
+from ballbar.result.calibration import Calibration, tool_covariance_entry
+from ballbar.result.pose_calibration import PoseCalibration
+from cell.arrays import Array
+from cell.chain import forward
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.geometry import Geometry, nominal_chain, robot_frames
+from cell.numerical_inverse import turned_near
+from cell.payload import Payload, with_deviations
+from cell.robot_angles import controller_to_joints, joints_to_axes
+from cell.rotation import rotvec_from_matrix
+from ident.corrections.joint_compliance import joint_compliance
+from ident.robot.accuracy import accuracy_grid
+from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_robot
+from ident.robot.tool_covariance import ToolCovariance
+from ident.robot.unloaded_robot import UnloadedRobot
+from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
+from tests.helpers.pose_results import RANGE, write_pose_result
+from tests.helpers.simulated_recordings import perturbed
+from tests.helpers.source_imports import ROOT
+
+LOADED = (*GEARS, "bearing_tilt")
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory, cell: Cell, nominal: Geometry) -> Path:
+    rng = np.random.default_rng(3)
+    return write_calibration_of(
+        tmp_path_factory.mktemp("run") / "calibration.yaml",
+        nominal,
+        perturbed(nominal, rng, 5e-4),
+        corrections=corrections_of(cell, LOADED, rng),
+    )
+
+
+@pytest.fixture(scope="module")
+def calibration(result: Path) -> Calibration:
+    loaded = Calibration.load(result.parent)
+    assert isinstance(loaded, Calibration)
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def robot(calibration: Calibration) -> IdentifiedKinematics:
+    return calibration.kinematics()
+
+
+def random_angles(robot: IdentifiedKinematics, count: int, seed: int = 1) -> Array:
+    own, rng = robot.robot, np.random.default_rng(seed)
+    return controller_to_joints(
+        own, rng.uniform(own.accuracy_lower, own.accuracy_upper, (count, own.joints))
+    )
+
+
+def test_geometry_alone_puts_the_tool_where_mujoco_puts_that_of_the_exported_model(
+    result: Path, calibration: Calibration
+) -> None:
+    bare = Calibration(calibration.file.model_copy(update={"corrections": {}}), result.parent)
+    robot = bare.kinematics()
+    q = random_angles(robot, 50)
+    model = mujoco.MjModel.from_xml_string(exported(load_result(result), "mjcf"))
+    data, site = mujoco.MjData(model), mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tool")
+    poses = robot.forward(q)
+    for angles, pose in zip(q, poses, strict=True):
+        data.qpos[:] = angles
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(data.site_xpos[site], pose[:3, 3], rtol=0.0, atol=1e-9)
+        turned = data.site_xmat[site].reshape(3, 3)
+        np.testing.assert_allclose(turned, pose[:3, :3], rtol=0.0, atol=1e-9)
+
+
+def compliant(cell: Cell, nominal: Geometry, payload: Payload) -> IdentifiedKinematics:
+    """A robot of which nothing but the catalogue's gear compliance is known."""
+    made = joint_compliance(cell, (1, 2, 4, 5))
+    values = np.array([c.mean for c in made.coefficients])
+    robot = UnloadedRobot(cell, nominal, (made,), values)
+    return kinematics_of_robot(robot, nominal, payload=payload)
+
+
+def test_a_payload_winds_the_gears_up_by_its_weight(cell: Cell, nominal: Geometry) -> None:
+    """Against torque times compliance, with the lever arms taken from the frames."""
+    payload, nothing = Payload(12.0, np.array([0.03, -0.02, 0.15])), Payload(1e-12, np.zeros(3))
+    light, heavy = (compliant(cell, nominal, p) for p in (nothing, payload))
+    q = random_angles(light, 20)
+    frames = forward(nominal_chain(cell.robot), q)
+    centre = (frames.poses() @ np.r_[payload.com, 1.0])[:, :3]
+    lift = -payload.mass * cell.robot.gravity
+    arms = [centre - origin.T for origin in frames.origin[:6]]
+    torque = [
+        np.einsum("nc,cn->n", np.cross(arm, lift), axis)
+        for arm, axis in zip(arms, frames.z[:6], strict=True)
+    ]
+    compliance = 1.0 / cell.robot.required("gears").stiffness
+    to_joint = cell.robot.gear_to_joint
+    expected = -((to_joint @ np.stack(torque)) * compliance[:, None]).T @ to_joint
+    moved = heavy.deflected(q)[0] - light.deflected(q)[0]
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-12)
+    assert np.abs(expected).max() > 1e-4
+
+
+def test_a_tool_is_placed_in_the_flange_and_the_default_is_the_end_of_the_plate(
+    cell: Cell, nominal: Geometry
+) -> None:
+    robot = UnloadedRobot(cell, nominal)
+    q = random_angles(kinematics_of_robot(robot, nominal), 5)
+    tool = np.eye(4)
+    tool[:3, 3] = [0.1, 0.2, 0.3]
+    placed = kinematics_of_robot(robot, nominal, tool=tool).forward(q)
+    expected = forward(nominal_chain(cell.robot), q).poses() @ tool
+    np.testing.assert_allclose(placed, expected, rtol=0.0, atol=1e-12)
+    end = kinematics_of_robot(robot, nominal).forward(q)
+    np.testing.assert_allclose(end, robot_frames(nominal, q).poses(), rtol=0.0, atol=1e-12)
+
+
+def test_every_configuration_leads_to_its_pose_and_the_given_angles_are_among_them(
+    robot: IdentifiedKinematics,
+) -> None:
+    q = random_angles(robot, 200)
+    every = robot.inverse(robot.forward(q))
+    reached = robot.forward(every.q[every.reached])
+    wanted = np.broadcast_to(robot.forward(q), (8, 200, 4, 4))[every.reached]
+    assert np.abs(reached - wanted).max() < 2e-7
+    plain = ~every.singular.any(axis=0)
+    off = np.abs(every.q[:, plain] - q[plain]).max(axis=2)
+    assert (np.nanmin(off, axis=0) < 1e-6).mean() > 0.99, "but where backlash has both flanks"
+    assert every.reached.sum(axis=0).max() == 8, "wrist, elbow and shoulder both ways"
+    axes = joints_to_axes(robot.robot, every.q)
+    inside = (axes >= robot.robot.axis_lower) & (axes <= robot.robot.axis_upper)
+    np.testing.assert_array_equal(every.within, inside.all(axis=2))
+    assert 0.1 < every.within[every.reached].mean() < 0.9
+
+
+def test_the_nearest_solution_is_the_seed_or_the_wrist_says_that_it_is_near_singular(
+    robot: IdentifiedKinematics,
+) -> None:
+    q = random_angles(robot, 2000, seed=2)
+    solved = robot.nearest(robot.forward(q), q + 0.05)
+    assert (solved.reached | solved.singular).all()
+    plain = solved.reached & ~solved.singular
+    assert (np.abs(solved.q - q)[plain].max(axis=1) < 1e-5).mean() > 0.998
+    assert plain.mean() > 0.85
+    assert solved.within[plain].mean() > 0.99
+    stretched = q[:1].copy()
+    stretched[0, 4] = 1e-4
+    (singular,) = robot.nearest(robot.forward(stretched), stretched).singular
+    assert singular
+
+
+def test_an_axis_keeps_its_turn_unless_that_leaves_its_range(robot: IdentifiedKinematics) -> None:
+    q = random_angles(robot, 1)
+    q[0, 4:] = 0.7, np.deg2rad(300.0)
+    (same,) = robot.nearest(robot.forward(q), q).q
+    assert same[5] == pytest.approx(q[0, 5], abs=1e-6)
+    beyond = q + 2.0 * np.pi * np.eye(6)[5]
+    np.testing.assert_allclose(turned_near(robot.robot, q, beyond), q, rtol=0.0, atol=1e-12)
+    below = q - 2.0 * np.pi * np.eye(6)[5]
+    np.testing.assert_allclose(turned_near(robot.robot, q, below), below, rtol=0.0, atol=1e-12)
+
+
+def test_a_pose_out_of_reach_is_said_to_be(robot: IdentifiedKinematics) -> None:
+    far = robot.forward(random_angles(robot, 3))
+    far[:, 0, 3] += 5.0
+    assert not robot.inverse(far).reached.any()
+    assert not robot.nearest(far, random_angles(robot, 3)).reached.any()
+
+
+def test_the_jacobian_is_the_difference_quotient_of_the_poses(
+    cell: Cell, nominal: Geometry, robot: IdentifiedKinematics
+) -> None:
+    """Of geometry to rounding; ripple of gears adds half a percent (order times amplitude)."""
+    tool = np.eye(4)
+    tool[:3, 3] = [0.1, 0.2, 0.3]
+    rigid = kinematics_of_robot(UnloadedRobot(cell, nominal), nominal, tool=tool)
+    for own, tolerance in ((rigid, 1e-8), (robot, 1e-2)):
+        q, step = random_angles(own, 30), 1e-6
+        jacobian = own.jacobian(q)
+        for j in range(6):
+            change = step * np.eye(6)[j]
+            after, before = own.forward(q + change), own.forward(q - change)
+            turned = after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)
+            shift = after[:, :3, 3] - before[:, :3, 3]
+            turn = rotvec_from_matrix(turned.transpose(1, 2, 0)).T
+            quotient = np.hstack((shift, turn)) / (2.0 * step)
+            np.testing.assert_allclose(jacobian[:, :, j], quotient, rtol=0.0, atol=tolerance)
+
+
+def drawn_covariance(cell: Cell, nominal: Geometry, seed: int) -> ToolCovariance:
+    """Of all parameters of the robot, its gears and two directions of masses, all correlated."""
+    rng = np.random.default_rng(seed)
+    names = [p.name for p in nominal.table.parameters if p.side == "robot"]
+    gears = joint_compliance(cell, (1, 2, 4, 5)).coefficients
+    size = np.array([1e-5] * len(names) + [0.02 * c.mean for c in gears] + [1.0, 1.0])
+    root = 0.3 * rng.standard_normal((size.size, size.size)) + np.eye(size.size)
+    masses = 2e-3 * rng.standard_normal((2, 28))
+    values = (root @ root.T) * np.outer(size, size)
+    return ToolCovariance((*names, *(c.name for c in gears)), masses, values)
+
+
+class Aligned:
+    """Robots that differ by a change of the unknowns, bases aligned over the accuracy grid."""
+
+    def __init__(self, cell: Cell, nominal: Geometry) -> None:
+        made = joint_compliance(cell, (1, 2, 4, 5))
+        values = np.array([c.mean for c in made.coefficients])
+        self.nominal, self.covariance = nominal, drawn_covariance(cell, nominal, 4)
+        self.robot = UnloadedRobot(cell, nominal, (made,), values)
+        self.tool = np.eye(4)
+        self.tool[:3, 3] = [0.1, -0.2, 0.3]
+        self.service = kinematics_of_robot(
+            self.robot,
+            nominal,
+            tool=self.tool,
+            covariance=self.covariance,
+            ranges=np.tile([-4.0, 4.0], (6, 1)),
+        )
+        self.q = random_angles(self.service, 4, seed=7)
+        self.grid = accuracy_grid(cell.robot)
+        self.here, self.there = (self.service.forward(a)[:, :3, 3] for a in (self.grid, self.q))
+
+    def errors(self, x: Array) -> tuple[Array, Array]:
+        """(4, 3) [m] at the poses for a change x of the unknowns, and without scale."""
+        gears, names, nominal = 6, self.covariance.names, self.nominal
+        parameters = [n for n in names if n in nominal.table.index]
+        moved = kinematics_of_robot(
+            replace(
+                self.robot,
+                cell=with_deviations(self.robot.cell, x[-2:] @ self.covariance.masses),
+                geometry=nominal.replaced(
+                    {n: nominal[n] + v for n, v in zip(parameters, x, strict=False)}
+                ),
+                values=self.robot.values + x[-2 - gears : -2],
+            ),
+            nominal,
+            tool=self.tool,
+        )
+        centre, there = self.here.mean(axis=0), moved.forward(self.grid)[:, :3, 3]
+        u, s, vt = np.linalg.svd((self.here - centre).T @ (there - there.mean(axis=0)))
+        back = (moved.forward(self.q)[:, :3, 3] - there.mean(axis=0)) @ (u @ vt).T
+        factor = s.sum() / ((self.here - centre) ** 2).sum()
+        return back + centre - self.there, back / factor + centre - self.there
+
+
+def test_the_uncertainty_is_that_of_robots_one_standard_deviation_off_with_their_bases_aligned(
+    cell: Cell, nominal: Geometry
+) -> None:
+    """Each column of the covariance's root as a robot of its own, by central differences.
+
+    The product of a link's heavier mass and its moved centre is left out: 0.2 % of either.
+    """
+    robots = Aligned(cell, nominal)
+    stated = robots.service.uncertainty(robots.q)
+    sums = np.zeros((2, 4, 3, 3))
+    for column in 0.1 * robots.covariance.root.T:
+        up, down = (np.stack(robots.errors(sign * column)) for sign in (1.0, -1.0))
+        field = (up - down) / 0.2
+        sums += field[..., :, None] * field[..., None, :]
+    np.testing.assert_allclose(stated.covariance, sums[0], rtol=0.0, atol=1e-3 * sums.max())
+    assert stated.covariance_without_scale is not None
+    np.testing.assert_allclose(
+        stated.covariance_without_scale, sums[1], rtol=0.0, atol=1e-3 * sums.max()
+    )
+
+
+@pytest.mark.slow
+def test_the_uncertainty_is_the_spread_of_drawn_robots(cell: Cell, nominal: Geometry) -> None:
+    """Of 400 robots a variance is known to 7 %, that of three directions together to 6 %."""
+    robots, rng = Aligned(cell, nominal), np.random.default_rng(9)
+    stated = robots.service.uncertainty(robots.q)
+    root = robots.covariance.root
+    drawn = np.stack([robots.errors(root @ rng.standard_normal(len(root))) for _ in range(400)])
+    sigma = np.sqrt((drawn**2).sum(axis=3).mean(axis=0))
+    np.testing.assert_allclose(sigma[0] / stated.sigma, 1.0, atol=0.1)
+    np.testing.assert_allclose(sigma[1] / stated.sigma_without_scale, 1.0, atol=0.1)
+
+
+def test_a_covariance_survives_the_file_bit_by_bit(cell: Cell, nominal: Geometry) -> None:
+    covariance = drawn_covariance(cell, nominal, 5)
+    back = tool_covariance_entry(covariance).covariance
+    assert back.names == covariance.names
+    np.testing.assert_array_equal(np.tril(back.values), np.tril(covariance.values))
+    np.testing.assert_array_equal(back.masses, covariance.masses)
+
+
+def test_outside_the_fitted_range_the_uncertainty_says_so(cell: Cell, nominal: Geometry) -> None:
+    service = kinematics_of_robot(
+        UnloadedRobot(cell, nominal),
+        nominal,
+        covariance=replace(
+            drawn_covariance(cell, nominal, 4),
+            names=("ra2",), masses=np.zeros((0, 28)), values=np.array([[1e-10]]),
+        ),
+        ranges=np.tile([-0.5, 0.5], (6, 1)),
+    )  # fmt: skip
+    q = np.full((2, 6), 0.2)
+    assert service.uncertainty(q).covered.all()
+    q[1, 2] = 0.6
+    with pytest.warns(UserWarning, match=r"outside the fitted range of axis 3 \(-28.6 to 28.6 deg"):
+        assert service.uncertainty(q).covered.tolist() == [True, False]
+
+
+def test_a_calibration_without_covariance_states_no_uncertainty(
+    robot: IdentifiedKinematics,
+) -> None:
+    with pytest.raises(InputError, match="states neither covariance nor fitted ranges"):
+        robot.uncertainty(np.zeros((1, 6)))
+
+
+def test_a_calibration_of_still_poses_serves_likewise(tmp_path: Path) -> None:
+    loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=2))
+    assert isinstance(loaded, PoseCalibration)
+    robot, arm = loaded.kinematics("frame"), loaded.arm("frame")
+    q = np.random.default_rng(3).uniform(-1.5, 1.5, (20, 6))
+    poses = robot.forward(q)
+    np.testing.assert_allclose(poses[:, :3, 3], arm.tool(q), rtol=0.0, atol=1e-12)
+    solved = robot.nearest(poses, q + 0.02)
+    assert (solved.reached | solved.singular).all()
+    assert np.abs(solved.q - q)[~solved.singular].max() < 1e-6
+    across = robot.nearest(poses[:5], np.zeros(6))
+    assert across.reached.all(), "from far away the configurations are searched"
+    every = robot.inverse(poses[:5])
+    assert (np.nanmin(np.abs(every.q - q[:5]).max(axis=2), axis=0) < 1e-6).all()
+    assert np.isfinite(robot.uncertainty(q).sigma).all()
+    with pytest.warns(UserWarning, match="outside the fitted range of axis 2"):
+        outside = robot.uncertainty(q + np.array([0.0, RANGE + 1.0, 0.0, 0.0, 0.0, 0.0]))
+    assert np.isinf(outside.sigma[~outside.covered]).all()
+
+
+def test_a_corrected_target_leads_the_identified_robot_to_the_nominal_pose(
+    calibration: Calibration,
+) -> None:
+    robot = calibration.kinematics(payload=Payload(10.0, np.array([0.0, 0.0, 0.1])))
+    q = random_angles(robot, 40)
+    q = q[~robot.nearest(robot.forward(q), q).singular]
+    done = robot.corrected(q)
+    settled = done.position_after < 1e-6
+    wanted = robot_frames(calibration.nominal, q).poses()
+    assert np.abs(robot.forward(done.q) - wanted)[settled].max() < 2e-6
+    assert settled.mean() > 0.9
+    lighter = calibration.kinematics().corrected(q)
+    assert np.abs(lighter.q - done.q).max() > 1e-5, "the payload counts"
+
+
+def test_the_example_serves_a_result_to_a_plain_program(
+    result: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["serve_kinematics.py", str(result.parent)])
+    runpy.run_path(str(ROOT / "examples/serve_kinematics.py"), run_name="__main__")
+    said = capsys.readouterr().out
+    assert "reached True" in said
+    assert "configurations within the axis ranges: 2" in said

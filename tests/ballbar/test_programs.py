@@ -1,0 +1,502 @@
+"""Whole programs corrected: targets alone change, all of them, or nothing is written."""
+
+from __future__ import annotations
+
+import json
+import re
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ballbar.compensation.frames import FrameOptions, angles_near, frame_options, pose_of_angles
+from ballbar.compensation.programs import CorrectedProgram, correct_program, read_programs
+from ballbar.export.result import Result, load_result
+from cell.arrays import Array
+from cell.chain import forward
+from cell.descriptions import Cell, Robot
+from cell.errors import InputError
+from cell.geometry import Geometry, nominal_chain, robot_frames
+from cell.inverse import refine
+from cell.load import load_robot
+from cell.payload import Payload, with_payload
+from cell.robot_angles import controller_to_joints
+from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
+from tests.helpers.command_line import ballbar
+from tests.helpers.pose_results import write_pose_result
+from tests.helpers.programs import (
+    FAR,
+    TABLE,
+    TOOL,
+    e6pos,
+    flange,
+    frame,
+    robtarget,
+    table_frame,
+    tool_frame,
+)
+from tests.helpers.simulated_recordings import perturbed
+
+AXES = np.array(
+    [[10, 20, 5, 30, 60, -100], [-30, 35, -10, -95, 40, 200], [60, 0, 20, 10, -50, 10]], dtype=float
+)
+KUKA_AXES = np.array(
+    [[10, -80, 95, 30, 60, -100], [-30, -95, 100, -95, 40, 200], [60, -70, 80, 10, -50, 10]],
+    dtype=float,
+)
+NONE = FrameOptions()
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory, cell: Cell, nominal: Geometry) -> Result:
+    rng = np.random.default_rng(3)
+    return loaded(
+        write_calibration_of(
+            tmp_path_factory.mktemp("run") / "calibration.yaml",
+            nominal,
+            perturbed(nominal, rng, 5e-4),
+            corrections=corrections_of(cell, GEARS, rng),
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory: pytest.TempPathFactory, nominal: Geometry) -> Result:
+    """A robot that is as its catalogue says."""
+    path = tmp_path_factory.mktemp("exact") / "calibration.yaml"
+    return loaded(write_calibration_of(path, nominal, nominal))
+
+
+def loaded(path: Path) -> Result:
+    out = load_result(path)
+    assert isinstance(out, Result)
+    return out
+
+
+def module(robot: Robot, body: str = "") -> str:
+    """RAPID with everything that is understood, comments in Latin-1, and lines of Windows."""
+    p = [robtarget(robot, axes, tool_frame(), table_frame()) for axes in AXES]
+    lines = [
+        "%%%", "  VERSION:1", "  LANGUAGE:ENGLISH", "%%%", "",
+        "MODULE Weld ! Schwei\xdfen, p10 := nothing",
+        f"  PERS tooldata tGun:={TOOL};",
+        f"\tTASK PERS wobjdata table1 := {TABLE};",
+        f"  CONST robtarget p10:={p[0]};",
+        f"  LOCAL VAR  robtarget p20 :=\t{p[1]} ;",
+        f"  CONST jointtarget home:=[[0,10,-10.5,0,3.0E+01,0],{FAR}];",
+        f"  CONST jointtarget row{{2}}:=[[[0,10,0,0,30,0],{FAR}],[[1,10,0,0,30,0],{FAR}]];",
+        '  CONST string note:="MoveL p10 ""Offs(p10,0,0,1)""";',
+        "  PROC main()",
+        r"    MoveAbsJ home\NoEOffs,v1000,fine,tool0;",
+        r"    MoveAbsJ row{2}\NoEOffs,v1000\T:=2,z5,tGun;",
+        r"    IF di1=1 MoveJ p10,v500,z50,tGun\WObj:=table1;",
+        r"    movel \Conc, p20,v100,",
+        r'      z1,tGun \WObj:=table1; ! to "Offs(p10,1,2,3)"',
+        rf"    MoveC p10,{p[2]},v100,z1,tGun\WObj:=table1;",
+        body,
+        "    Weave; WaitTime 0.5; Set do1;",
+        "  ENDPROC", "ENDMODULE", "",
+    ]  # fmt: skip
+    return "\r\n".join(lines)
+
+
+def corrected(
+    path: Path, text: str, result: Result, options: FrameOptions = NONE
+) -> CorrectedProgram:
+    path.write_bytes(text.encode("latin-1"))
+    return correct_program(read_programs(path, options)[0], result)
+
+
+def without_numbers(text: str) -> str:
+    return re.sub(r"-?\d+\.?\d*(E[+-]?\d+)?", "#", text)
+
+
+def test_a_nominal_robot_gets_the_same_module_byte_for_byte(tmp_path: Path, exact: Result) -> None:
+    text = module(exact.robot)
+    assert corrected(tmp_path / "weld.mod", text, exact).text == text
+
+
+def test_nothing_but_the_numbers_of_targets_changes(tmp_path: Path, result: Result) -> None:
+    text = module(result.robot)
+    done = corrected(tmp_path / "weld.mod", text, result)
+    assert without_numbers(done.text) == without_numbers(text)
+    changed = [
+        k for k, pair in enumerate(zip(text.split("\n"), done.text.split("\n"), strict=True))
+        if pair[0] != pair[1]
+    ]  # fmt: skip
+    assert [k + 1 for k in changed] == [9, 10, 11, 12, 20]
+    assert len(done.program.targets) == 6, "home, two of the array, p10, p20, the one in MoveC"
+    for new, old in zip(re.findall(r"\],\[[-\d,]+\],\[9E", done.text),
+                        re.findall(r"\],\[[-\d,]+\],\[9E", text), strict=True):  # fmt: skip
+        assert new == old, "configurations stay"
+
+
+def reached(result: Result, payload: Payload | None, q: Array) -> Array:
+    """(N, 4, 4) where the identified robot puts the end of the plate."""
+    robot = result.calibration.unloaded_robot(result.cell)
+    if payload is not None:
+        robot = replace(robot, cell=with_payload(robot.cell, payload))
+    return robot.poses(q)
+
+
+def test_the_controller_takes_the_identified_robot_from_the_new_targets_to_the_nominal_poses(
+    tmp_path: Path, result: Result
+) -> None:
+    """The controller is the nominal chain, solved anew from the numbers of the corrected text."""
+    robot = result.robot
+    done = corrected(tmp_path / "weld.mod", module(robot), result)
+    chain, payload = nominal_chain(robot), Payload(4.2, np.array([0.005, 0.0, 0.09]))
+    for start_of, axes in zip((" p10:=", " p20 :=", "MoveC p10"), AXES, strict=True):
+        at = done.text.index("[[", done.text.index(start_of))
+        values = [float(v) for v in re.findall(r"-?\d+\.?\d*", done.text[at:])[:7]]
+        pose = table_frame() @ frame(values[:3], values[3:]) @ np.linalg.inv(tool_frame())
+        start = controller_to_joints(robot, np.radians(axes))[None]
+        q = refine(chain, start, pose[None])
+        wanted = robot_frames(result.calibration.nominal, start).poses()
+        miss = reached(result, payload, q) - wanted
+        assert np.abs(miss[:, :3, 3]).max() < 3e-6, "digits of the text: 1 um and 1e-8"
+        assert np.abs(miss[:, :3, :3]).max() < 1e-6
+        nominal_miss = reached(result, payload, start) - wanted
+        assert np.abs(nominal_miss[:, :3, 3]).max() > 1e-3
+
+
+def test_the_load_of_the_tool_counts_and_an_option_replaces_it(
+    tmp_path: Path, result: Result
+) -> None:
+    text = module(result.robot)
+    declared, stated, none = (
+        corrected(tmp_path / f"{k}.mod", text.replace("[4.2,[5,0,90]", load), result, options)
+        for k, (load, options) in enumerate(
+            [
+                ("[4.2,[5,0,90]", NONE),
+                ("[0,[0,0,0]", frame_options((), (), ("tGun=4.2,5,0,90",), ())),
+                ("[-1,[0,0,0]", NONE),
+            ]
+        )
+    )
+    np.testing.assert_array_equal(declared.corrected.q, stated.corrected.q)
+    assert np.abs(declared.corrected.q - none.corrected.q).max() > 1e-6
+    assert any("payload of tGun, tool0 is not known" in note for note in none.notes)
+    assert any("payload of tool0 is not known" in note for note in declared.notes)
+
+
+REFUSED = {
+    r"MoveL Offs(p10,0,0,10),v100,z1,tGun\WObj:=table1;": r":21: target of MoveL is computed \(O",
+    r"MoveL RelTool(p10,0,0,1),v1,z1,tGun;": r":21: target of MoveL is computed",
+    r"p20 := p10;": r":21: p20 is assigned or used outside",
+    r"p20.trans.x := 100;": r":21: p20 is assigned",
+    r"x := p10.trans.z + 1;": r":21: p10 is assigned or used",
+    r"MoveL p10,v1,z1,tGun;": r":21: p10 is reached with tGun here and otherwise in line 17",
+    r"MoveL pFar,v1,z1,tGun;": r":21: target of MoveL, pFar, is not declared .* --keep pFar",
+    r"MoveL p10,v1,z1,tOther\WObj:=table1;": r":21: tool tOther is not declared .* --tool tOther=",
+    r"MoveL p20,v1,z1,tGun\WObj:=wobj9;": r":21: work object wobj9 is not declared .* --frame",
+    r"MoveL *,v1,z1,tGun;": r":21: target of MoveL is computed",
+    r"MoveAbsJ p10,v1,z1,tGun;": r":21: p10 is a robtarget, which MoveAbsJ does not take",
+    r"MoveAbsJ [[0,1,2,3,4],[9E9]],v1,z1,tGun;": r":21: MoveAbsJ: 5 values where 6 are expected",
+    r"MoveAbsJ [[0,5,1,2,3,4,5,6],[9E9]],v1,z1,tGun;": r"decimals have a point",
+    r"MoveAbsJ [[0,1+1,2,3,4,5],[9E9]],v1,z1,tGun;": r":21: .*expected '\]', there is '\+'",
+    r"MoveAbsJ [[0,nX,2,3,4,5],[9E9]],v1,z1,tGun;": r":21: .*'nX' is no number; computed",
+    r"MoveAbsJ [[9E9,0,2,3,4,5],[9E9]],v1,z1,tGun;": r":21: MoveAbsJ: 9E9 stands for",
+    r"MoveAbsJ [[0,0,0,0,30,999],[9E9]],v1,z1,tGun;": r":21: MoveAbsJ: axis 6 of the given target",
+    r"MoveAbsJ [[0,0,0,0,0,0],[9E9]],v1,z1,tGun;": r":21: MoveAbsJ: the robot stands at a singul",
+    r"MoveL [[9000,0,0],[1,0,0,0],[0,0,0,0],[9E9]],v1,z1,tool0;": r":21: .*does not reach",
+    r"MoveL [[900,0,0],[1,1,0,0],[0,0,0,0],[9E9]],v1,z1,tool0;": r":21: .*has not unit length",
+    r"SearchL di1,p20,p10,v1,tGun;": r":21: SearchL is no move instruction that is understood",
+    r"MyPick p10,5;": r":21: p10 is assigned or used outside of a move instruction",
+    r'%"MoveL"% p10,v1,z1,tGun;': r":21: p10 is assigned or used outside",
+    r"PDispOn p10,tGun;": r":21: PDispOn changes a program displacement",
+    r"GripLoad load1;": r":21: GripLoad changes the load .* --payload",
+    r"MoveL p10,v1,z1,tGun\WObj:=table1\TLoad:=load1;": r":21: \\TLoad replaces",
+    r"tGun := tool0;": r":21: tGun is changed by the program",
+    r"CONST jointtarget home:=[[0,0,0,0,9,0],[9E9]];": r":21: home is declared twice",
+    r"VAR robtarget late; MoveL late,v1,z1,tGun;": r":21: late has no constant value",
+    r"CONST robtarget idle:=[[900,0,900],[1,0,0,0],[0,0,0,0],[9E9]];": r":21: idle: no move of th",
+    rf"Pick [[900,0,900],[1,0,0,0],[0,0,0,0],{FAR}],v1;": r":21: a target is written where no move",
+    r"MoveL p10,v1": r":21: MoveL has \d arguments|:21: ",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_what_is_not_understood_is_refused_with_its_line(
+    tmp_path: Path, result: Result, line: str
+) -> None:
+    with pytest.raises(InputError, match=REFUSED[line]) as refusal:
+        corrected(tmp_path / "weld.mod", module(result.robot, line), result)
+    assert str(refusal.value).startswith("nothing was written.")
+
+
+def test_a_configuration_that_no_solution_has_is_refused(tmp_path: Path, result: Result) -> None:
+    text = module(result.robot).replace("[0,0,-2,0]", "[2,0,-2,0]")
+    with pytest.raises(InputError, match=r":9: p10: no solution .* configuration \[2, 0, -2, 0\]"):
+        corrected(tmp_path / "weld.mod", text, result)
+
+
+def test_an_axis_that_passes_its_quadrant_takes_the_data_along(
+    tmp_path: Path, result: Result
+) -> None:
+    """Axis 4 at 0.001 deg is corrected to below zero or up; one of two signs crosses."""
+    crossed = 0
+    for angle in (0.001, -0.001, 90.001, 89.999):
+        axes = np.array([20.0, 10.0, 5.0, angle, 40.0, 30.0])
+        point = robtarget(result.robot, axes, np.eye(4), np.eye(4))
+        text = f"MODULE m\nPROC a()\nMoveL {point},v1,z1,tool0;\nENDPROC\nENDMODULE\n"
+        done = corrected(tmp_path / "m.mod", text, result)
+        quadrant = int(re.findall(r"\],\[0,(-?\d),", done.text)[0])
+        after = axes[3] + np.degrees(done.axis_changes[0, 3])
+        assert quadrant == int(np.floor(after / 90.0))
+        crossed += any("configuration" in note for note in done.notes)
+    assert crossed == 2
+
+
+def test_module_calls_without_arguments_are_named_as_not_corrected(
+    tmp_path: Path, result: Result
+) -> None:
+    done = corrected(tmp_path / "weld.mod", module(result.robot, "MoveHome;"), result)
+    assert "MoveHome is not in the file: its targets stay as they are" in done.notes
+
+
+def src(robot: Robot, motion: str = "", *, tool: str = "$TOOL=TOOL_DATA[1]") -> tuple[str, str]:
+    """A .src and a .dat file as the teach pendant writes them."""
+    p = [e6pos(robot, axes, tool_frame(), table_frame()) for axes in KUKA_AXES]
+    program = [
+        "&ACCESS RVP", "&REL 12", "DEF weld( )", ";FOLD INI;%{PE}",
+        "  INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )", "  BAS (#INITMOV,0 )",
+        ";ENDFOLD (INI)", tool, "$BASE=BASE_DATA[2]",
+        ";FOLD PTP P1 Vel=100 % PDAT1 Tool[1]:Gun Base[2]:T\xe4ble;%{PE}",
+        "$BWDSTART=FALSE", "PDAT_ACT=PPDAT1", "FDAT_ACT=FP1", "BAS(#PTP_PARAMS,100)", "PTP XP1",
+        ";ENDFOLD", "LIN XP2 C_DIS", f"SLIN {p[2]} WITH $VEL=SVEL_CP(2.0, , LCPDAT1), "
+        "$TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)",
+        "PTP {A1 10, A2 -80.5, A3 95, A4 0, A5 45, A6 -10, E1 0} C_PTP", motion, "END", "",
+    ]  # fmt: skip
+    data = [
+        "&ACCESS RVP", "DEFDAT  WELD PUBLIC", ";FOLD EXTERNAL DECLARATIONS", ";ENDFOLD",
+        'DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " ",TQ_STATE FALSE}',
+        f"DECL E6POS XP1={p[0]}", f"DECL GLOBAL E6POS  XP2 = {p[1]} ; second",
+        "DECL PDAT PPDAT1={VEL 100.000,ACC 100.000,APO_DIST 100.000}", "ENDDAT", "",
+    ]  # fmt: skip
+    return "\r\n".join(program), "\r\n".join(data)
+
+
+def options_of(tool: Array, base: Array) -> FrameOptions:
+    return replace(NONE, tools={"1": tool}, frames={"2": base})
+
+
+@pytest.fixture(scope="module")
+def kuka(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_pose_result(
+        tmp_path_factory.mktemp("k") / "calibration.yaml", "kr10_r1100", seed=3
+    )
+
+
+def write_pair(folder: Path, program: str, data: str) -> Path:
+    (folder / "weld.dat").write_bytes(data.encode("latin-1"))
+    (folder / "weld.src").write_bytes(program.encode("latin-1"))
+    return folder / "weld.src"
+
+
+def test_a_pair_of_krl_files_is_corrected_as_one_program(tmp_path: Path, kuka: Path) -> None:
+    result, robot = load_result(kuka), load_robot("kr10_r1100")
+    texts = src(robot)
+    path = write_pair(tmp_path, *texts)
+    programs = read_programs(path, options_of(tool_frame(), table_frame()))
+    assert [len(p.targets) for p in programs] == [2, 2]
+    chain = nominal_chain(robot)
+    for k, program in enumerate(programs):
+        done = correct_program(program, result)
+        assert without_numbers(done.text) == without_numbers(texts[k])
+        for j, target in enumerate(program.targets):
+            start = done.q[j : j + 1]
+            wanted = forward(chain, start).poses()
+            arm = result.calibration.arm()  # type: ignore[union-attr]
+            at = forward(arm.chain, arm.joints(done.corrected.q[j : j + 1])).poses()
+            assert np.abs(at - wanted).max() < 1e-8
+            if target.rotation is None:
+                continue
+            name = f"{target.name.upper()}=" if k else "SLIN "
+            line = next(x for x in done.text.replace(" ", "").split("\r\n")
+                        if name.strip() in x and "{X" in x)  # fmt: skip
+            values = [float(re.search(rf"[{{,]{c}(-?[\d.]+)", line)[1]) for c in "XYZABC"]
+            pose = table_frame() @ pose_of_angles(values) @ np.linalg.inv(tool_frame())
+            q = refine(chain, done.corrected.q[j : j + 1], pose[None])
+            assert np.abs(q - done.corrected.q[j]).max() < 2e-5, "digits of the text"
+
+
+def test_krl_of_a_nominal_robot_stays_as_it_is(tmp_path: Path, kuka: Path) -> None:
+    robot = load_robot("kr10_r1100")
+    result = load_result(kuka)
+    nominal = {
+        name: entry.model_copy(update={"value": entry.nominal})
+        for name, entry in result.calibration.file.parameters.items()
+    }
+    file = result.calibration.file.model_copy(update={"parameters": nominal, "corrections": {}})
+    exact = replace(result, calibration=replace(result.calibration, file=file))
+    texts = src(robot)
+    path = write_pair(tmp_path, *texts)
+    for program, text in zip(
+        read_programs(path, options_of(tool_frame(), table_frame())), texts, strict=True
+    ):
+        assert correct_program(program, exact).text == text
+
+
+KRL_REFUSED = {
+    "PTP_REL {A1 10}": r"weld.src:20: PTP_REL moves by a distance",
+    "LIN XP1:XP2": r"weld.src:20: target of LIN is computed",
+    "XP1.X=XP1.X+10": r"weld.src:20: XP1 is assigned or used outside",
+    "XP2=XP1": r"weld.src:20: XP2 is assigned",
+    "PTP XHOME": r"weld.src:20: target of PTP, XHOME, has no constant value .* --keep XHOME",
+    "PTP {A1 10,A2 20}": r"weld.src:20: PTP: expected A1, .* A3, A4, A5, A6 missing",
+    "PTP {A1 10,5,A2 20}": r"weld.src:20: .*'5' where a component is expected; decimals",
+    "PTP {A1 x,A2 20}": r"weld.src:20: .*'x' is no number",
+    "PTP OFFSET(XP1)": r"weld.src:20: target of PTP is computed by OFFSET",
+    "LIN {X 100,Y 0,Z 10,A 0,B 0,C 0,S 2}": r"weld.src:20: LIN: S and T are both needed",
+    "LIN {X 900,Y 0,Z 900,A 0,B 90,C 0}": r"weld.src:20: LIN: states no configuration",
+    "$BASE.X=10": r"weld.src:20: \$BASE is changed in part",
+    "$TOOL=INV_POS(T1)": r"weld.src:20: \$TOOL is computed",
+    "MOVE_TO(XP1)": r"weld.src:20: XP1 is assigned or used outside",
+}
+
+
+@pytest.mark.parametrize("line", KRL_REFUSED)
+def test_krl_that_is_not_understood_is_refused_with_its_line(
+    tmp_path: Path, kuka: Path, line: str
+) -> None:
+    result = load_result(kuka)
+    path = write_pair(tmp_path, *src(load_robot("kr10_r1100"), line))
+    with pytest.raises(InputError, match=KRL_REFUSED[line]):
+        correct_program(read_programs(path, options_of(tool_frame(), table_frame()))[0], result)
+
+
+def test_a_tool_of_krl_that_nobody_stated_is_asked_for_by_its_number(tmp_path: Path) -> None:
+    path = write_pair(tmp_path, *src(load_robot("kr10_r1100")))
+    with pytest.raises(InputError, match=r"\$TOOL is not known here \(number 1\).*--tool 1=X"):
+        read_programs(path, NONE)
+    within = src(load_robot("kr10_r1100"), "IF X THEN\r\n$TOOL={X 0,Y 0,Z 0,A 0,B 0,C 0}\r\nENDIF")
+    path = write_pair(tmp_path, *within)
+    with pytest.raises(InputError, match=r"weld.src:21: \$TOOL is set within a branch"):
+        read_programs(path, options_of(tool_frame(), table_frame()))
+
+
+def test_frames_of_krl_that_the_program_states_itself_are_taken(tmp_path: Path, kuka: Path) -> None:
+    program, data = src(load_robot("kr10_r1100"), tool="$TOOL={X 1,Y 2,Z 3,A 0,B 0,C 0}")
+    program = program.replace("$BASE=BASE_DATA[2]", "$BASE=MYBASE")
+    program = program.replace("FDAT_ACT=FP1", "").replace(
+        " WITH $VEL=SVEL_CP(2.0, , LCPDAT1), $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)", ""
+    )
+    data = data.replace("ENDDAT", "DECL FRAME MYBASE={X 5,Y 0,Z 0,A 90,B 0,C 0}\r\nENDDAT")
+    for file in read_programs(write_pair(tmp_path, program, data), NONE):
+        for target in file.targets:
+            if target.rotation:
+                assert target.setup.tool[:3, 3] == pytest.approx([1e-3, 2e-3, 3e-3])
+                assert target.setup.frame[:3, 3] == pytest.approx([5e-3, 0.0, 0.0])
+                assert target.setup.frame[1, 0] == pytest.approx(1.0)
+
+
+def pdl2(move: str = "") -> str:
+    return "\r\n".join(
+        [
+            "PROGRAM weld PROG_ARM = 1", "VAR home : JOINTPOS FOR ARM[1] -- {1, 2}",
+            "BEGIN", "  home := {0, -10, -100, 0, 60, 0}", "  MOVE TO home",
+            "  MOVEFLY JOINT TO {10.5, -5, -95, 10, 50, 20} ADVANCE", move,
+            "  MOVE JOINT TO home WITH $PROG_SPD_OVR = 50", "END weld", "",
+        ]
+    )  # fmt: skip
+
+
+def test_joint_positions_of_pdl2_are_corrected_wherever_they_stand(
+    tmp_path: Path, result: Result, exact: Result
+) -> None:
+    text = pdl2().replace("-100, 0, 60", "-10, 0, 60").replace("-95, 10", "-5, 10")
+    assert corrected(tmp_path / "weld.pdl", text, exact).text == text
+    done = corrected(tmp_path / "weld.pdl", text, result)
+    assert without_numbers(done.text) == without_numbers(text)
+    assert [target.line for target in done.program.targets] == [4, 6]
+    assert "{1, 2}" in done.text
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    {
+        "  MOVE TO POS(100, 0, 500, 0, 90, 0, '')": r":7: MOVE: cartesian positions of PDL2",
+        "  p1 := POS(100, 0, 500, 0, 90, 0, '')": r":7: p1: cartesian positions of PDL2",
+        "  MOVE RELATIVE VEC(0, 0, 10) IN TOOL": r":7: MOVE RELATIVE: where to is computed",
+        "  MOVE TO other": r":7: target other of MOVE has no constant value",
+        "  home[3] := home[3] + 5": r":7: home\[3\] is computed",
+        "  go({0, 0, 0, 0, 30, 0})": r":7: a joint position outside of MOVE",
+        "  MOVE TO home SYNCMOVE ARM[2] TO home": r":7: MOVE has another target",
+        "  MOVE TO {0, a, 0, 0, 0, 0}": r":7: target MOVE: 'a' is no number",
+    }.items(),
+)
+def test_pdl2_that_is_not_understood_is_refused_with_its_line(
+    tmp_path: Path, result: Result, line: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        corrected(tmp_path / "weld.pdl", pdl2(line), result)
+
+
+def test_the_command_writes_the_program_and_says_what_changed_most(
+    tmp_path: Path, result: Result
+) -> None:
+    program = tmp_path / "weld.mod"
+    program.write_bytes(module(result.robot).encode("latin-1"))
+    code, out, err = ballbar("correct", program, "--with", result.file, "--json")
+    assert code == 0
+    data = json.loads(out)
+    assert data["files"] == [str(tmp_path / "weld-corrected.mod")]
+    assert {t["name"] for t in data["targets"]} >= {"p10", "p20", "home", "row{1}", "MoveC"}
+    assert max(t["position_error_m"] for t in data["targets"]) > 1e-3
+    assert "Schwei\xdfen".encode("latin-1") in (tmp_path / "weld-corrected.mod").read_bytes()
+    code, out, _ = ballbar(
+        "correct",
+        program,
+        "--with",
+        result.file,
+        "--out",
+        tmp_path / "b.mod",
+        "--payload",
+        "tool0=1",
+    )
+    assert code == 0
+    assert "largest changes" in out
+    assert "payload" not in out, "of both tools it is known"
+    code, _, err = ballbar("correct", program, "--with", result.file)
+    assert code == 2
+    assert "exists already; nothing was written" in err
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"\0\0", b"MODULE m\nMoveL", b"MoveL [[[[[[", b'"', b"CONST robtarget", b"PERS tooldata t:="],
+)
+@pytest.mark.parametrize("suffix", [".mod", ".src", ".pdl"])
+def test_hostile_text_is_refused_or_has_no_targets(
+    tmp_path: Path, content: bytes, suffix: str
+) -> None:
+    path = tmp_path / f"hostile{suffix}"
+    path.write_bytes(content)
+    with suppress(InputError):  # nothing else may come out, however the text goes on
+        (program,) = read_programs(path, NONE)
+        assert program.targets == ()
+
+
+def test_turns_about_z_y_x_stay_near_those_given_also_where_a_and_c_are_alike() -> None:
+    for given in (
+        [10.0, 20.0, 30.0],
+        [190.0, 160.0, 210.0],
+        [-170.0, 90.0, 20.0],
+        [5.0, -90.0, 0.0],
+    ):
+        np.testing.assert_allclose(
+            angles_near(pose_of_angles([0.0, 0.0, 0.0, *given]), given), given, rtol=0.0, atol=1e-5
+        )
+
+
+def test_options_that_are_not_understood_are_refused() -> None:
+    with pytest.raises(InputError, match=r"--tool 1,2: expected \[NAME=\]X,Y,Z,A,B,C"):
+        frame_options(("1,2",), (), (), ())
+    with pytest.raises(InputError, match="a mass is not negative"):
+        frame_options((), (), ("-1",), ())
+    with pytest.raises(InputError, match=r"--payload 1,2: expected"):
+        frame_options((), (), ("a=1,2",), ())
+    assert flange(load_robot("irb2400"), np.zeros(6))[0, 3] == pytest.approx(0.94)
