@@ -109,8 +109,8 @@ class Instrument:
     sigma_zero: float  # [m] of the sensed length's zero; 0: calibrated
     sigma_direction: float  # [rad] of the sensed angles that point at the target
     sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
-    distance: tuple[float, float] | None = None  # [m] between two seats, and its sigma
-    mass: float = 0.0  # [kg] of a rod from seat to target
+    distance: tuple[float, float] | None  # [m] between two seats, and its sigma
+    mass: float  # [kg] of a rod from seat to target
 
     def sigma(self, values: Array) -> Array:
         """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a

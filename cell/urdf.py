@@ -271,7 +271,7 @@ def _longest_tip(urdf: Urdf) -> str:
         for link, path in paths.items()
     }
     plain = {link for link in paths if len(turning[link]) == _moving_count(paths[link])}
-    most = max((len(turning[link]) for link in plain), default=0)
+    most = max(len(turning[link]) for link in plain)
     if most < max(len(joints) for joints in turning.values()):  # the longest holds another joint
         plain = set(paths)
         most = max(len(joints) for joints in turning.values())

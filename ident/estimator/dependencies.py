@@ -136,12 +136,11 @@ def spectrum(columns: Array, names: Sequence[str]) -> Spectrum:
     relative = np.linalg.svd(unit, compute_uv=False)
     relative = relative / relative[0]
     rank = int((relative > STRUCTURAL).sum())
-    ignored = [*relative[rank:], *([0.0] * max(0, len(unit) - len(relative)))]
     return Spectrum(
         rank,
         float(1.0 / relative[rank - 1]),
         float(relative[rank - 1]),
-        float(max(ignored, default=0.0)),
+        float(relative[rank:].max(initial=0.0)),
     )
 
 
