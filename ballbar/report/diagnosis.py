@@ -10,9 +10,9 @@ import numpy as np
 from ballbar.replay.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
 from ballbar.result.run_data import FittedRecording, RunData
-from ballbar.scenario import SHIPPED
 from ballbar.units import MM
 from cell.arrays import Array
+from cell.extended_yaml import SHIPPED
 from cell.geometry import parameter_named
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_correction import CorrectionPart, correction_parts

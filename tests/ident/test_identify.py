@@ -20,10 +20,10 @@ from ballbar.scenario import load_scenario
 from cell.clock import Clock
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
+from cell.statistics import rms
 from ident import complete_fit
 from ident.complete_fit import fit_pose
 from ident.estimator.fit import Fit
-from cell.statistics import rms
 from ident.identify import identify, identify_together
 from ident.options import FitOptions, Listener
 from ident.recording_fit import Logs
