@@ -71,7 +71,9 @@ def test_shares_are_those_of_changing_one_after_the_other(robot: RobotEstimate) 
             shares[str(name)] += float((after - before) @ whole / (whole @ whole)) / draws
             before = after
     parts = {part.name: part.share for part in correction_parts(robot, GRID)}
-    assert parts == pytest.approx(shares, abs=2e-3)  # what deviations of 1e-3 do to second order
+    assert parts == pytest.approx(
+        shares, abs=3e-5
+    )  # scatter of the draws; derivatives at one end: 8e-5
     assert sum(parts.values()) == pytest.approx(1.0)
 
 
