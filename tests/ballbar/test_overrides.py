@@ -57,7 +57,8 @@ def test_a_recording_has_the_scenario_that_made_it_beside_it(tmp_path: Path) -> 
     assert code == 0, err
     copy = tmp_path / "a" / "rec.scenario.yaml"
     again = load_any_scenario(copy)
-    assert (again.name, again.seed, again.cell.robot) == ("mine", 7, "../own/robot.yaml")
+    copied = "rec/descriptions/robot/robot.yaml"
+    assert (again.name, again.seed, again.cell.robot) == ("mine", 7, copied)
     assert "extends" not in load_yaml(copy).data
     code, _, err = ballbar("simulate", copy, "--out", tmp_path / "rec")
     assert code == 0, err
