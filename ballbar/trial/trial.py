@@ -17,6 +17,7 @@ from weakref import finalize
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 
+from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.compare import (
@@ -137,6 +138,12 @@ def _recorded(settings: Scenario, folder: Path) -> _Recorded:
     return made
 
 
+@lru_cache(RECORDINGS)
+def _read(made: _Recorded) -> Recording:
+    """The clean logs of a recording, which its costs share."""
+    return read_with_causes(made.folder)
+
+
 def _files_row(scenario: Scenario, folder: Path) -> Row:
     scenario = with_absolute_names(scenario, folder)
     made = _recorded(scenario.model_copy(update={"identify": IdentifySettings()}), folder)
@@ -173,7 +180,7 @@ def _paired(
     The clock is offset [s] and skew where the cost has its own.
     """
     if settings.pairing == "logs":
-        read = read_with_causes(made.folder)
+        read = _read(made)
         if read.ballbar_log is None:
             raise InputError("identify.pairing = logs needs a ball-bar with encoders")
         paired = pair_logs(cost, nominal, read.robot_log, read.ballbar_log, count=settings.samples)
