@@ -5,13 +5,13 @@ differ in how they begin and end: a mechanism slows down before it stands and se
 a frozen channel stops between two rows at full speed and jumps to where the motion has led
 meanwhile. A run of equal values is frozen where
 
-- it ends in a step far beyond those around it, though the channel moves on one side at least; or
+- it ends in a step far beyond those around it, and begins or ends at full speed; or
 - it begins and ends at full speed, and a cubic with the places and speeds on both sides leaves it
   (a motion that comes back); or
 - it is the first or the last of the log, and begins or ends at full speed.
 
-Steps are compared with those within as many rows as the run is long, so that neither the steps of a
-coarse sensor nor those of values that the logger holds for some rows count as jumps.
+No step of a coarse sensor's grain is a jump, and where runs follow each other directly the logger
+holds each value for some rows.
 
 Torques and forces have no motion to be led by. Theirs repeat by chance only: of R runs of equal
 values, of which a share p has more than one row, `R p^(n - 1)` have n rows or more.
@@ -20,7 +20,7 @@ values, of which a share p has more than one row, `R p^(n - 1)` have n rows or m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +31,12 @@ from cell.arrays import Array
 from cell.neighbours import Mask, Rows
 
 SHORTEST = 5  # rows of a run; shorter ones are damaged values (acquisition.faults.damaged_values)
-OFF = 2e-4  # [rad] from the motion; less is the backlash of a joint, or friction of a bearing
+OFF = 1e-4  # [rad], [m] from the motion; a joint that strikes in its backlash moves by less
 JUMP = 3.0  # times the third largest step around: beside two other faults
 EDGE = 5  # rows that show the speed on either side
 ABRUPT = 0.6  # of the mean step there: the last one of a mechanism that stops is a fifth of it
 GRAINS = 3.0  # steps of a coarse sensor
-MOVING = 0.1  # of the jump: how far the speed beside a run leads at least
+HELD = 3.0  # times as long as the run beside it: a value that is held as others are
 CHANCE = 1e-6  # runs as long as that by chance
 STRETCHES_SHOWN = 3
 
@@ -80,10 +80,12 @@ def with_frozen_loads_checked(table: Table, moving: Mapping[str, str | None]) ->
     """
     frozen = {}
     for name, other in moving.items():
-        runs = _runs(np.diff(table.columns[name]))
+        step = np.diff(table.columns[name])
+        runs = _runs(step)
         share = max(1.0, float((runs.length > 1).sum())) / runs.first.size
         chance = runs.first.size * share ** (runs.length - 1.0)
-        runs = runs.take((runs.length >= SHORTEST) & (chance < CHANCE))
+        noisy = float(np.median(np.abs(step))) > GRAINS * _grain(step)
+        runs = runs.take((runs.length >= SHORTEST) & (chance < CHANCE) & noisy)
         if other is not None and runs.first.size:
             moves = np.concatenate(([0], np.cumsum(np.diff(table.columns[other]) != 0)))
             changes = moves[runs.last] - moves[runs.first]
@@ -92,7 +94,7 @@ def with_frozen_loads_checked(table: Table, moving: Mapping[str, str | None]) ->
     return _remarked(table, frozen, "as its noise does by no chance")
 
 
-def _runs(step: NDArray[np.generic]) -> _Runs:
+def _runs(step: NDArray[Any]) -> _Runs:
     """All runs of equal values, those of one row included; step : (N-1,) from row to row."""
     edges = np.flatnonzero(step != 0)
     first, last = np.concatenate(([0], edges + 1)), np.concatenate((edges, [step.size]))
@@ -102,16 +104,15 @@ def _runs(step: NDArray[np.generic]) -> _Runs:
 def _frozen(t: Array, step: Array) -> _Runs:
     """The runs of equal values in which a channel is frozen; step : (N-1,) [rad] row to row."""
     runs = _runs(step)
-    runs = runs.take((runs.length >= SHORTEST) & (runs.length <= step.size))
-    moving = np.abs(step[step != 0])
-    if not runs.first.size or not moving.size:
+    runs = runs.take((runs.length >= SHORTEST) & ~_held(runs))  # all runs, single rows too
+    if not runs.first.size or not step.any():
         return runs.take(np.zeros(runs.first.size, dtype=bool))
-    smallest = max(OFF, GRAINS * float(moving.min()))
+    smallest = max(OFF, GRAINS * _grain(step))
     before, behind = _side(t, step, runs.first, -1), _side(t, step, runs.last, 1)
     duration = t[runs.last] - t[runs.first]
     jump = np.where(behind.exists, step[np.minimum(runs.last, step.size - 1)], 0.0)
     reach = duration * np.maximum(np.abs(before.speed), np.abs(behind.speed))
-    far = (np.abs(jump) > smallest) & (reach > MOVING * np.abs(jump)) & before.exists
+    far = (np.abs(jump) > smallest) & (before.abrupt | behind.abrupt)
     abrupt = before.abrupt & behind.abrupt
     left = np.abs(_bridge(duration, jump, before.speed, behind.speed)) > smallest
     one_sided = (before.abrupt & ~behind.exists) | (behind.abrupt & ~before.exists)
@@ -143,9 +144,8 @@ def _side(t: Array, step: Array, row: Rows, direction: int) -> _Side:
     moved = np.where(exists, place[near] - place[far], 0.0)
     speed = moved / np.where(elapsed != 0.0, elapsed, 1.0)
     closest = np.abs(step[np.clip(near - (direction < 0), 0, step.size - 1)])
-    grains = float(np.abs(step[step != 0]).min())
-    quick = np.abs(moved) > EDGE * grains
-    abrupt = exists & quick & (closest > ABRUPT * np.abs(moved) / EDGE)
+    abrupt = exists & (closest - _grain(step) > ABRUPT * np.abs(moved) / EDGE)
+    abrupt &= moved != 0.0
     return _Side(speed, abrupt, exists)
 
 
@@ -158,10 +158,22 @@ def _bridge(duration: Array, jump: Array, before: Array, behind: Array) -> Array
 
 
 def _step_around(step: Array, first: int, last: int) -> float:
-    """[rad] third largest step within as many rows on either side as the run has, or some more."""
-    reach = max(2 * EDGE, 2 * (last - first))
+    """[rad] third largest step of the rows beside a run, whose own two steps do not count."""
+    reach = 2 * EDGE
     around = np.abs(np.r_[step[max(0, first - reach) : first], step[last + 1 : last + 1 + reach]])
     return float(np.partition(around, -3)[-3]) if around.size >= EDGE else 0.0
+
+
+def _held(runs: _Runs) -> Mask:
+    """(K,) runs beside which another one follows directly that is nearly as long."""
+    length = np.concatenate(([1], runs.length, [1]))
+    beside = np.maximum(length[:-2], length[2:])
+    return np.asarray((beside > 1) & (runs.length <= HELD * beside))
+
+
+def _grain(step: NDArray[Any]) -> float:
+    """Smallest step of a channel."""
+    return float(np.abs(step[step != 0]).min(initial=np.inf))
 
 
 def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
