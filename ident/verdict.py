@@ -118,6 +118,7 @@ class Evidence:
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
     disagreement: str = ""  # what is not the same in all recordings, or all along one
+    ratios: str = ""  # gears that turn otherwise than logged
     softer: float = (
         1.0  # compliance of all gears over the catalogue's, where no torque tells masses
     )
@@ -297,6 +298,12 @@ def _with_care(
             f"all gears together are {evidence.softer:.2f} times as soft as the "
             "catalogue's, as if the tool or the arm weighed that much more than the files say. "
             "State what the flange carries (`body` in the plate's file), or log motor torques."
+        )
+    elif evidence.ratios:
+        care = (
+            f"{evidence.ratios}. A ratio of teeth is exact: the robot's file is of other gears, or "
+            "its log is scaled otherwise than the dialect says. The result holds for angles as "
+            "they were logged."
         )
     elif evidence.pulled:
         care = (
