@@ -61,6 +61,7 @@ NOISY = 8.0  # standard deviations of a torque
 TWICE, BOUND = 2.0, 2.0  # times the stated 95 % bound; standard deviations of that
 RESULT = Path(__file__).parent.parent / "docs/studies/silent_faults.csv"
 SEEDS = (1, 2, 3)
+SAMPLES = 500  # of each recording in the fit
 PER_COUNT = 2.0 * np.pi / (3600 * 2**12)  # [rad]
 
 Array = np.ndarray
@@ -432,7 +433,7 @@ def identified(
     case = Row("recordings", number, name, fault, channels, rows, "refused")
     begun = time.process_time()
     try:
-        result = identify_recordings(list(folders), settings=IdentifySettings()).identification  # type: ignore[call-overload]
+        result = identify_recordings(list(folders), settings=IdentifySettings(samples=SAMPLES)).identification  # type: ignore[call-overload]
     except (InputError, StartError, FailureError) as error:
         return replace(case, seconds=time.process_time() - begun, sentence=str(error))
     error = machine.error(result, *scale)

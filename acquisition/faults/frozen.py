@@ -6,8 +6,8 @@ a frozen channel stops between two rows at full speed and jumps to where the mot
 meanwhile. A run of equal values is frozen where
 
 - it ends in a step far beyond those around it, and begins or ends at full speed; or
-- it begins and ends at full speed, and a cubic with the places and speeds on both sides leaves it
-  (a motion that comes back); or
+- it begins at full speed and ends at full speed the other way: a motion that comes back, which by
+  the cubic with the places and speeds on both sides was elsewhere meanwhile; or
 - it is the first or the last of the log, and begins or ends at full speed.
 
 No step of a coarse sensor's grain is a jump, and where runs follow each other directly the logger
@@ -113,7 +113,7 @@ def _frozen(t: Array, step: Array) -> _Runs:
     jump = np.where(behind.exists, step[np.minimum(runs.last, step.size - 1)], 0.0)
     reach = duration * np.maximum(np.abs(before.speed), np.abs(behind.speed))
     far = (np.abs(jump) > smallest) & (before.abrupt | behind.abrupt)
-    abrupt = before.abrupt & behind.abrupt
+    abrupt = before.abrupt & behind.abrupt & (before.speed * behind.speed < 0.0)
     left = np.abs(_bridge(duration, jump, before.speed, behind.speed)) > smallest
     one_sided = (before.abrupt & ~behind.exists) | (behind.abrupt & ~before.exists)
     frozen = (abrupt & left) | (one_sided & (0.5 * reach > smallest))

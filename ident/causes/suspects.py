@@ -239,7 +239,8 @@ def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
             cause = f"{error.channel} is logged {abs(error.size) * 1e3:.1f} ms {when}"
             remedy = "Log all channels of a row at one instant"
         else:
-            cause = f"{error.channel} is logged {1.0 + error.size:.5f} times its angle"
+            size = "large" if error.size > 0 else "small"
+            cause = f"{error.channel} is logged {100.0 * abs(error.size):.2g} % too {size}"
             remedy = "Correct its gear ratio in the robot's file, or the unit of its column"
             if encoder:
                 remedy = "Correct its lines and bits in recording.yaml"
