@@ -462,24 +462,30 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULT)
     given = parser.parse_args()
     rows: list[Row] = []
+    parts = {"files": file_rows, "recordings": recording_rows}
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         every = machines(scratch)
-        if given.part != "recordings":
-            rows += file_rows(every, scratch)
-        if given.part != "files":
-            rows += recording_rows(every, scratch)
+        for part in [given.part] if given.part else parts:
+            for row in parts[part](every, scratch):
+                rows.append(row)
+                if row.outcome == "silent" or part == "recordings":
+                    print(_said(row), flush=True)
     with given.out.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([f.name for f in fields(Row)])
         for row in rows:
             values = (getattr(row, f.name) for f in fields(Row))
             writer.writerow([f"{v:.4g}" if isinstance(v, float) else v for v in values])
-    for row in rows:
-        if row.outcome == "silent" or row.ratio > 1.0:
-            print(row)
     for part in ("files", "recordings"):
         _table([row for row in rows if row.part == part])
+
+
+def _said(row: Row) -> str:
+    return (
+        f"{row.number:3} {row.fault} {row.channels}, {row.rows} rows, {row.machine}: {row.outcome}, "
+        f"{row.ratio:.2f} times stated, {row.seconds:.1f} s: {row.sentence[:160]}"
+    )
 
 
 def _table(rows: list[Row]) -> None:

@@ -38,6 +38,7 @@ from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.model_choice import coefficients_of, lasting
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ident.physical_bounds import impossible
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
 from ident.remarks import (
     joint_error_remark,
@@ -267,6 +268,7 @@ def _result(
         pulled=pulled(fit),
         lengths_apart=stated.lengths.apart,
         unphysical=unphysical(fit, stated.covariance, payload),
+        impossible=impossible(fit) if fit.converged else (),
         disagreement=unlike_tools(payload) or agreement.sentence,
         ratios=wrong_ratios(fit, np.sqrt(np.diag(stated.covariance))),
         softer=softer,

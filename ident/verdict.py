@@ -117,6 +117,7 @@ class Evidence:
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
+    impossible: tuple[str, ...] = ()  # what is beyond physical size (ident.physical_bounds)
     disagreement: str = ""  # what is not the same in all recordings, or all along one
     ratios: str = ""  # gears that turn otherwise than logged
     softer: float = (
@@ -234,6 +235,11 @@ def _wrong(
             f"Misfit: {', '.join(evidence.unphysical)} came out negative, as no stiffness, play or "
             "mass can be: something else is not in the model, or `links` and `body` in the files "
             "are not those of this machine."
+        )
+    if evidence.impossible:
+        return Status.MISFIT, (
+            f"Misfit: to fit, {', '.join(evidence.impossible)}, as in no machine: something else "
+            "is in the data that is not in the model."
         )
     if not evidence.converged:
         return Status.NOT_CONVERGED, f"{unfinished}: do not use these parameters."
