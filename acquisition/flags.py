@@ -30,11 +30,7 @@ class RowFlag(IntFlag):
 
 
 EXCLUDED = (
-    RowFlag.AMPLITUDE
-    | RowFlag.FREQUENCY
-    | RowFlag.INVALID
-    | RowFlag.IMPLAUSIBLE
-    | RowFlag.FROZEN
+    RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE | RowFlag.FROZEN
 )
 
 

@@ -61,6 +61,7 @@ NOISY = 8.0  # standard deviations of a torque
 TWICE, BOUND = 2.0, 2.0  # times the stated 95 % bound; standard deviations of that
 RESULT = Path(__file__).parent.parent / "docs/studies/silent_faults.csv"
 SEEDS = (1, 2, 3)
+MOTOR_TURNS = 100.0  # of a joint's turn, about
 SAMPLES = 500  # of each recording in the fit
 PER_COUNT = 2.0 * np.pi / (3600 * 2**12)  # [rad]
 
@@ -182,7 +183,7 @@ def kink(logs: Logs, rng: Rng) -> Damage:
     tent = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 3.0
     for column in log.columns("m", "b"):
         size = float(np.exp(rng.uniform(np.log(3e-4), np.log(0.05)))) * rng.choice([-1, 1])
-        size *= 1.0 / PER_COUNT if source == "ballbar" else 100.0  # a motor turns 100 times as far
+        size *= 1.0 / PER_COUNT if source == "ballbar" else MOTOR_TURNS
         log.put(rows, column, log.numbers(column)[rows] + size * tent)
     return Damage(source, tuple(log.names[k] for k in log.columns("m", "b")), rows)
 
@@ -214,13 +215,15 @@ def ten_freezes(logs: Logs, rng: Rng) -> Damage:
 
 
 def one_step(logs: Logs, rng: Rng) -> Damage:
-    """An encoder slips on its shaft, once."""
-    log = logs["ballbar"]
-    column = int(rng.choice(log.columns("b")))
-    rows = np.arange(int(rng.integers(len(log.cells) // 4, 3 * len(log.cells) // 4)), len(log.cells))
+    """An encoder slips on its shaft, or a motor's zero moves, once."""
+    source = _source(rng)
+    log = logs[source]
+    column, total = int(rng.choice(log.columns("m", "b"))), len(log.cells)
+    rows = np.arange(int(rng.integers(total // 4, 3 * total // 4)), total)
     size = float(np.exp(rng.uniform(np.log(3e-4), np.log(5e-3)))) * rng.choice([-1, 1])
-    log.put(rows, column, log.numbers(column)[rows] + size / PER_COUNT)
-    return Damage("ballbar", (log.names[column],), rows)
+    size *= 1.0 / PER_COUNT if source == "ballbar" else MOTOR_TURNS
+    log.put(rows, column, log.numbers(column)[rows] + size)
+    return Damage(source, (log.names[column],), rows)
 
 
 def jitter(logs: Logs, rng: Rng) -> Damage:
@@ -292,6 +295,7 @@ def machines(scratch: Path) -> list[Machine]:
 
 
 def logs_of(folder: Path) -> Logs:
+    """The device files of a recording."""
     return {name: Text.read(folder / "raw" / f"{name}.csv") for name in ("robot", "ballbar")}
 
 
@@ -336,7 +340,7 @@ def off_rows(sound: Text, other: Text, channels: tuple[str, ...]) -> Array:
             off = PER_COUNT * np.minimum(off, 2.0**32 - off)
             out |= off > TOLERANCE
         elif name.startswith("m"):
-            out |= off > 100.0 * TOLERANCE  # about as much of a joint
+            out |= off > MOTOR_TURNS * TOLERANCE
         else:
             second = np.diff(a, 2)
             out |= off > NOISY * np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0)
@@ -360,10 +364,21 @@ def file_rows(every: list[Machine], scratch: Path) -> Iterator[Row]:
             damage = fault(other, rng)
             off = off_rows(logs[damage.source], other[damage.source], damage.channels)
         begun = time.process_time()
-        outcome, sentence = read_outcome(spoilt(folder, scratch / "case", other), clean, damage, off)
+        outcome, sentence = read_outcome(
+            spoilt(folder, scratch / "case", other), clean, damage, off
+        )
         channels = " ".join(damage.channels)
-        yield Row("files", number, machine.name, fault.__name__, channels, damage.rows.size, outcome,
-                  seconds=time.process_time() - begun, sentence=sentence)  # fmt: skip
+        yield Row(
+            "files",
+            number,
+            machine.name,
+            fault.__name__,
+            channels,
+            damage.rows.size,
+            outcome,
+            seconds=time.process_time() - begun,
+            sentence=sentence,
+        )
 
 
 def read_outcome(folder: Path, clean: Recording, damage: Damage, off: Array) -> tuple[str, str]:
@@ -433,7 +448,9 @@ def identified(
     case = Row("recordings", number, name, fault, channels, rows, "refused")
     begun = time.process_time()
     try:
-        result = identify_recordings(list(folders), settings=IdentifySettings(samples=SAMPLES)).identification  # type: ignore[call-overload]
+        result = identify_recordings(
+            list(folders), settings=IdentifySettings(samples=SAMPLES)
+        ).identification  # type: ignore[call-overload]
     except (InputError, StartError, FailureError) as error:
         return replace(case, seconds=time.process_time() - begun, sentence=str(error))
     error = machine.error(result, *scale)
@@ -450,6 +467,7 @@ def identified(
 
 
 def deceived(row: Row) -> bool:
+    """Whether a result is called good and is wrong."""
     return row.outcome == "good" and row.ratio > TWICE
 
 
@@ -483,7 +501,8 @@ def main() -> None:
 
 def _said(row: Row) -> str:
     return (
-        f"{row.number:3} {row.fault} {row.channels}, {row.rows} rows, {row.machine}: {row.outcome}, "
+        f"{row.number:3} {row.fault} {row.channels}, {row.rows} rows, {row.machine}: "
+        f"{row.outcome}, "
         f"{row.ratio:.2f} times stated, {row.seconds:.1f} s: {row.sentence[:160]}"
     )
 
@@ -493,14 +512,17 @@ def _table(rows: list[Row]) -> None:
     for fault in dict.fromkeys(row.fault for row in rows):
         own = [row for row in rows if row.fault == fault]
         counts = Counter(row.outcome for row in own)
-        worst = max((row.ratio for row in own if row.outcome in ("good", "suspect")), default=np.nan)
+        worst = max(
+            (row.ratio for row in own if row.outcome in ("good", "suspect")), default=np.nan
+        )
         said = ", ".join(f"{outcome} {count}" for outcome, count in counts.most_common())
         print(f"{own[0].part:10} {fault:14} {len(own):3}: {said}; "
               f"worst accepted ratio {worst:.2f}")  # fmt: skip
     if rows:
         silent = sum(row.outcome == "silent" for row in rows)
+        seconds = sum(row.seconds for row in rows)
         print(f"{rows[0].part}: {silent} silent, {sum(map(deceived, rows))} deceived, "
-              f"{sum(row.seconds for row in rows if np.isfinite(row.seconds)):.0f} s of processor")  # fmt: skip
+              f"{seconds:.0f} s of processor")  # fmt: skip
 
 
 if __name__ == "__main__":

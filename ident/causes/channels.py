@@ -1,4 +1,4 @@
-"""Which single channel of the logs is late or scaled: a score test for each, after a fit that failed.
+"""Single channels of the logs that are late or scaled: a score test for each, after a failed fit.
 
 A channel (gear or encoder) that is logged late by tau reads tau times its speed too little; one
 whose gear ratio or line count is not the stated one reads a share of its angle too much. Either
