@@ -26,9 +26,12 @@ class RowFlag(IntFlag):
     IMPLAUSIBLE = 1024  # no motion leads to this value
     REPAIRED = 2048  # line read with a repair
     SENTINEL = 4096  # rows before it had a number that stands for no value, and were left out
+    FROZEN = 8192  # a channel repeats the value of a row before
 
 
-EXCLUDED = RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE
+EXCLUDED = (
+    RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE | RowFlag.FROZEN
+)
 
 
 def usable(flags: Flags) -> NDArray[np.bool_]:

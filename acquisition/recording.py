@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from acquisition.faults.damaged_values import damaged_values
 from acquisition.faults.encoders import (
+    WORD,
+    counter_scales,
     counter_words,
     encoder_angles,
     powered_up,
@@ -27,6 +29,7 @@ from acquisition.faults.encoders import (
     with_jumps_checked,
     with_status_checked,
 )
+from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
 from acquisition.faults.jumps import find_jumps
 from acquisition.faults.robot_angles import (
     Reading,
@@ -176,6 +179,10 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     table = joined([without_sentinels(table, dialect.angles) for table in tables])
     reading = Reading(dialect.angle_kind, dialect.angle_unit)
     angles = read_angles(robot, table, _seconds(table), dialect.angles, reading)
+    table = with_frozen_motion_checked(table, angles.t, reading.scales(robot, dialect.angles))
+    torques = [name for name in dialect.torque_columns if name in table.columns]
+    moving = dict(zip(torques, dialect.angles, strict=False))
+    table = with_frozen_loads_checked(table, moving)
     table, reset = _with_robot_jumps_checked(robot, table, angles)
     table, segments = find_segments(table, angles.joints, reset=reset)
     joints = [f"joint {k}" for k in range(1, robot.joints + 1)]
@@ -199,11 +206,13 @@ def _with_robot_jumps_checked(
 
     Raises LogError if the angles cannot be what they are declared to be.
     """
-    jumps = find_jumps(angles.t, angles.axes, axis_speed_limits(robot))
-    table = with_damaged(table, np.flatnonzero(jumps.damaged))
+    rows = np.flatnonzero(usable(table.flags))
+    judged = angles.take(rows)
+    jumps = find_jumps(judged.t, judged.axes, axis_speed_limits(robot))
+    table = with_damaged(table, rows[jumps.damaged])
     if jumps.fast.size or not (moves(angles.joints) and within_reach(robot, angles.axes)):
         refuse_other_angles(robot, table, angles)
-    reset = jumps.lasting
+    reset = rows[jumps.lasting]
     if not reset.size:
         return table, reset
     sentence = (
@@ -232,6 +241,7 @@ def read_ballbar(
     tables, summaries = read_files(source)
     table = joined([_with_some_usable(with_status_checked(table, status)) for table in tables])
     words = counter_words(table, fitted)
+    table = with_frozen_motion_checked(table, _seconds(table), counter_scales(fitted), WORD)
     table = with_jumps_checked(table, _seconds(table), words, fitted)
     angles = encoder_angles(words, usable(table.flags), fitted)
     reset = np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET))
@@ -270,6 +280,8 @@ def _read_length(
     tables, summaries = read_files(source)
     table = joined(tables)
     length = table.columns[declared.column] * METRES[declared.unit] + declared.zero_m
+    scale = {declared.column: METRES[declared.unit]}
+    table = with_frozen_motion_checked(table, _seconds(table), scale)
     table, segments = find_segments(table, length[:, None])
     table = _with_damaged_values_checked(table, segments, length[:, None], ["length"])
     used = _used(source, table, segments, summaries)
@@ -293,6 +305,7 @@ def _read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog
     source = LogSource(folder, "force", declared, dialect, force_layout(declared, dialect))
     tables, summaries = read_files(source)
     table = joined(tables)
+    table = with_frozen_loads_checked(table, dict.fromkeys(dialect.wrench))
     wrench = np.stack([table.columns[name] for name in dialect.wrench], axis=1)
     table, segments = find_segments(table, wrench)
     used = _used(source, table, segments, summaries)

@@ -39,13 +39,16 @@ from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.model_choice import coefficients_of, lasting
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ident.physical_bounds import impossible
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
 from ident.remarks import (
     joint_error_remark,
+    lag_remark,
     log_remarks,
     payload_remark,
     recording_remarks,
     unlike_tools,
+    wrong_ratios,
 )
 from ident.result import (
     CoefficientEstimate,
@@ -132,7 +135,9 @@ def identify_together(
         ]
     except StartError as error:
         raise StartError(Causes.of(cell, recordings).before(error)) from None
-    causes = Causes.of(cell, recordings) if any(map(_is_other_machine, single)) else None
+    causes = None
+    if any(map(_is_other_machine, single)):
+        causes = Causes.of(cell, recordings, single)
     if causes and causes.hopeless:  # the complete fit would take long and come to nothing
         if len(single) > 1:
             raise StartError(str(causes))
@@ -140,7 +145,7 @@ def identify_together(
     else:
         result = _fitted(cell, single, options, listener)
     if result.verdict.status in UNEXPLAINED:
-        causes = Causes.of(cell, recordings) if causes is None else causes
+        causes = Causes.of(cell, recordings, single) if causes is None else causes
         if causes:
             result = replace(result, verdict=result.verdict.with_cause(str(causes)))
     return _with_trackers(result, recordings)
@@ -281,7 +286,9 @@ def _result(
         pulled=pulled(fit),
         lengths_apart=stated.lengths.apart,
         unphysical=unphysical(fit, stated.covariance, payload),
+        impossible=impossible(fit) if fit.converged else (),
         disagreement=unlike_tools(payload) or agreement.sentence,
+        ratios=wrong_ratios(fit, np.sqrt(np.diag(stated.covariance))),
         softer=softer,
         tcp_sigma=rms(robot.tcp_sigma),
         nominal_error=_nominal_error(robot),
@@ -313,7 +320,8 @@ def _result(
                 f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
                 f"has no {', '.join(keys)}{_substituted(robot)}. Add them to the file"
             )
-    for remark in (payload_remark(payload), *recording_remarks(fit)):
+    lags = lag_remark(fit, np.sqrt(np.diag(stated.covariance)))
+    for remark in (payload_remark(payload), lags, *recording_remarks(fit)):
         verdict = verdict.with_warning(remark) if remark else verdict
     if orders and (remark := joint_error_remark(orders, robot.corrections)):
         verdict = verdict.with_warning(remark)

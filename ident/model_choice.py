@@ -14,6 +14,7 @@ import numpy as np
 
 from ident.corrections import belongs_to_machine
 from ident.corrections.base import Correction
+from ident.corrections.gear_ratio import GEAR_RATIO
 from ident.estimator.fit import Fit
 from ident.estimator.step_faults import ENCODER_JUMPS
 from ident.estimator.time_blocks import NONE, time_blocks
@@ -25,6 +26,10 @@ SUPPORT = 6.0
 # Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
 # bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).
 DECREASE = 30.0
+# Error of a gear's ratio that is one, and in standard deviations: sound machines of two recordings
+# of a minute show up to 1.1e-4, or 3 deviations, since a joint's error with few
+# cycles a turn looks like one; it brings up to 315 of held-out cost
+RATIO, RATIO_SIGMAS = 1.5e-4, 5.0
 
 
 def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction]:
@@ -34,6 +39,7 @@ def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction
     """
     blocks, needed = time_blocks(fit), set[str]()
     places = {c.name: np.r_[coefficients_of(fit, c)] for c in tried}
+    possible = [c.name for c in tried if c.name != GEAR_RATIO or _wrong_ratio(fit, c)]
     limit = DECREASE * max(1.0, fit.chi2_per_dof)
 
     def cost(names: set[str]) -> float:
@@ -41,13 +47,20 @@ def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction
         return blocks.held_out_cost(np.concatenate([NONE, *absent]))
 
     least = cost(needed)
-    while costs := {name: cost({*needed, name}) for name in places if name not in needed}:
+    while costs := {name: cost({*needed, name}) for name in possible if name not in needed}:
         best = min(costs, key=costs.__getitem__)
         if least - costs[best] < limit:
             break
         least = costs[best]
         needed.add(best)
     return [c for c in tried if c.name in needed]
+
+
+def _wrong_ratio(fit: Fit, ratios: Correction) -> bool:
+    """Whether the ratio of some gear is off by more than slow errors of a sound joint look like."""
+    place = coefficients_of(fit, ratios)
+    sigma = np.sqrt(max(1.0, fit.chi2_per_dof) * np.diag(fit.covariance)[place])
+    return bool((np.abs(fit.x[place]) > np.maximum(RATIO, RATIO_SIGMAS * sigma)).any())
 
 
 def unsupported(result: Fit) -> set[str]:

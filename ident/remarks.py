@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cell.arrays import Array
 from cell.geometry import parameter_named
 from ident.corrections.joint_harmonics import harmonic_name
 from ident.corrections.link_growth import UNIT
@@ -19,6 +20,8 @@ from ident.signals.step_fault import StepFault
 
 # [m], [rad] a tool that sits elsewhere by less may do so by what is in no model
 LITTLE_SHIFT, LITTLE_TURN = 5e-6, 2.5e-5
+LITTLE_LAG = 1e-3  # [s] the filters of one controller differ by as much
+CLEAR = 5.0  # stated deviations of a lag or ratio that is remarked on
 
 
 def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...]:
@@ -101,6 +104,34 @@ def payload_remark(payload: PayloadEstimate | None) -> str:
         f"carries {payload.added_load[gear]:.0f} N m rms more. The fit uses these masses; correct "
         "`body` in the plate's file"
     )
+
+
+def lag_remark(fit: Fit, sigma: Array) -> str:
+    """That some gears are logged later or earlier than the first; else empty.
+
+    sigma : (P,) stated deviations of the unknowns.
+    """
+    late = []
+    for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
+        gear = name.removeprefix("lag")
+        if gear != name and gear.isdigit() and abs(value) > max(LITTLE_LAG, CLEAR * deviation):
+            late.append(f"gear {gear} {abs(value) * 1e3:.1f} ms {'late' if value > 0 else 'early'}")
+    if not late:
+        return ""
+    return f"against the first gear's the angles are logged late or early: {', '.join(late)}"
+
+
+def wrong_ratios(fit: Fit, sigma: Array) -> str:
+    """The gears that turn otherwise than logged, with by how much; else empty.
+
+    sigma : (P,) stated deviations of the unknowns.
+    """
+    wrong = []
+    for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
+        gear = name.removeprefix("ratio")
+        if gear != name and gear.isdigit() and abs(value) > CLEAR * deviation:
+            wrong.append(f"gear {gear} turns {1.0 + value:.5f} times as far as logged")
+    return ", ".join(wrong)
 
 
 def unlike_tools(payload: PayloadEstimate | None) -> str:

@@ -123,7 +123,9 @@ class Evidence:
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
+    impossible: tuple[str, ...] = ()  # what is beyond physical size (ident.physical_bounds)
     disagreement: str = ""  # what is not the same in all recordings, or all along one
+    ratios: str = ""  # gears that turn otherwise than logged
     softer: float = (
         1.0  # compliance of all gears over the catalogue's, where no torque tells masses
     )
@@ -240,6 +242,11 @@ def _wrong(
             "mass can be: something else is not in the model, or `links` and `body` in the files "
             "are not those of this machine."
         )
+    if evidence.impossible:
+        return Status.MISFIT, (
+            f"Misfit: to fit, {', '.join(evidence.impossible)}, as in no machine: something else "
+            "is in the data that is not in the model."
+        )
     if not evidence.converged:
         return Status.NOT_CONVERGED, f"{unfinished}: do not use these parameters."
     if start.ambiguous:
@@ -305,6 +312,12 @@ def _with_care(
             f"all gears together are {evidence.softer:.2f} times as soft as the "
             "catalogue's, as if the tool or the arm weighed that much more than the files say. "
             "State what the flange carries (`body` in the plate's file), or log motor torques."
+        )
+    elif evidence.ratios:
+        care = (
+            f"{evidence.ratios}. A ratio of teeth is exact: the robot's file is of other gears, or "
+            "its log is scaled otherwise than the dialect says. The result holds for angles as "
+            "they were logged."
         )
     elif evidence.pulled:
         care = (

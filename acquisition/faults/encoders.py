@@ -28,6 +28,8 @@ Counts = NDArray[np.int64]
 # about 1 rad/s.
 SPEED_LIMIT = 35.0
 WORD = 2**32  # values of the counter
+SHORT_WORD = 2**16  # values of one that was cut to 16 bits
+SOME_WRAPS = 2  # of a cut one; so many may be two damaged rows
 SET_COUNTER_DONE = 1 << 2
 # Bits of the status word that make a row useless.
 FAULTS = {
@@ -138,6 +140,14 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
     return table
 
 
+def counter_scales(fitted: Fitted) -> dict[str, float]:
+    """[rad] that a count of each fitted encoder's column is worth."""
+    return {
+        encoder.column: 2.0 * np.pi / float(encoder.lines * 2**encoder.bits)
+        for encoder in fitted.values()
+    }
+
+
 def counter_words(table: Table, fitted: Fitted) -> Counts:
     """(N, E) [counts] counter words of the fitted encoders.
 
@@ -155,7 +165,23 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
                 f"to {WORD // 2 - 1}. "
                 "Log it as one of these."
             )
+        _refuse_short_words(table, encoder.column)
     return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
+
+
+def _refuse_short_words(table: Table, column: str) -> None:
+    """Raises LogError for a counter that wraps as one of 16 bits does."""
+    counter = table.columns[column][usable(table.flags)]
+    if not counter.size or np.ptp(counter) >= SHORT_WORD:
+        return
+    wraps = np.flatnonzero(np.abs(np.diff(counter)) > SHORT_WORD // 2)
+    if wraps.size > SOME_WRAPS:
+        raise LogError(
+            f"{table.location(np.flatnonzero(usable(table.flags))[wraps[0] + 1])}: column "
+            f"{column}: the counter lies within {counter.min()} to {counter.max()} and jumps from "
+            f"one end to the other {wraps.size} times, as the lower 16 bits of a counter do. Log "
+            "the whole word, UDINT or DINT."
+        )
 
 
 def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) -> Table:
@@ -164,7 +190,7 @@ def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) ->
     t : (N,) [s]. words : (N, E) counter words. Rows with excluding flags are not looked at.
     Raises LogError if the encoders would turn too fast throughout.
     """
-    scale = np.array([2.0 * np.pi / float(e.lines * 2**e.bits) for e in fitted.values()])
+    scale = np.array(list(counter_scales(fitted).values()))
     rows = np.flatnonzero(usable(table.flags))
     if rows.size < 2:
         return table

@@ -13,6 +13,7 @@ Motor torques go with the angles to the gears' outputs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
@@ -68,6 +69,13 @@ class Reading:
                 return controller_to_joints(robot, angles)
             case "joints":
                 return np.asarray(angles, dtype=np.float64)
+
+    def scales(self, robot: Robot, columns: Sequence[str]) -> dict[str, float]:
+        """[rad] by which a unit of each column turns the joint that it turns most."""
+        unit = np.vstack((np.zeros(robot.joints), np.eye(robot.joints)))
+        turned = self.joints(robot, unit)
+        most = np.abs(turned[1:] - turned[0]).max(axis=1)
+        return dict(zip(columns, most.tolist(), strict=True))
 
 
 _READINGS = tuple(

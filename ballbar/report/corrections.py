@@ -22,6 +22,7 @@ _UNITS = {
     "rad/m": (1e6, "µrad/m"),
     "s": (1e6, "µs"),
     "s^2": (1e6, "ms²"),
+    "1": (1e6, "ppm"),
 }  # SI to what is shown
 _INVERSE = {"rad/(N m)": "N m/rad", "m/N": "N/m"}
 _CHANNELS = {

@@ -4,11 +4,12 @@ In this order, and only what explains the recording at least three times better 
 
 1. other columns and line counts (ident.causes.columns), by what they leave of the rod's motion;
 2. encoders and axes that stand still;
-3. the rod's length by the radius of the sphere, or one other length (ident.causes.lengths);
-4. too short a log;
-5. a sphere without agreement at any lag: logs of different runs. The ball-bar's log played
+3. one channel that is late or scaled (ident.causes.channels), where a fit can be judged;
+4. the rod's length by the radius of the sphere, or one other length (ident.causes.lengths);
+5. too short a log;
+6. a sphere without agreement at any lag: logs of different runs. The ball-bar's log played
    backwards shows how much agreement is chance;
-6. no sphere: another robot.
+7. no sphere: another robot.
 
 A sound recording passes all of them, whatever the errors of an uncalibrated robot.
 """
@@ -25,10 +26,11 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, parameter_named
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from ident.causes.agreement import SPHERE_ROWS, Motion, ToolPath, left_of, motion_of, tool_path
+from ident.causes.channels import channel_errors
 from ident.causes.columns import Reading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.lengths import single_lengths
 from ident.causes.robot_log import PLURAL
-from ident.recording_fit import Logs
+from ident.recording_fit import Logs, RecordingFit
 
 AGREES = 0.1  # unexplained share of the rod's motion up to which nothing is wrong with the columns
 EXPLAINS = 0.2  # up to which another reading explains the recording
@@ -68,10 +70,18 @@ class Causes:
     suspects: tuple[tuple[Suspect, ...], ...]  # of each
 
     @classmethod
-    def of(cls, cell: Cell, recordings: Sequence[Logs]) -> Causes:
-        """The suspects of these recordings."""
+    def of(
+        cls, cell: Cell, recordings: Sequence[Logs], fits: Sequence[RecordingFit] = ()
+    ) -> Causes:
+        """The suspects of these recordings; fits : by kinematics, of all of them if of any."""
         names = tuple(logs.name for logs in recordings)
-        return cls(names, tuple(tuple(suspects(cell, logs)) for logs in recordings))
+        every = []
+        for k, logs in enumerate(recordings):
+            named = suspects(cell, logs)
+            if fits and not any(suspect.hopeless for suspect in named):
+                named = [*_channels(cell, fits[k]), *named]
+            every.append(tuple(named))
+        return cls(names, tuple(every))
 
     def __bool__(self) -> bool:
         return any(self.suspects)
@@ -214,6 +224,27 @@ def _still_axes(cell: Cell, motion: Motion, rms: float) -> Iterator[Suspect]:
             "Record a path that moves every joint (ballbar plan)",
             hopeless=False,
         )
+
+
+def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
+    """Single channels that are late or scaled, those comparable to the best."""
+    errors = channel_errors(cell, fit) if fit.logs.length is None else []
+    for error in errors:
+        if error.left > COMPARABLE * errors[0].left:
+            continue
+        encoder = error.channel.startswith("encoder")
+        evidence = f"so corrected, kinematics leave {_percent(error.left)} of the squared residual"
+        if error.late:
+            when = "late" if error.size > 0 else "early"
+            cause = f"{error.channel} is logged {abs(error.size) * 1e3:.1f} ms {when}"
+            remedy = "Log all channels of a row at one instant"
+        else:
+            size = "large" if error.size > 0 else "small"
+            cause = f"{error.channel} is logged {100.0 * abs(error.size):.2g} % too {size}"
+            remedy = "Correct its gear ratio in the robot's file, or the unit of its column"
+            if encoder:
+                remedy = "Correct its lines and bits in recording.yaml"
+        yield Suspect(cause, evidence, remedy, hopeless=encoder)
 
 
 def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterator[Suspect]:

@@ -10,6 +10,7 @@ from ident.corrections.base import Correction, Maker
 from ident.corrections.bearing_tilt import bearing_tilt
 from ident.corrections.encoder_harmonics import encoder_harmonics
 from ident.corrections.gear_backlash import gear_backlash
+from ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio
 from ident.corrections.gear_ripple import gear_ripple
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.corrections.joint_compliance import joint_compliance
@@ -32,6 +33,7 @@ CORRECTIONS: dict[str, Maker] = {
     "unit_weights": unit_weights_of_cell,
     "bearing_tilt": bearing_tilt,
     "joint_lag": joint_lag,
+    GEAR_RATIO: gear_ratio,
 }
 
 # What holds for single recordings, by cell and number of recordings.
@@ -41,7 +43,7 @@ OF_RECORDINGS: dict[str, Callable[[Cell, int], Correction]] = {
 }
 
 # Left out of the complete model until the data ask for them: few machines need them.
-ON_EVIDENCE = ("joint_lag", "link_growth", "remounted_tool")
+ON_EVIDENCE = ("joint_lag", GEAR_RATIO, "link_growth", "remounted_tool")
 
 # Keys of the robot's file without which a correction cannot be formed.
 REQUIRED: dict[str, tuple[Key, ...]] = {

@@ -363,8 +363,9 @@ class Model:
 def noise_columns(
     evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
 ) -> Array:
-    """(J + 6, 6, N) change of the loop-closure error for one sigma of each channel's noise.
+    """(J + 7, 6, N) change of the loop-closure error for one sigma of each channel's noise.
 
+    The last one is of the stamps, which displace all channels of a log at once.
     uncertain : (J, N) [rad] of the robot's channels beyond log noise and excess noise.
     """
     samples, columns = evaluation.samples, evaluation.columns
@@ -377,4 +378,5 @@ def noise_columns(
     np.multiply(columns[GEAR:BAR], robot[:, None, :], out=out[GEAR:BAR])
     np.multiply(columns[BAR:ROD], ballbar[:, None, None], out=out[BAR:ROD])
     np.multiply(columns[ROD], np.hypot(excess.rod, samples.length_noise), out=out[ROD])
-    return out[:PLATE]
+    np.multiply(evaluation.time_column, samples.stamp_noise, out=out[PLATE])
+    return out

@@ -45,6 +45,7 @@ class Samples:
     splines: csr_array = field(default_factory=lambda: csr_array((0, 0)))  # (K, N) of the tension
     clock_steps: tuple[float, ...] = ()  # [s] instants at which one of the clocks was set
     length_noise: float = 0.0  # [m] of the sensed length; 0 where none is
+    stamp_noise: float = 0.0  # [s] of the instants, by the stamps of both logs
     held: Array | None = None  # (N,) [s] robot times at which the noise of the robot's log is held
 
     @property
@@ -171,6 +172,12 @@ def samples_of(
         tension=np.zeros(times.size),
         splines=csr_array((0, times.size)),
         length_noise=length_noise,
+        stamp_noise=float(
+            np.hypot(
+                robot.sample_stamp_sigma(spacing),
+                ballbar.sample_stamp_sigma(spacing) if ballbar else 0.0,
+            )
+        ),
     )
 
 

@@ -27,6 +27,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from cell.arrays import Array
 from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
+from ident.signals.stamp_noise import stamp_noise
 from ident.signals.steps import LogStep, find_steps, without_steps
 
 # Lag-one autocorrelation of the residual above which motion is left in it; smoothing makes it
@@ -72,6 +73,7 @@ class SmoothLog:
     stamps: Array  # (N,) [s] of all rows
     outliers: Outliers
     steps: tuple[LogStep, ...]  # steps that were taken out
+    stamp_noise: float = 0.0  # [s] standard deviation of the stamps, beyond `noise`
 
     @cached_property
     def arm(self) -> BSpline:
@@ -100,9 +102,15 @@ class SmoothLog:
         Samples closer than a knot interval share noise; theirs is stated as if they were
         independent.
         """
-        return np.asarray(
-            self.noise * np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing)))
-        )
+        return np.asarray(self.noise * self._left(spacing))
+
+    def sample_stamp_sigma(self, spacing: float) -> float:
+        """[s] standard deviation of the time at such samples."""
+        return self.stamp_noise * self._left(spacing)
+
+    def _left(self, spacing: float) -> float:
+        """Share of a row's noise that smoothing leaves."""
+        return float(np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing))))
 
 
 def smoothing(robot: SmoothLog, bar: SmoothLog | None) -> float:
@@ -166,7 +174,7 @@ def smooth_log(
     while True:
         finest = spacing * 0.5 < _ROWS_PER_KNOT * period
         fit = _fit_rows(t, values, spacing, damaged)
-        if finest or _is_white(np.where(_standing_out(fit.residual, smallest), 0.0, fit.residual)):
+        if finest or _is_white(np.where(_standing_out(t, fit, smallest), 0.0, fit.residual)):
             fit = _trimmed(t, values, spacing, fit, smallest)
             if finest or _is_white(fit.residual):
                 break
@@ -178,18 +186,22 @@ def smooth_log(
     # Where outliers lie, up to a knot interval is bridged.
     bridged = _stretches(remaining, max(GAP_PERIODS * period, spacing))
     outlier_rows, channels = np.nonzero(fit.out)
+    speed = fit.spline.derivative()
+    lost = np.sqrt(remaining.size / freedom)
+    scatter, noise = stamp_noise(fit.residual, np.asarray(speed(remaining)))
     return SmoothLog(
         spline=fit.spline,
-        speed=fit.spline.derivative(),
+        speed=speed,
         start=float(remaining[0]),
         end=float(remaining[-1]),
-        noise=np.sqrt((fit.residual * fit.residual).sum(axis=0) / freedom),
+        noise=lost * noise,
         row_period=period,
         knot_spacing=spacing,
         gaps=np.unique(np.concatenate((missing, bridged)), axis=0),
         stamps=t,
         outliers=Outliers(logged[outlier_rows], channels, t.size - remaining.size, t.size),
         steps=steps,
+        stamp_noise=float(lost) * scatter,
     )
 
 
@@ -226,7 +238,7 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float
     while True:
         rows = ~fit.out.any(axis=1)
         outlier = np.zeros(values.shape, dtype=bool)
-        outlier[rows] = _standing_out(fit.residual, smallest)
+        outlier[rows] = _standing_out(t, fit, smallest)
         outlier &= ~motion
         if not outlier.any():
             return fit
@@ -238,10 +250,16 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float
             fit = _fit_rows(t, values, spacing, out) if back.any() else trial
 
 
-def _standing_out(residual: Array, smallest: float) -> NDArray[np.bool_]:
-    """(N, channels) residuals [rad] that are far out, and no smaller than `smallest` [rad]."""
-    far = np.maximum(STANDING_OUT * robust_sigma(residual), smallest)
-    return np.asarray(np.abs(residual) > far)
+def _standing_out(t: Array, fit: _Fit, smallest: float) -> NDArray[np.bool_]:
+    """(remaining rows, channels) residuals far out, and no smaller than `smallest` [rad].
+
+    Where the stamps t (N,) [s] scatter, quick rows may be further out.
+    """
+    speed = np.asarray(fit.spline.derivative()(t[~fit.out.any(axis=1)]))
+    scatter, own = stamp_noise(fit.residual, speed)
+    usual = np.hypot(own, scatter * speed) if scatter else np.ones(own.size)
+    sigma = usual * robust_sigma(fit.residual / usual)
+    return np.asarray(np.abs(fit.residual) > np.maximum(STANDING_OUT * sigma, smallest))
 
 
 def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -16,10 +16,11 @@ from cell.inverse import bar_angles
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from cell.robot_angles import joints_to_motors, motors_to_joints
+from ident.causes.channels import channel_errors
 from ident.causes.suspects import AGREES, SHORT, Causes, suspects
 from ident.identify import identify, identify_together
 from ident.options import FitOptions
-from ident.recording_fit import Logs
+from ident.recording_fit import Logs, fit_recording
 from ident.start.automatic import StartError
 from ident.verdict import Status
 from tests.helpers.minute_logs import minute_logs
@@ -64,6 +65,18 @@ def scaled(column: int, factor: float) -> Callable[[Array], Array]:
 
     def change(values: Array) -> Array:
         values[:, column] *= factor
+        return values
+
+    return change
+
+
+def late(column: int, seconds: float) -> Callable[[Array], Array]:
+    """One encoder, from 0, whose angles are those of so many seconds before."""
+
+    def change(values: Array) -> Array:
+        bar = sound().ballbar
+        assert bar is not None
+        values[:, column] = np.interp(bar.t - seconds, bar.t, values[:, column])
         return values
 
     return change
@@ -289,3 +302,26 @@ def test_a_cause_that_all_recordings_share_stands_once() -> None:
 def test_the_limits_are_far_from_a_sound_recording_and_from_chance() -> None:
     assert 0.03 < AGREES < 0.2
     assert len(suspects(CELL, cut(SHORT + 5.0))) == 0
+
+
+@pytest.mark.parametrize(
+    ("logs", "channel", "size"),
+    [
+        (lambda: with_motors(scaled(5, 1.01)), "gear 6", 0.01),
+        (lambda: with_motors(scaled(1, 0.98)), "gear 2", -0.02),
+        (lambda: with_encoders(late(1, 0.05)), "encoder b2", 0.05),
+        (lambda: with_encoders(scaled(3, 1.02)), "encoder b5", 0.02),
+    ],
+)
+def test_a_channel_that_is_late_or_scaled_is_named_first(
+    logs: Callable[[], Logs], channel: str, size: float
+) -> None:
+    fit = fit_recording(CELL, logs(), FEW)
+    first = channel_errors(CELL, fit)[0]
+    assert first.channel == channel
+    assert first.size == pytest.approx(size, rel=0.1)  # to first order
+    assert str(Causes.of(CELL, [fit.logs], [fit])).startswith(f"{channel} is logged ")
+
+
+def test_no_channel_of_a_sound_recording_is_late_or_scaled() -> None:
+    assert channel_errors(CELL, fit_recording(CELL, sound(), FEW)) == []

@@ -323,6 +323,7 @@ def test_the_time_column_is_the_derivative_with_the_clock_offset(machine: Comple
 
 
 def test_noise_columns_scale_each_channel_by_its_own_noise(noisy: Samples) -> None:
+    noisy = replace(noisy, stamp_noise=2e-5)
     model, x = kinematic_model(noisy)
     point = model.evaluate(x, 0, noisy.ballbar_angles(NOMINAL, NO_CLOCK_ERROR))
     excess = ExcessNoise(gear=3e-5, wrist=4e-5, bar=5e-5, rod=6e-6)
@@ -334,7 +335,9 @@ def test_noise_columns_scale_each_channel_by_its_own_noise(noisy: Samples) -> No
     sigma[8] = 0.0  # b3 has no encoder: its motion is eliminated, not weighed
     sigma[11] = 6e-6
     sigma[2, 7] = np.sqrt(1e-10 + 9e-10 + 1e-6)
-    expected = point.columns[:PLATE] * sigma[:, None, :]
+    expected = np.concatenate(
+        (point.columns[:PLATE] * sigma[:, None, :], [2e-5 * point.time_column])
+    )
     assert noise_columns(point, excess, uncertain) == pytest.approx(expected, rel=1e-12)
 
 

@@ -1,0 +1,103 @@
+"""Single channels of the logs that are late or scaled: a score test for each, after a failed fit.
+
+A channel (gear or encoder) that is logged late by tau reads tau times its speed too little; one
+whose gear ratio or line count is not the stated one reads a share of its angle too much. Either
+displaces the channel's own column of the loop closure by a known signal s. The nominal robot with
+its encoder offsets, base position and clock fitted is linearised with all parameters that the
+recording identifies: to first order they leave a cost `c = r'r - g'Cg` of the residual r, and with
+s among them `c - (s'r - s'J C g)^2 / (s's - s'J C J's)`. So all channels cost little more than an
+iteration of a fit, and an error of a percent does no harm, as it would in the fit that failed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from ident.corrections.base import BAR
+from ident.estimator.gauss_newton import inverse
+from ident.estimator.model import Evaluation, Model, gearing
+from ident.estimator.normal_equations import jacobian, normal_equations
+from ident.estimator.unknowns import kinematic_unknowns
+from ident.recording_fit import RecordingFit, nominal_robot_fit
+
+DECISIVE = 3.0  # times less than without the channel's error
+LATE, SCALED = 5e-4, 5e-5  # [s], [1] a smaller error is named by nobody
+_DEPENDENT = 1e-3  # of a signal's power: what is left of one that other unknowns can stand for
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """An error of one channel that would explain a recording."""
+
+    channel: str  # gear 3, encoder b2
+    late: bool  # whether it is a delay, else a factor
+    size: float  # [s] by which it is late, or [1] relative error of its angle
+    left: float  # share of the cost that it leaves
+
+
+@dataclass(frozen=True, eq=False)
+class _Signal:
+    channel: str
+    late: bool
+    values: Array  # (E, N) whitened change of the residual for a unit of the error
+
+
+def channel_errors(cell: Cell, recording: RecordingFit) -> list[ChannelError]:
+    """The errors of single channels that explain a recording, the best first; else nothing.
+
+    recording : its fit by kinematics, which may have failed.
+    """
+    fit = nominal_robot_fit(recording)
+    clock = fit.clock() if recording.samples.has_clock else None
+    layout, x = kinematic_unknowns(fit.geometry(), clock, recording.subset.parameters)
+    model = Model(fit.model.gearing, None, (), layout, fit.model.recordings)
+    linear = normal_equations(model, x, fit.ballbars, fit.excess)
+    (residual,), (weights,), (point,) = linear.residuals, linear.weights, linear.evaluations
+    covariance = inverse(linear.normal)
+    step = covariance @ linear.gradient
+    cost = float((residual * residual).sum() - linear.gradient @ step)
+    blocks = list(jacobian(model, linear, 0))
+    out = []
+    for signal in _signals(cell, point, weights(_columns(cell, point))):
+        parts = [block.scores(signal.values[:, block.samples], model, 0) for block in blocks]
+        shared = np.concatenate(parts, axis=1).sum(axis=1)
+        power = float((signal.values * signal.values).sum())
+        rest = power - float(shared @ covariance @ shared)
+        score = float((signal.values * residual).sum() - shared @ step)
+        if rest > _DEPENDENT * power:
+            left = (cost - score * score / rest) / cost
+            out.append(ChannelError(signal.channel, signal.late, score / rest, left))
+    named = [e for e in out if abs(e.size) > (LATE if e.late else SCALED)]
+    return sorted((e for e in named if e.left < 1.0 / DECISIVE), key=lambda error: error.left)
+
+
+def _columns(cell: Cell, point: Evaluation) -> Array:
+    """(J + 5, 6, N) change of the loop-closure error per radian of each gear and encoder."""
+    joints, bar = point.columns[:BAR], point.columns[BAR : BAR + 5]
+    gears = np.einsum("gj,jcn->gcn", gearing(cell).to_joint, joints)
+    return np.concatenate((gears, bar))
+
+
+def _signals(cell: Cell, point: Evaluation, columns: Array) -> Iterator[_Signal]:
+    """Every error of a single channel; columns (J + 5, E, N) whitened, of gears and encoders.
+
+    A log that shows too much moves the residual as the channel's own motion does with that sign.
+    """
+    samples, to_gear = point.samples, gearing(cell).to_gear
+    angles = (samples.joint_angles(point.robot_time) @ to_gear).T
+    speeds = (samples.joint_speed(point.robot_time) @ to_gear).T
+    for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):
+        yield _Signal(f"gear {k + 1}", True, -columns[k] * speed)
+        yield _Signal(f"gear {k + 1}", False, columns[k] * (angle - angle.mean()))
+    if samples.ballbar is None:
+        return
+    speeds = (np.asarray(samples.ballbar.speed(samples.times)) * samples.directions).T
+    for joint, speed in zip(samples.encoders, speeds, strict=True):
+        column, angle = columns[len(angles) + joint - 1], point.ballbar[:, joint - 1]
+        yield _Signal(f"encoder b{joint}", True, -column * speed)
+        yield _Signal(f"encoder b{joint}", False, column * (angle - angle.mean()))

@@ -1,0 +1,58 @@
+"""A fit that needs what no machine has is not accepted, however well it explains the data."""
+
+from dataclasses import replace
+
+import pytest
+
+from ident.complete_fit import fit_complete
+from ident.estimator.fit import Fit
+from ident.estimator.step_faults import MAX_FOUND
+from ident.options import FitOptions
+from ident.physical_bounds import FORCE, impossible
+from ident.recording_fit import fit_recording
+from ident.signals.step_fault import StepFault
+from tests.helpers.minute_logs import minute_logs
+from tests.helpers.synthetic_recording import CELL
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    options = FitOptions(samples=300)
+    recording = fit_recording(CELL, minute_logs(compliance=1.0), options)
+    return fit_complete(CELL, [recording], ["joint_compliance", "plate_bending"], options)
+
+
+def changed(fit: Fit, name: str, value: float) -> Fit:
+    x = fit.x.copy()
+    x[fit.model.unknowns.names.index(name)] = value
+    return replace(fit, linear=replace(fit.linear, x=x))
+
+
+def test_a_sound_fit_needs_nothing_impossible(fit: Fit) -> None:
+    assert impossible(fit) == ()
+
+
+def test_a_rod_that_bears_kilonewtons_is_named(fit: Fit) -> None:
+    own = fit.model.unknowns.own[0]
+    assert own.knots is not None
+    x = fit.x.copy()
+    x[own.knots] = -12.7 * 1e3
+    (phrase,) = impossible(replace(fit, linear=replace(fit.linear, x=x)))
+    assert phrase == "the rod would bear 12.7 kN"
+    x[own.knots] = 0.9 * FORCE
+    assert impossible(replace(fit, linear=replace(fit.linear, x=x))) == ()
+
+
+def test_a_gear_that_is_many_times_too_soft_is_named(fit: Fit) -> None:
+    layout = fit.model.unknowns
+    i = layout.names.index("compliance3")
+    wrong = changed(fit, "compliance3", float(layout.mean[i] + 12.0 * layout.sigma[i]))
+    assert impossible(wrong) == ("compliance3 would be 12 prior deviations off",)
+
+
+def test_as_many_steps_as_are_looked_for_are_no_steps(fit: Fit) -> None:
+    steps = tuple(StepFault(0, "encoder", 1, 5.0 * k, 1e-3) for k in range(MAX_FOUND))
+    assert impossible(replace(fit, step_faults=steps[1:])) == ()
+    assert impossible(replace(fit, step_faults=steps)) == (
+        f"{MAX_FOUND} steps of encoders and clock would be in it",
+    )
