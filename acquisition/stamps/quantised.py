@@ -105,6 +105,8 @@ def _rarer(table: Table) -> int:
         return 0
     steps = np.rint(distances / _step(table))
     usual = steps[np.abs(steps - np.median(steps)) <= 1.0]
+    if not usual.size:  # two or three rows
+        return 0
     low = np.floor(usual.mean())
     shares = np.array([(steps == low).sum(), (steps == low + 1.0).sum()])
     fine = usual.mean() > 1.0 / COARSE
