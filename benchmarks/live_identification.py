@@ -207,9 +207,7 @@ def _stands(logs: Logs, at: float) -> bool:
     return float(np.ptp(log.numbers("m1")[rows])) < 1.0
 
 
-def _noticed(
-    fault: str, seed: int, cause: float, now: float, growing: GrowingRecording
-) -> Row:
+def _noticed(fault: str, seed: int, cause: float, now: float, growing: GrowingRecording) -> Row:
     watch, before = Watch(growing.folder, duration=growing.seconds), set[str]()
     while now < cause + AFTER:
         growing.write_until(now)
@@ -240,7 +238,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         rows = []
         for row in faults(given.seeds, Path(folder)):
-            print(f"{row.fault:20} {row.seed} {row.began_s:6.1f} {row.delay_s:6.2f}  {row.kind}: {row.sentence[:150]}", flush=True)
+            print(
+                f"{row.fault:20} {row.seed} {row.began_s:6.1f} {row.delay_s:6.2f}  {row.kind}: {row.sentence[:150]}",
+                flush=True,
+            )
             rows.append(row)
     within = sum(row.delay_s <= 3.0 for row in rows)
     print(f"{within} of {len(rows)} within 3 s")

@@ -131,11 +131,8 @@ def _samples(cell: Cell, fitted: RecordingFit, logs: Logs, seconds: float) -> Sa
     exact, second = interpolating_log(robot.t, robot.q, own.robot.noise), None
     inside = (log.t >= last - seconds) & (log.t <= last)
     if own.ballbar is not None:
-        if length is not None:
-            values = length.length[:, None] - cell.ballbar.length
-        else:
-            values = part.ballbar.angles
-        second = interpolating_log(log.t, values, own.ballbar.noise)
+        sensed = bar.angles if bar is not None else _extension(length, cell)
+        second = interpolating_log(log.t, sensed, own.ballbar.noise)
         at = clock.robot_time(log.t)
         inside &= (at >= exact.start) & (at <= exact.end)
     times = log.t[inside]
@@ -144,6 +141,12 @@ def _samples(cell: Cell, fitted: RecordingFit, logs: Logs, seconds: float) -> Sa
     times = times[:: 1 + times.size // MOST]
     period = float(log.t[1] - log.t[0])
     return samples_of(exact, second, own.encoders, own.directions, times, spacing=period)
+
+
+def _extension(length: LengthLog | None, cell: Cell) -> Array:
+    """(N, 1) [m] sensed length beyond the rod's nominal one, as ident.recording_fit takes it."""
+    assert length is not None  # the recording's second log, if it has no encoders
+    return np.asarray(length.length[:, None] - cell.ballbar.length)
 
 
 def _uncertainty(fit: Fit, linear: NormalEquations) -> Array:
@@ -302,7 +305,7 @@ def _robot_channels(cell: Cell) -> Iterator[tuple[str, Array, Array]]:
     for kind, (to_joint, _) in angle_kinds(cell.robot).items():
         inverse = np.linalg.inv(to_joint)
         for k, direction in enumerate(to_joint):
-            unit = direction / np.linalg.norm(direction)
+            unit: Array = direction / float(np.linalg.norm(direction))
             if not any(abs(unit @ other) > 1.0 - 1e-9 for other in tried):
                 tried.append(unit)
                 yield f"{kind} {k + 1}", direction, inverse[:, k]

@@ -14,9 +14,9 @@ Nothing here waits or looks at a clock: `update` is told the time.
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from multiprocessing.pool import AsyncResult, Pool
 from pathlib import Path
 
 import numpy as np
@@ -58,14 +58,14 @@ class _Complete:
     """A complete fit under way."""
 
     until: float
-    future: Future[Estimate]
+    result: AsyncResult[Estimate]
 
 
 class Watch:
     """A recording folder, identified as it grows.
 
     accuracy : [m] requested TCP uncertainty. duration : [s] of the whole recording, if it is known.
-    executor : takes the complete fits; without one there are none.
+    pool : takes the complete fits; without one there are none.
     """
 
     def __init__(
@@ -74,10 +74,10 @@ class Watch:
         *,
         accuracy: float | None = None,
         duration: float | None = None,
-        executor: Executor | None = None,
+        pool: Pool | None = None,
     ) -> None:
         self._folder, self._accuracy, self._duration = folder, accuracy, duration
-        self._executor = executor
+        self._pool = pool
         self._findings, self._silence = Findings(), Silence()
         self._cell: Cell | None = None
         self._fitted: RecordingFit | None = None
@@ -114,14 +114,21 @@ class Watch:
         self._collect_complete()
         return self._stated(recording, logs, seconds, prediction, alarms)
 
-    def finish(self) -> State:
-        """The state with a complete fit of all rows, where the kinematics alone do not suffice."""
-        state = self._state
-        if self._cell is None or state.estimate is None or state.estimate.acceptable:
+    def finish(self, now: float) -> State:
+        """The state of the whole recording, nothing of it held out.
+
+        With the model that the data ask for; what holds against the recording stays.
+        """
+        state = self.update(now)
+        if self._cell is None or self._estimate is None or self._misfit is not None:
             return state
         logs = logs_of(self._folder.name, read_with_causes(self._folder))
-        estimate = complete_estimate(self._cell, logs, self._accuracy)
-        return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma)
+        with suppress(StartError):
+            self._estimate = complete_estimate(self._cell, logs, self._accuracy)
+        estimate = self._estimate
+        reached = self._accuracy is not None and estimate.tcp_sigma <= self._accuracy
+        enough = reached and estimate.acceptable and not state.alarms
+        return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma, enough=enough)
 
     def _refused(self, sentence: str) -> State:
         """The last state with an alarm for files that cannot be trusted, if they stay so."""
@@ -218,18 +225,18 @@ class Watch:
         """Hands the recording over to be fitted by the complete model, if it is time."""
         wanted = self._estimate is not None and not self._estimate.acceptable
         wanted |= self._estimate is not None and self._estimate.model == "complete"
-        if self._executor is None or not wanted or self._complete is not None:
+        if self._pool is None or not wanted or self._complete is not None:
             return
         if until >= self._next_complete:
-            future = self._executor.submit(complete_estimate, cell, logs, self._accuracy)
-            self._complete = _Complete(until, future)
+            arguments = cell, logs, self._accuracy
+            self._complete = _Complete(until, self._pool.apply_async(complete_estimate, arguments))
             self._next_complete = until * COMPLETE_GROWTH
 
     def _collect_complete(self) -> None:
-        if self._complete is None or not self._complete.future.done():
+        if self._complete is None or not self._complete.result.ready():
             return
         with suppress(StartError):
-            self._estimate = replace(self._complete.future.result(), until=self._complete.until)
+            self._estimate = replace(self._complete.result.get(), until=self._complete.until)
         self._complete = None
 
     def _stated(
