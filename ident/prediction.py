@@ -303,12 +303,12 @@ def _robot_channels(cell: Cell) -> Iterator[tuple[str, Array, Array]]:
     """Name, (J,) joints per radian of it and (J,) it per joints, of each motor, axis and joint."""
     tried: list[Array] = []
     for kind, (to_joint, _) in angle_kinds(cell.robot).items():
-        inverse = np.linalg.inv(to_joint)
+        inverse: Array = np.linalg.inv(to_joint).astype(np.float64)
         for k, direction in enumerate(to_joint):
             unit: Array = direction / float(np.linalg.norm(direction))
             if not any(abs(unit @ other) > 1.0 - 1e-9 for other in tried):
                 tried.append(unit)
-                yield f"{kind} {k + 1}", direction, inverse[:, k]
+                yield f"{kind} {k + 1}", direction, np.asarray(inverse[:, k])
 
 
 def _step(column: Array, residual: Array) -> Array:

@@ -44,8 +44,8 @@ from ident.start.automatic import StartError
 
 HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
 REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from which it is fitted
-SHORTEST = 8.0  # [s] of a recording that is fitted
-SUSPECTED = 10.0  # [s] of motion from which columns can be compared
+SHORTEST = 10.0  # [s] of a recording that is fitted; the columns of less cannot be compared
+FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
 COMPLETE_FIRST, COMPLETE_GROWTH = 60.0, 1.5  # [s] of the first complete fit; times, of the next
 CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates
 AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
@@ -81,7 +81,7 @@ class Watch:
         self._findings, self._silence = Findings(), Silence()
         self._cell: Cell | None = None
         self._fitted: RecordingFit | None = None
-        self._until = 0.0  # [s] of the recording that the fit has seen
+        self._next_fit = 0.0  # [s] of the recording
         self._estimate: Estimate | None = None
         self._complete: _Complete | None = None
         self._next_complete = COMPLETE_FIRST
@@ -163,17 +163,19 @@ class Watch:
                 return [alarm] if alarm else []
         if self._misfit is not None and not off:
             self._misfit = None
-        grown = seconds - HELD_OUT - self._until
-        if seconds < SHORTEST or grown < max(REFIT, REFIT_SHARE * seconds):
-            return self._suspected(cell, logs, seconds)
+        wrong = self._suspected(cell, logs, seconds)
+        if wrong or seconds < max(SHORTEST, self._next_fit):
+            return wrong
         used = _but_last(logs, HELD_OUT)
         try:
             fitted = fit_recording(cell, used, FitOptions(model="dh"))
         except (StartError, ValueError):
-            return self._suspected(cell, logs, seconds)
+            self._next_fit = seconds * FAILED_GROWTH
+            return []
+        self._next_fit = seconds + max(REFIT, REFIT_SHARE * seconds)
         self._take(cell, fitted, seconds - HELD_OUT)
         self._ask_complete(cell, used, seconds - HELD_OUT)
-        return self._suspected(cell, logs, seconds)
+        return []
 
     def _disagreement(
         self, cell: Cell, logs: Logs, seconds: float, prediction: Prediction
@@ -206,7 +208,7 @@ class Watch:
     def _suspected(self, cell: Cell, logs: Logs, seconds: float) -> list[Alarm]:
         """What is wrong with the logs from their start, as long as no fit explains them."""
         good = self._estimate is not None and self._estimate.acceptable
-        if seconds < SUSPECTED or good:
+        if seconds < SHORTEST or good:
             return []
         return [
             Alarm("wrong from the start", str(suspect), seconds)
@@ -216,7 +218,7 @@ class Watch:
 
     def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
         """Makes a fit the one that predicts, and its result the estimate."""
-        self._fitted, self._until = fitted, until
+        self._fitted = fitted
         result = kinematic_result(cell, fitted, FitOptions(model="dh", accuracy=self._accuracy))
         if self._estimate is None or self._estimate.model == "dh" or result.verdict.acceptable:
             self._estimate = _estimate(result, fitted.logs, until)

@@ -77,12 +77,14 @@ class GrowingRecording:
     def write_until(self, now: float) -> None:
         """Appends the rows that were taken by then [s], and the beginning of the next one."""
         for name, log in self.logs.items():
+            file = self.folder / "raw" / f"{name}.csv"
             first, last = self._written[name], int(np.searchsorted(log.t, now))
-            text = "" if first else log.head + "\n"
+            if not file.exists():
+                file.write_text(log.head + "\n")
             lines = [log.separator.join(row) + "\n" for row in log.cells[first : last + 1]]
             torn = lines.pop()[:7] if last < len(log.cells) and lines else ""
             whole = "".join(lines)
-            with (self.folder / "raw" / f"{name}.csv").open("a", newline="") as file:
-                file.write(text + whole[len(self._torn[name]) :] + torn if whole else text)
+            with file.open("a", newline="") as stream:
+                stream.write(whole[len(self._torn[name]) :] + torn if whole else "")
             if whole:
                 self._torn[name], self._written[name] = torn, last
