@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.live import Live
@@ -112,6 +114,10 @@ def watch(
             min=1.0,
         ),
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Show uncertainty, coverage and alarms in a rerun window."),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print a line of JSON in SI units for each update.")
     ] = False,
@@ -131,22 +137,32 @@ def watch(
     from ballbar.watch.show import Data, line, panel
 
     requested = None if accuracy is None else accuracy / MM
-    with (
-        stopped_by_signals() as stop,
-        Live(console=out, auto_refresh=False, transient=True) as live,
-    ):
+    if as_json:
+        silence()
+    with ExitStack() as stack:
+        in_window = stack.enter_context(_live_view()) if live else None
+        stop = stack.enter_context(stopped_by_signals())
+        panels = None
+        if out.is_terminal and not as_json:
+            panels = stack.enter_context(Live(console=out, auto_refresh=False, transient=True))
 
         def show(data: Data) -> None:
+            if in_window is not None:
+                in_window(data)
             if as_json:
                 typer.echo(json.dumps(data))
-            elif out.is_terminal:
-                live.update(panel(data), refresh=True)
+            elif panels is not None:
+                panels.update(panel(data), refresh=True)
             else:
                 out.print(line(data), markup=False)
 
-        if as_json:
-            silence()
         state = watch_folder(folder, show, accuracy=requested, duration=duration, stop=stop)
-    if out.is_terminal:
+    if panels is not None:
         out.print(panel(state.to_dict()))
     raise typer.Exit(1 if state.alarms or (accuracy is not None and not state.enough) else 0)
+
+
+def _live_view() -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
+    from ballbar.watch.view import live_view
+
+    return live_view()
