@@ -337,7 +337,7 @@ class Recorded:
     robot_records: int
     lost: int
     gaps: int
-    made: int  # samples of the PLC from the first recorded one on, when it was stopped
+    missing: int  # samples of the PLC between the first and the last row that are in no row
     processor_share: float  # of one core: recorder, watch and complete fits, start included
     verdict: str
     tcp_sigma_mm: float
@@ -363,12 +363,12 @@ def with_recorder(seconds: float, scratch: Path) -> Recorded:
         command += ["--egm", str(PORT), "--identify", "--accuracy", "0.05", "--json"]
         recorder = subprocess.Popen([*command, "--duration", str(seconds)], stdout=subprocess.PIPE)
         text = recorder.communicate()[0]
-        made = plc.written
         stop.set()
         sender.join()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    data = json.loads(text)
+    data, rows = json.loads(text), TextLog.read(folder / "raw" / "ballbar.csv").cells
+    stamps = rows[:, 0].astype(np.int64)
     sources, known = data["sources"], data["identified"]
     return Recorded(
         seconds=seconds,
@@ -376,7 +376,7 @@ def with_recorder(seconds: float, scratch: Path) -> Recorded:
         robot_records=sources["robot"]["records"],
         lost=sum(source["lost"] for source in sources.values()),
         gaps=sum(source["gaps"] for source in sources.values()),
-        made=made,
+        missing=int((stamps[-1] - stamps[0]) // plc.period_ns + 1 - stamps.size),
         processor_share=round(used / seconds, 3),
         verdict=f"{known['verdict']}, {len(known['alarms'])} alarms",
         tcp_sigma_mm=round(1e3 * known["tcp_sigma_m"], 5),

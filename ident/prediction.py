@@ -8,13 +8,13 @@ smoothing. A row of E whitened residuals with Jacobian J has, by a fit of covari
 as its mean square on average, as in ident.held_out; the level is what the fit leaves in its own
 samples. Where rows have far more, hypotheses compete for them: columns of the encoders or of the
 robot's log are exchanged or reversed, or one channel, or the clock, is off by any amount at each
-row. The course of that amount tells a channel that stands still, counts backwards or too far from
+row. How that amount goes on tells a channel that stands still, counts backwards or too far from
 one that stepped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TypeVar
@@ -43,10 +43,10 @@ SHARE = 0.05  # of the rows of a stretch that are off, from which it is not pred
 STEPS = 4  # Gauss-Newton steps to the amount by which a channel is off
 EXPLAINS = 0.3  # rms residual under a hypothesis over that as logged
 EQUATIONS = 3  # a sample, from which one channel may be free at each row
-MOVES = 2e-3  # [rad] motion below which the course of a channel tells nothing
+MOVES = 2e-3  # [rad] motion below which nothing tells how a channel goes on
 FROZEN = 1e-2  # of the motion of one log, of the other one that stands still
 STILL = 0.05  # slope of logged over true motion, of a channel that stands still
-STRAIGHT = 0.2  # share of a course that may be off a straight line
+STRAIGHT = 0.2  # share of the motion that may be off a straight line
 
 Log = TypeVar("Log", RobotLog, BallBarLog, LengthLog)
 
@@ -270,33 +270,39 @@ def _other_robot_log(rows: _Rows, q: Array, readings: Array) -> Iterator[_Hypoth
 def _free_channels(rows: _Rows, q: Array, readings: Array) -> Iterator[_Hypothesis]:
     """One channel, or the clock, off by any amount at each row."""
     of_robot, of_bar = rows.columns()
-    equations = len(of_robot[0])
-    dof = np.sqrt(equations / (equations - 1.0))
     for name, direction, unit in _robot_channels(rows.cell):
         column = np.einsum("j,jen->en", direction, of_robot)
-        amount, residual = np.zeros(len(q)), rows.residual(q, readings)
-        for _ in range(STEPS):
-            amount = amount + _step(column, residual)
-            residual = rows.residual(q - amount[:, None] * direction, readings)
-        cause = f"{name} {_course(q @ unit, amount)}"
-        yield _Hypothesis(cause, dof * _rms(residual))
+
+        def moved(amount: Array, direction: Array = direction) -> Array:
+            return rows.residual(q - amount[:, None] * direction, readings)
+
+        amount, left = _freed(column, moved)
+        yield _Hypothesis(f"{name} {_manner(q @ unit, amount)}", left)
+    turns = np.eye(readings.shape[1])
     for k, joint in enumerate(rows.samples.encoders):
-        column, turn = of_bar[joint - 1], np.eye(readings.shape[1])[k]
-        amount, residual = np.zeros(len(q)), rows.residual(q, readings)
-        for _ in range(STEPS):
-            amount = amount + _step(column, residual)
-            residual = rows.residual(q, readings - amount[:, None] * turn)
-        cause = f"encoder b{joint} {_course(readings[:, k], amount)}"
-        yield _Hypothesis(cause, dof * _rms(residual))
+
+        def turned(amount: Array, turn: Array = turns[k]) -> Array:
+            return rows.residual(q, readings - amount[:, None] * turn)
+
+        amount, left = _freed(of_bar[joint - 1], turned)
+        yield _Hypothesis(f"encoder b{joint} {_manner(readings[:, k], amount)}", left)
     if rows.samples.has_clock:
         speed = np.asarray(rows.samples.robot.speed(rows.fitted.clock.robot_time(rows.times)))
         column = np.einsum("nj,jen->en", speed, of_robot)
-        amount, residual = np.zeros(len(q)), rows.residual(q, readings)
-        for _ in range(STEPS):
-            amount = amount + _step(column, residual)
-            residual = rows.residual(rows.joints(-amount), readings)
-        typical = float(np.median(amount))
-        yield _Hypothesis(f"a clock jumped by {typical * 1e3:+.3g} ms", dof * _rms(residual))
+        amount, left = _freed(column, lambda late: rows.residual(rows.joints(-late), readings))
+        yield _Hypothesis(f"a clock jumped by {float(np.median(amount)) * 1e3:+.3g} ms", left)
+
+
+def _freed(column: Array, residual_without: Callable[[Array], Array]) -> tuple[Array, float]:
+    """(N,) amount by which a channel is off at each row, and the rms residual without it.
+
+    column : (E, N) whitened change per unit. residual_without : (E, N) with an amount taken out.
+    """
+    amount, size = np.zeros(column.shape[1]), np.maximum((column * column).sum(axis=0), 1e-30)
+    for _ in range(STEPS):
+        amount = amount + (column * residual_without(amount)).sum(axis=0) / size
+    freedom = np.sqrt(len(column) / (len(column) - 1.0))
+    return amount, float(freedom * _rms(residual_without(amount)))
 
 
 def _robot_channels(cell: Cell) -> Iterator[tuple[str, Array, Array]]:
@@ -311,12 +317,7 @@ def _robot_channels(cell: Cell) -> Iterator[tuple[str, Array, Array]]:
                 yield f"{kind} {k + 1}", direction, np.asarray(inverse[:, k])
 
 
-def _step(column: Array, residual: Array) -> Array:
-    """(N,) least-squares amount of a column (E, N) in a residual (E, N), row by row."""
-    return np.asarray((column * residual).sum(axis=0) / np.maximum((column**2).sum(axis=0), 1e-30))
-
-
-def _course(logged: Array, amount: Array) -> str:
+def _manner(logged: Array, amount: Array) -> str:
     """What is wrong with a channel (N,) [rad] that is off by an amount (N,) [rad]."""
     true = logged - amount
     moved, shown = true - true.mean(), logged - logged.mean()

@@ -89,15 +89,12 @@ class Silence:
         return alarms
 
 
-def standing(logs: Logs, *, over: bool) -> list[Alarm]:
-    """Whether the robot stands for longer than in a dwell.
-
-    over : whether the path has come to its end.
-    """
+def standing(logs: Logs) -> list[Alarm]:
+    """Whether the robot stands for longer than in a dwell."""
     robot, seconds = logs.robot, float(logs.robot.t[-1])
     late = np.searchsorted(robot.t, robot.t[-1] - LOOK)
     t, q = robot.t[late:], robot.q[late:]
-    if over or t.size < FEWEST:
+    if t.size < FEWEST:
         return []
     intervals = find_dwells(t, q).intervals
     if not intervals.size or intervals[-1, 1] < t.size - 1:

@@ -39,7 +39,7 @@ class WatchBeside:
 
     @property
     def failure(self) -> str:
-        """Why the process has ended before it was told to; empty while it runs."""
+        """Why the process has ended by itself; empty while it runs."""
         code = self._process.poll()
         if code in (None, 0, 1):
             return ""

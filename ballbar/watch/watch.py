@@ -9,7 +9,7 @@ is left out by the reader, and is whole at the next update. Then
 2. where they agree, the recording but its last seconds is fitted by kinematics alone;
 3. where that leaves something, the complete model is fitted in growing intervals, elsewhere.
 
-Nothing here waits or looks at a clock: `update` is told the time.
+Nothing here waits or looks at a clock: `update` is given the time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ballbar.watch.alarms import Findings, Silence, since_first, standing, steps
 from ballbar.watch.state import Alarm, Estimate, State
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.errors import DescriptionError, LogError, UnfinishedLogError
+from cell.errors import DescriptionError, InputError, LogError, UnfinishedLogError
 from cell.geometry import robot_frames
 from cell.load import load_cell, load_measured_cell
 from cell.robot_angles import joints_to_axes
@@ -85,6 +85,7 @@ class Watch:
         self._estimate: Estimate | None = None
         self._complete: _Complete | None = None
         self._next_complete = COMPLETE_FIRST
+        self._ended = False  # whether the recording is over, so that nothing need move any more
         self._unread = 0  # updates in a row in which the files were refused
         self._misfit: Alarm | None = None
         self._state = State(0.0, {}, "no recording yet", ())
@@ -93,6 +94,7 @@ class Watch:
         """The state of the recording; now : [s] on a clock that goes on evenly."""
         try:
             recording = read_with_causes(self._folder)
+            self._cell = self._cell or _cell(self._folder, recording)
         except (UnfinishedLogError, DescriptionError, OSError) as error:
             self._state = replace(self._state, waiting=str(error))
             return self._state
@@ -100,15 +102,14 @@ class Watch:
             return self._refused(str(error))
         self._unread = 0
         logs = logs_of(self._folder.name, recording)
-        if self._cell is None:
-            self._cell = _cell(self._folder, recording)
         seconds = _seconds(logs)
+        over = self._ended or (self._duration is not None and seconds >= self._duration - 1.0)
+        alarms = self._findings.alarms(recording.report, seconds)
         silent = self._silence.alarms(self._sizes(recording), now, seconds)
-        alarms = [*silent, *self._findings.alarms(recording.report, seconds)]
+        if not over:
+            alarms += [*silent, *standing(logs)]
         prediction = self._predicted(self._cell, logs)
         alarms += self._identified(self._cell, logs, seconds, prediction)
-        over = self._duration is not None and seconds >= self._duration - 1.0
-        alarms += standing(logs, over=over)
         if self._fitted is not None:
             alarms += steps(self._fitted.samples, self._fitted.clock, seconds)
         self._collect_complete()
@@ -119,11 +120,12 @@ class Watch:
 
         With the model that the data ask for; what holds against the recording stays.
         """
+        self._ended = True
         state = self.update(now)
         if self._cell is None or self._estimate is None or self._misfit is not None:
             return state
-        logs = logs_of(self._folder.name, read_with_causes(self._folder))
-        with suppress(StartError):
+        with suppress(StartError, InputError):  # files that are refused keep what was known before
+            logs = logs_of(self._folder.name, read_with_causes(self._folder))
             self._estimate = complete_estimate(self._cell, logs, self._accuracy)
         estimate = self._estimate
         reached = self._accuracy is not None and estimate.tcp_sigma <= self._accuracy

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
+import sys
 import threading
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
 
 from acquisition.recording import read_recording
 from ballbar.result.run_recordings import identify_recordings, logs_of
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, line
 from ballbar.watch.state import State
+from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
 from ballbar.watch.watch import Watch
 from cell.clock import Clock
 from cell.descriptions import Cell
@@ -208,3 +214,41 @@ def test_the_loop_shows_each_state_and_ends_with_the_whole_recording(
     assert state.enough
     assert shown[-1] == state.to_dict()
     assert re.search("enough.*verdict good, model dh", line(shown[-1]))
+
+
+def test_the_window_shows_the_uncertainty_over_the_recording_and_each_alarm_once(
+    growing: GrowingRecording, tmp_path: Path
+) -> None:
+    log = growing.logs["ballbar"]
+    rows = np.flatnonzero(log.t >= 44.6)
+    log.put(rows, "b2", log.numbers("b2")[rows] + 3e-3 / PER_COUNT)
+    states = watched(growing, 44.0, 45.0, 46.0)
+    stream = rr.RecordingStream(APPLICATION)
+    with stream:
+        stream.save(tmp_path / "watch.rrd", default_blueprint=layout())
+        view = WatchView(stream)
+        for state in states:
+            view.show(state.to_dict())
+    shown = {}
+    for chunk in RrdReader(tmp_path / "watch.rrd").stream():
+        rows_of = shown.setdefault(str(chunk.entity_path), [])
+        rows_of += chunk.to_record_batch().to_pylist()
+    sigmas = [row["Scalars:scalars"][0] for row in shown[SIGMA]]
+    assert sigmas == [state.estimate.tcp_sigma * 1e3 for state in states]
+    assert len(shown[ALARMS]) == 1
+
+
+@pytest.mark.slow
+def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_told_to(
+    growing: GrowingRecording,
+) -> None:
+    growing.write_until(50.0)
+    command = [sys.executable, "-m", "ballbar", "watch", str(growing.folder), "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        first = json.loads(process.stdout.readline())
+        process.terminate()
+        last = [json.loads(text) for text in process.stdout][-1]
+    assert process.returncode == 0
+    assert first["schema"] == last["schema"] == "ballbar-watch/1"
+    assert last["verdict"] == "good"
+    assert last["recorded_s"] == pytest.approx(50.0, abs=0.2)
