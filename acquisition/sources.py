@@ -20,7 +20,7 @@ from acquisition.table.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns, words
 from cell.arrays import Array
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
-from cell.errors import DescriptionError, LogError
+from cell.errors import DescriptionError, LogError, UnfinishedLogError
 from cell.foreign_files import repeated
 from cell.logs import SourceName
 from cell.neighbours import Mask
@@ -188,7 +188,7 @@ def refuse_few(table: Table, rows: int) -> None:
     """Raises LogError if so many rows of a table are too few for a fit."""
     if rows < MINIMUM_ROWS:
         files = ", ".join(table.files)
-        raise LogError(
+        raise UnfinishedLogError(
             f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed. "
             "Log a longer run, or at a higher rate."
         )

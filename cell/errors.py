@@ -17,5 +17,9 @@ class LogError(InputError):
     """A device log is wrong: torn, in another unit, with stamps that go back, not as declared."""
 
 
+class UnfinishedLogError(LogError):
+    """A device log holds too few rows, as one that has just begun."""
+
+
 class FailureError(RuntimeError):
     """The input is valid, but the work came to no result."""

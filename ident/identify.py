@@ -151,6 +151,11 @@ def identify_together(
     return _with_trackers(result, recordings)
 
 
+def kinematic_result(cell: Cell, single: RecordingFit, options: FitOptions) -> Identification:
+    """The result of the `dh` fit of one recording, without asking what may be wrong with it."""
+    return _result(cell, [single], single.fit, options)
+
+
 def _with_trackers(result: Identification, recordings: Sequence[Logs]) -> Identification:
     """The result with what its trackers contradict in the verdict."""
     verdict = result.verdict

@@ -186,8 +186,8 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
         for first, last in zip(runs.first.tolist(), runs.last.tolist(), strict=True):
             together.setdefault((first + 1, last), []).append(name)
     stretches: dict[tuple[str, ...], list[tuple[int, int]]] = {}
-    for stretch, names in sorted(together.items()):
-        stretches.setdefault(tuple(names), []).append(stretch)
+    for stretch, columns in sorted(together.items()):
+        stretches.setdefault(tuple(columns), []).append(stretch)
     for names, every in stretches.items():
         rows = np.unique(np.concatenate([np.arange(a, b + 1) for a, b in every]))
         lines = [f"{table.line[a]} to {table.line[b]}" for a, b in every[:STRETCHES_SHOWN]]

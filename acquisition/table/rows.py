@@ -20,7 +20,7 @@ from acquisition.report import Finding, Severity, finding
 from acquisition.table.fields import SEPARATORS, split_fields
 from acquisition.table.header import Header, Layout, Remedies
 from acquisition.table.text import LogText
-from cell.errors import LogError
+from cell.errors import LogError, UnfinishedLogError
 
 # Share of the lines: a recorder that loses more is not torn, it writes something else.
 TORN_LIMIT = 0.01
@@ -84,7 +84,7 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
     """
     rows = _without_headers(_below_header(text, header), header.line)
     if not rows.lines:
-        raise LogError(
+        raise UnfinishedLogError(
             f"{text.file}: a header but no complete row below it. Is the file cut off? "
             "Copy it again."
         )
@@ -157,7 +157,7 @@ def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths(rows.take(torn), width[torn], header, remedies, total=width.size)
     if torn.size == width.size:
-        raise LogError(
+        raise UnfinishedLogError(
             f"{rows.file}: the only row below the header is torn. Is the file cut off? "
             "Copy it again."
         )

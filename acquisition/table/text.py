@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
-from cell.errors import LogError
+from cell.errors import LogError, UnfinishedLogError
 from cell.foreign_files import open_regular, read_regular
 
 MOST_BYTES = 2_000_000_000  # of one file: fifty hours of a robot's log
@@ -94,7 +94,7 @@ def read_filled(path: Path, file: str) -> Content:
         )
     content = read_bytes(path, file)
     if not content.raw:
-        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
+        raise UnfinishedLogError(f"{file}: the file is empty. Copy it again from the logger.")
     return content
 
 

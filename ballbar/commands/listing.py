@@ -26,7 +26,8 @@ COMMANDS = {
     AT_THE_CELL: {
         "robot": "robots",
         "plan": "planning",
-        "record": "recordings",
+        "record": "live",
+        "watch": "live",
         "new": "recordings",
         "check": "recordings",
         "align": "recordings",

@@ -1,4 +1,4 @@
-"""Commands that make and check recordings: `ballbar record`, `new`, `check` and `align`."""
+"""Commands that make and check recordings: `ballbar new`, `check` and `align`."""
 
 from __future__ import annotations
 
@@ -20,65 +20,6 @@ from cell.logs import SourceName
 
 commands = typer.Typer()
 _POSES = "Options of still poses"
-
-
-@commands.command(
-    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 "
-    "--plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`"
-)
-def record(
-    folder: Annotated[Path, typer.Argument(help="New folder for the recording.", metavar="DIR")],
-    robot: Annotated[
-        str, typer.Option(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
-    ],
-    ballbar: Annotated[
-        str, typer.Option(help="Ball-bar of cell/instruments, or a .yaml file.", metavar="NAME")
-    ],
-    plate: Annotated[
-        str, typer.Option(help="Offset plate of cell/plates, or a .yaml file.", metavar="NAME")
-    ] = "plate_250",
-    plc: Annotated[
-        str | None,
-        typer.Option(
-            help="AMS address of the PLC that reads the encoders.", metavar="NETID[:PORT][@HOST]"
-        ),
-    ] = None,
-    egm: Annotated[
-        str | None,
-        typer.Option(
-            help="Address and port that receive the robot's EGM feedback; a port alone listens to "
-            "this machine only.",
-            metavar="[ADDRESS:]PORT",
-        ),
-    ] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            help="Seconds from the first record to the end. Default: until Ctrl-C.", min=0.1
-        ),
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the angles in a rerun window while recording.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM.
-
-    The PLC runs the program of docs/recorder.md. The recording can be read at any moment. The
-    command waits for the devices, starts a new file when one was disconnected, and ends with
-    Ctrl-C. Exits with 1 when the disk is full, or a device delivered nothing.
-    """
-    from ballbar.record.show import RecordOptions, record_data, say, silent
-    from ballbar.record.show import record as record_live
-
-    options = RecordOptions(
-        plc=plc, egm=egm, robot=robot, ballbar=ballbar, plate=plate, duration=duration, live=live
-    )
-    recording = record_live(folder, options, err if as_json else out)
-    if as_json:
-        say_json(record_data(folder, recording))
-    say(out, folder, recording)
-    raise typer.Exit(1 if silent(recording) else 0)
 
 
 @commands.command(

@@ -18,6 +18,8 @@ from acquisition.live.plc_source import Memory, PlcSource
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
 from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
+from ballbar.watch.beside import WatchBeside
+from ballbar.watch.show import Data, panel
 from cell.errors import InputError
 from cell.files import write_whole
 from cell.load import load_cell
@@ -40,6 +42,8 @@ class RecordOptions:
     plate: str
     duration: float | None  # [s]
     live: bool
+    identify: bool
+    accuracy: float | None  # [m]
 
     @property
     def cell(self) -> tuple[str, str, str]:
@@ -52,7 +56,15 @@ class RecordOptions:
         return tuple(name for name in self.cell if name.endswith(".yaml"))
 
 
-def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording that has ended."""
+
+    recording: LiveRecording
+    identified: Data | None  # the last state of the process that has identified it meanwhile
+
+
+def record(folder: Path, options: RecordOptions, out: Console) -> Recorded:
     """Records until Ctrl-C or until the duration is over, and shows the progress on `out`.
 
     Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
@@ -76,13 +88,18 @@ def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
         recording = LiveRecording(RecordingFolder(folder, names), sources, on_batch=on_batch)
         for name in options.own_files:
             write_whole(folder / Path(name).name, Path(name).read_bytes())
+        beside = None
+        if options.identify:
+            duration, accuracy = options.duration, options.accuracy
+            beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
         with _ended_by_signals(recording), quiet_libraries(out):
             recording.start()
             try:
-                show_until_stopped(out, recording, duration=options.duration)
+                show_until_stopped(out, recording, duration=options.duration, beside=beside)
             finally:
                 recording.finish()
-    return recording
+                identified = None if beside is None else beside.finish()
+    return Recorded(recording, identified)
 
 
 def silent(recording: LiveRecording) -> list[str]:
@@ -90,8 +107,9 @@ def silent(recording: LiveRecording) -> list[str]:
     return [source.name for source in recording.progress if not source.records]
 
 
-def record_data(folder: Path, recording: LiveRecording) -> dict[str, object]:
-    """JSON of `record`: counts and events of each source, and what the recording lacks."""
+def record_data(folder: Path, recorded: Recorded) -> dict[str, object]:
+    """JSON of `record`: counts and events of each source, what the recording lacks and shows."""
+    recording = recorded.recording
     sources = {
         source.name: {
             "records": source.records,
@@ -105,11 +123,13 @@ def record_data(folder: Path, recording: LiveRecording) -> dict[str, object]:
         }
         for source in recording.progress
     }
-    return {"recording": str(folder), "sources": sources, "missing": list(recording.missing)}
+    data = {"recording": str(folder), "sources": sources, "missing": list(recording.missing)}
+    return {**data, **({"identified": recorded.identified} if recorded.identified else {})}
 
 
-def say(out: Console, folder: Path, recording: LiveRecording) -> None:
-    """Prints what was recorded, and what the recording lacks."""
+def say(out: Console, folder: Path, recorded: Recorded) -> None:
+    """Prints what was recorded, what the recording lacks and what was identified."""
+    recording = recorded.recording
     say_recording(out, recording.progress)
     empty, name = silent(recording), escape(str(folder))
     for source in empty:
@@ -118,6 +138,8 @@ def say(out: Console, folder: Path, recording: LiveRecording) -> None:
         return
     for item in recording.missing:
         out.print(f"Still missing: {escape(item)}.")
+    if recorded.identified is not None:
+        out.print(panel(recorded.identified))
     hint = "" if recording.missing else f", look at it with: ballbar check {name}"
     out.print(f"Recording {name}{hint}")
 

@@ -18,6 +18,8 @@ from rich.text import Text
 from acquisition.faults.encoders import FAULTS, SYNC_ERROR
 from acquisition.live.progress import Progress, State
 from acquisition.live.session import LiveRecording, notes
+from ballbar.watch.beside import WatchBeside
+from ballbar.watch.show import line, panel
 
 _REFRESH = 0.25  # [s] between two updates of the table
 _SILENT = 1.0  # [s] without a record, after which a device counts as silent
@@ -50,11 +52,15 @@ def quiet_libraries(console: Console) -> Iterator[None]:
 
 
 def show_until_stopped(
-    console: Console, recording: LiveRecording, *, duration: float | None
+    console: Console,
+    recording: LiveRecording,
+    *,
+    duration: float | None,
+    beside: WatchBeside | None = None,
 ) -> None:
     """Shows the recording until it stops, or until `duration` [s] after the first records.
 
-    On a terminal a table is shown, elsewhere a line for each event.
+    On a terminal a table is shown, elsewhere a line for each event. beside : identifies meanwhile.
     """
     begun, lines = None, _Lines(console)
     with (
@@ -68,11 +74,21 @@ def show_until_stopped(
                 begun = time.monotonic()
             elapsed = 0.0 if begun is None else time.monotonic() - begun
             if live is not None:
-                live.update(status_table(progress, elapsed), refresh=True)
+                table = status_table(progress, elapsed)
+                live.update(table if beside is None else _both(table, beside), refresh=True)
             else:
                 lines.print_changes(progress)
+                if beside is not None:
+                    lines.print_update(beside)
             if duration is not None and elapsed >= duration:
                 return
+
+
+def _both(table: RenderableType, beside: WatchBeside) -> RenderableType:
+    """The table of the sources, and below it what is identified meanwhile."""
+    if beside.failure:
+        return Group(table, Text(f"identification ended: {beside.failure}", style="red"))
+    return table if beside.latest is None else Group(table, Text(), panel(beside.latest))
 
 
 def say_recording(console: Console, progress: list[Progress]) -> None:
@@ -113,8 +129,8 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
         )
     details = Table.grid()
     for source in progress:
-        for line in _details(source):
-            details.add_row(line)
+        for detail in _details(source):
+            details.add_row(detail)
     return Group(table, details)
 
 
@@ -163,6 +179,7 @@ class _Lines:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._printed: dict[str, str] = {}
+        self._updates = 0
 
     def print_changes(self, progress: list[Progress]) -> None:
         """Prints the sources whose state, file or reason has changed."""
@@ -174,3 +191,9 @@ class _Lines:
             if self._printed.get(source.name) != text:
                 self._printed[source.name] = text
                 self._console.print(f"{source.name}: {escape(text)}")
+
+    def print_update(self, beside: WatchBeside) -> None:
+        """Prints what was identified since the last call."""
+        if beside.latest is not None and beside.updates != self._updates:
+            self._updates = beside.updates
+            self._console.print(escape(line(beside.latest)))

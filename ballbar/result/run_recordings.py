@@ -52,7 +52,7 @@ def identify_recordings(
     load = load_measured_cell if first.ballbar is None else load_cell
     cell = load(first.robot, first.measured_by, first.plate, relative_to=folders[0])
     options, count = settings.options, len(folders)
-    logs = [_logs(name, recording) for name, recording in zip(names, read, strict=True)]
+    logs = [logs_of(name, recording) for name, recording in zip(names, read, strict=True)]
     result = identify_together(cell, logs[:count], options=options, listener=listener)
     held = zip(validate, read[count:], logs[count:], strict=True)
     validations = tuple(
@@ -109,7 +109,8 @@ def _validated(
     return Validation(folder, recording, outcome)
 
 
-def _logs(name: str, recording: Recording) -> Logs:
+def logs_of(name: str, recording: Recording) -> Logs:
+    """The logs of a recording as they are identified, under a name for messages."""
     return Logs(
         recording.robot_log,
         recording.ballbar_log,

@@ -52,7 +52,7 @@ def channel_errors(cell: Cell, recording: RecordingFit) -> list[ChannelError]:
 
     recording : its fit by kinematics, which may have failed.
     """
-    fit = nominal_robot_fit(recording)
+    fit = nominal_robot_fit(recording, recording.samples)
     clock = fit.clock() if recording.samples.has_clock else None
     layout, x = kinematic_unknowns(fit.geometry(), clock, recording.subset.parameters)
     model = Model(fit.model.gearing, None, (), layout, fit.model.recordings)

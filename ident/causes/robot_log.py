@@ -52,7 +52,7 @@ def other_angles(robot: Robot) -> list[OtherAngles]:
     return distinct
 
 
-def _kinds(robot: Robot) -> dict[str, tuple[Array, Array]]:
+def angle_kinds(robot: Robot) -> dict[str, tuple[Array, Array]]:
     """(J, J) matrix and (J,) [rad] zero of each kind of angles: joints = angles matrix + zero."""
     none = np.zeros(robot.joints)
     return {
@@ -63,7 +63,7 @@ def _kinds(robot: Robot) -> dict[str, tuple[Array, Array]]:
 
 
 def _changed_columns(robot: Robot) -> Iterator[OtherAngles]:
-    for kind, (to_joint, zero) in _kinds(robot).items():
+    for kind, (to_joint, zero) in angle_kinds(robot).items():
         for cause, change in _changes(kind, robot.joints):
             matrix = np.linalg.inv(to_joint) @ change @ to_joint
             yield OtherAngles(cause, matrix, zero - zero @ matrix)
@@ -86,7 +86,7 @@ def _changes(kind: str, n: int) -> Iterator[tuple[str, Array]]:
 def _other_kinds(robot: Robot) -> Iterator[OtherAngles]:
     """Angles of each kind that were read as those of each kind, in either unit."""
     identity = OtherAngles("", np.eye(robot.joints), np.zeros(robot.joints))
-    kinds = _kinds(robot).items()
+    kinds = angle_kinds(robot).items()
     for (read, (to_joint, zero)), (kind, (matrix, offset)) in product(kinds, repeat=2):
         for factor, unit, declared in UNITS:
             if kind == read:

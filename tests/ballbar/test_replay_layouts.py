@@ -24,7 +24,6 @@ from rerun.experimental import ViewerClient
 from typer.testing import CliRunner
 
 from ballbar.commands.cli import app
-from ballbar.replay.coverage import PATCHES, coverage, even_directions
 from ballbar.replay.entities import (
     CELL,
     CLOSURE_ERROR,
@@ -46,6 +45,7 @@ from ballbar.replay.viewer import _rerun, web_server
 from ballbar.replay.write import write_replay
 from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
+from ballbar.sphere_coverage import PATCHES, coverage, even_directions
 from cell.errors import InputError
 from cell.logs import BallBarLog
 from ident.identify import identify

@@ -81,7 +81,10 @@ class Plc:
         *,
         capacity: int = CAPACITY,
         joints: tuple[int, ...] = JOINTS,
+        counters: NDArray[np.int64] | None = None,
     ) -> None:
+        """counters : (N, 5) of the samples, in place of those that follow from their numbers."""
+        self._counters = counters
         self.address, self.period_ns, self.capacity = address, round(1e9 / rate), capacity
         self.net_id = f"{address}.1.1"
         self.header_reads: list[int] = []  # `written` whenever a recorder looked at it
@@ -158,6 +161,11 @@ class Plc:
     def write(self, count: int) -> None:
         """The next samples, each into its slot and only then counted."""
         first = self.written
-        for sample in plc_samples(first, count, self.period_ns):
+        samples = plc_samples(first, count, self.period_ns)
+        if self._counters is not None:
+            rows = np.arange(first, first + count) % len(self._counters)
+            samples["counter"] = self._counters[rows]
+            samples["status"] = 0
+        for sample in samples:
             self._slots[self.written % self.capacity] = sample
             self._header["written"] += 1

@@ -1,0 +1,168 @@
+"""Commands at a recording that is being written: `ballbar record` and `watch`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+
+from ballbar.commands.options import AsJson, RecordingFolder, say_json
+from ballbar.terminal import err, out, silence
+from ballbar.units import MM
+
+commands = typer.Typer()
+Accuracy = Annotated[
+    float | None,
+    typer.Option(
+        help="Stated TCP uncertainty [mm] (1 sigma, rms) that is enough.", metavar="MM", min=1e-6
+    ),
+]
+
+
+@commands.command(
+    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 "
+    "--plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`"
+)
+def record(
+    folder: Annotated[Path, typer.Argument(help="New folder for the recording.", metavar="DIR")],
+    robot: Annotated[
+        str, typer.Option(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
+    ],
+    ballbar: Annotated[
+        str, typer.Option(help="Ball-bar of cell/instruments, or a .yaml file.", metavar="NAME")
+    ],
+    plate: Annotated[
+        str, typer.Option(help="Offset plate of cell/plates, or a .yaml file.", metavar="NAME")
+    ] = "plate_250",
+    plc: Annotated[
+        str | None,
+        typer.Option(
+            help="AMS address of the PLC that reads the encoders.", metavar="NETID[:PORT][@HOST]"
+        ),
+    ] = None,
+    egm: Annotated[
+        str | None,
+        typer.Option(
+            help="Address and port that receive the robot's EGM feedback; a port alone listens to "
+            "this machine only.",
+            metavar="[ADDRESS:]PORT",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds from the first record to the end. Default: until Ctrl-C.", min=0.1
+        ),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the angles in a rerun window while recording.")
+    ] = False,
+    identify: Annotated[
+        bool,
+        typer.Option(
+            "--identify",
+            help="Identify the robot meanwhile, in a process of its own, and raise alarms.",
+        ),
+    ] = False,
+    accuracy: Accuracy = None,
+    as_json: AsJson = False,
+) -> None:
+    """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM.
+
+    The PLC runs the program of docs/recorder.md. The recording can be read at any moment. The
+    command waits for the devices, starts a new file when one was disconnected, and ends with
+    Ctrl-C. Exits with 1 when the disk is full, or a device delivered nothing.
+    """
+    from ballbar.record.show import RecordOptions, record_data, say, silent
+    from ballbar.record.show import record as record_live
+
+    options = RecordOptions(
+        plc=plc,
+        egm=egm,
+        robot=robot,
+        ballbar=ballbar,
+        plate=plate,
+        duration=duration,
+        live=live,
+        identify=identify,
+        accuracy=None if accuracy is None else accuracy / MM,
+    )
+    recorded = record_live(folder, options, err if as_json else out)
+    if as_json:
+        say_json(record_data(folder, recorded))
+    say(out, folder, recorded)
+    raise typer.Exit(1 if silent(recorded.recording) else 0)
+
+
+@commands.command(
+    epilog="Example: `ballbar watch runs/monday --accuracy 0.05`, in a second terminal while the "
+    "recording is written"
+)
+def watch(
+    folder: RecordingFolder,
+    accuracy: Accuracy = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds that the recording will take, for the uncertainty at its end. Default: "
+            "until Ctrl-C.",
+            min=1.0,
+        ),
+    ] = None,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Show uncertainty, coverage and alarms in a rerun window."),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print a line of JSON in SI units for each update.")
+    ] = False,
+) -> None:
+    """Identify a recording while it is being written, whoever writes it.
+
+    Every second the files are read, the latest rows are compared with what the earlier ones
+    foretell, and the robot is identified anew. Nothing is written. Ends with Ctrl-C, or when the
+    duration is over and no more rows come. Exits with 1 if an alarm stands at the end, or the
+    accuracy is not reached.
+    """
+    from cell.threads import one_thread_each
+
+    with one_thread_each():  # read when the libraries load
+        from ballbar.watch.run import stopped_by_signals
+        from ballbar.watch.run import watch as watch_folder
+    from ballbar.watch.show import Data, line, panel
+
+    requested = None if accuracy is None else accuracy / MM
+    if as_json:
+        silence()
+    with ExitStack() as stack:
+        in_window = stack.enter_context(_live_view()) if live else None
+        stop = stack.enter_context(stopped_by_signals())
+        panels = None
+        if out.is_terminal and not as_json:
+            panels = stack.enter_context(Live(console=out, auto_refresh=False, transient=True))
+
+        def show(data: Data) -> None:
+            if in_window is not None:
+                in_window(data)
+            if as_json:
+                typer.echo(json.dumps(data))
+            elif panels is not None:
+                panels.update(panel(data), refresh=True)
+            else:
+                out.print(line(data), markup=False)
+
+        state = watch_folder(folder, show, accuracy=requested, duration=duration, stop=stop)
+    if panels is not None:
+        out.print(panel(state.to_dict()))
+    raise typer.Exit(1 if state.alarms or (accuracy is not None and not state.enough) else 0)
+
+
+def _live_view() -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
+    from ballbar.watch.view import live_view
+
+    return live_view()

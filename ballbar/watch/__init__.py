@@ -1,0 +1,1 @@
+"""`ballbar watch`: a recording identified while it is being written, by whatever writes it."""

@@ -1,0 +1,58 @@
+"""`ballbar watch` in a process of its own beside a recorder, which waits for nothing of it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+from ballbar.watch.show import Data
+from cell.threads import one_thread_each
+
+LAST = 120.0  # [s] for the complete fit of the whole recording
+
+
+class WatchBeside:
+    """A process that watches a folder, and the latest of what it says."""
+
+    def __init__(self, folder: Path, *, accuracy: float | None, duration: float | None) -> None:
+        """accuracy : [m]. duration : [s] of the recording, if it is known."""
+        command = [sys.executable, "-m", "ballbar", "watch", str(folder), "--json"]
+        command += [] if accuracy is None else ["--accuracy", repr(accuracy * 1e3)]
+        command += [] if duration is None else ["--duration", repr(duration)]
+        self.latest: Data | None = None
+        self.updates = 0
+        with one_thread_each():  # Ctrl-C is for the recorder, which ends this one when it has ended
+            self._process = subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+            )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None  # as it was started
+        for text in self._process.stdout:
+            self.latest = json.loads(text)
+            self.updates += 1
+
+    @property
+    def failure(self) -> str:
+        """Why the process has ended by itself; empty while it runs."""
+        code = self._process.poll()
+        if code in (None, 0, 1):
+            return ""
+        return f"exit code {code}; say `ballbar watch` in another terminal to see why"
+
+    def finish(self) -> Data | None:
+        """The last state, with a fit of the whole recording."""
+        if self._process.poll() is None:
+            self._process.terminate()
+        try:
+            self._process.wait(LAST)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join(1.0)
+        return self.latest

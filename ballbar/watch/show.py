@@ -1,0 +1,78 @@
+"""Output of `ballbar watch`: a panel that is refreshed, a line for each update, or JSON.
+
+All three are of the plain data of `State.to_dict`, which `ballbar record --identify` reads from the
+process that watches its folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from ballbar.units import MM, MS, PPM, URAD
+from cell.foreign_text import printable
+
+Data = dict[str, Any]
+Show = Callable[[Data], None]
+
+
+def panel(data: Data) -> RenderableType:
+    """The state of a recording as a table, alarms below it."""
+    table = Table(
+        title=f"{data['recorded_s']:.0f} s recorded", title_justify="left", box=None, pad_edge=False
+    )
+    table.add_column("")
+    table.add_column("")
+    for name, text in _facts(data).items():
+        table.add_row(name, Text(text))
+    alarms = [
+        Text(f"{a['kind']} at {a['raised']:.0f} s: {a['sentence']}", style="red")
+        for a in data["alarms"]
+    ]
+    return Group(table, *(alarms or [Text("no alarm", style="green")]))
+
+
+def line(data: Data) -> str:
+    """The state of a recording in one line."""
+    facts = "; ".join(f"{name} {text}" for name, text in _facts(data).items() if name in _SHORT)
+    alarms = "".join(f"; ALARM {a['kind']}: {a['sentence']}" for a in data["alarms"])
+    return f"{data['recorded_s']:.1f} s: {facts}{alarms}"
+
+
+_SHORT = ("waiting", "TCP uncertainty", "verdict", "latest rows")
+
+
+def _facts(data: Data) -> dict[str, str]:
+    """What is known, by the name that it is shown under."""
+    if data["waiting"]:
+        return {"waiting": printable(data["waiting"])}
+    facts = {"TCP uncertainty": _uncertainty(data)}
+    facts["verdict"] = f"{data['verdict']}, model {data['model']}"
+    if data["clock_offset_s"] is not None:
+        offset, skew = data["clock_sigma"]
+        facts["clock"] = (
+            f"offset {data['clock_offset_s'] * MS:+.3f} ms, sigma {offset * MS:.2g}; "
+            f"skew {data['clock_skew'] * PPM:+.2f} ppm, sigma {skew * PPM:.2g}"
+        )
+    axes = " ".join(f"{100 * share:.0f}" for share in data["axes_covered"])
+    facts["coverage"] = f"sphere {100 * data['sphere_covered']:.0f} %; axes {axes} %"
+    facts["noise"] = " ".join(_noise(name, sigma) for name, sigma in data["noise"].items())
+    if data["predicted"] is not None:
+        facts["latest rows"] = f"{data['predicted']:.2f} times what the fit of the others explains"
+    return facts
+
+
+def _noise(name: str, sigma: float) -> str:
+    unit, scale = ("mm", MM) if name == "length" else ("urad", URAD)
+    return f"{name} {sigma * scale:.2g} {unit}"
+
+
+def _uncertainty(data: Data) -> str:
+    text = f"{data['tcp_sigma_m'] * MM:.3g} mm"
+    if data["tcp_sigma_end_m"] is not None:
+        text += f", at the end about {data['tcp_sigma_end_m'] * MM:.2g} mm (estimate)"
+    return text + (" - enough" if data["enough"] else "")

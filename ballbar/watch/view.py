@@ -1,0 +1,75 @@
+"""Live view of a growing recording: uncertainty, coverage, latest rows and alarms in rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from ballbar.record.view import FLUSH
+from ballbar.replay.viewer import live_viewer
+from ballbar.units import MM
+from ballbar.watch.show import Data, Show
+
+TIMELINE = "recording_time"
+APPLICATION = "ballbar-watch"
+SIGMA, END, COVERED, PREDICTED, ALARMS = (
+    "/tcp/so_far_mm", "/tcp/at_the_end_mm", "/covered_percent", "/latest_rows", "/alarms",
+)  # fmt: skip
+
+
+class WatchView:
+    """Sends each state of a recording to a rerun stream."""
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        self._said: set[str] = set()
+
+    def show(self, data: Data) -> None:
+        """Adds a state; an alarm stands in the list once."""
+        self._stream.set_time(TIMELINE, duration=data["recorded_s"])
+        shown = {
+            SIGMA: (data["tcp_sigma_m"], MM),
+            END: (data["tcp_sigma_end_m"], MM),
+            COVERED: (data["sphere_covered"], 100.0),
+            PREDICTED: (data["predicted"], 1.0),
+        }
+        for entity, (value, scale) in shown.items():
+            if value is not None:
+                self._stream.log(entity, rr.Scalars(value * scale))
+        for alarm in data["alarms"]:
+            if alarm["kind"] not in self._said:
+                self._said.add(alarm["kind"])
+                text = f"{alarm['kind']}: {alarm['sentence']}"
+                self._stream.log(ALARMS, rr.TextLog(text, level=rr.TextLogLevel.ERROR))
+
+
+def layout() -> rrb.Blueprint:
+    """Uncertainty at the top, then the latest rows and the coverage, alarms at the bottom."""
+    views = [
+        rrb.TimeSeriesView(origin="/tcp", name="Stated TCP uncertainty [mm]"),
+        rrb.TimeSeriesView(origin=PREDICTED, name="Residual of the latest rows over the expected"),
+        rrb.TimeSeriesView(origin=COVERED, name="Sphere covered [%]"),
+        rrb.TextLogView(origin=ALARMS, name="Alarms"),
+    ]
+    return rrb.Blueprint(
+        rrb.Vertical(*views, row_shares=[3, 2, 1, 1]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+    )
+
+
+@contextmanager
+def live_view() -> Iterator[Show]:
+    """A window that shows each state it is given; it remains open when the watch has ended.
+
+    Raises ViewerError if the viewer does not start.
+    """
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    stream.connect_grpc(live_viewer(), default_blueprint=layout())
+    yield WatchView(stream).show
+    with suppress(RuntimeError):  # the user has closed the window
+        stream.flush(timeout_sec=FLUSH)

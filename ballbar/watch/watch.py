@@ -1,0 +1,330 @@
+"""A recording that is being written, read on and identified again and again.
+
+Each update reads the recording whole, with the reader of every other command: ten minutes at 250 Hz
+take a quarter of a second, and whatever the file is, it is read in one way. A half-written last row
+is left out by the reader, and is whole at the next update. Then
+
+1. the latest rows are compared with the fit of the earlier ones (ident.prediction), which they
+   took no part in;
+2. where they agree, the recording but its last seconds is fitted by kinematics alone;
+3. where that leaves something, the complete model is fitted in growing intervals, elsewhere.
+
+Nothing here waits or looks at a clock: `update` is given the time.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing.pool import AsyncResult, Pool
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.recording import Recording
+from ballbar.recordings.read_with_causes import read_with_causes
+from ballbar.result.run_recordings import logs_of
+from ballbar.sphere_coverage import coverage
+from ballbar.watch.alarms import Findings, Silence, since_first, standing, steps
+from ballbar.watch.state import Alarm, Estimate, State
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.errors import DescriptionError, InputError, LogError, UnfinishedLogError
+from cell.geometry import robot_frames
+from cell.load import load_cell, load_measured_cell
+from cell.robot_angles import joints_to_axes
+from cell.statistics import rms
+from ident.causes import suspects
+from ident.identify import identify_together, kinematic_result
+from ident.options import FitOptions
+from ident.prediction import Prediction, part_of, predict
+from ident.recording_fit import Logs, RecordingFit, fit_recording
+from ident.result import Identification
+from ident.start.automatic import StartError
+
+HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
+REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from which it is fitted
+SHORTEST = 10.0  # [s] of a recording that is fitted; the columns of less cannot be compared
+FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
+COMPLETE_FIRST, COMPLETE_GROWTH = 60.0, 1.5  # [s] of the first complete fit; times, of the next
+CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates
+AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
+SAME_MODEL = 3.0  # times chi-square: a fit of all rows that leaves no more has only more to tell
+COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
+
+
+@dataclass(frozen=True, eq=False)
+class _Complete:
+    """A complete fit under way."""
+
+    until: float
+    result: AsyncResult[Estimate]
+
+
+class Watch:
+    """A recording folder, identified as it grows.
+
+    accuracy : [m] requested TCP uncertainty. duration : [s] of the whole recording, if it is known.
+    pool : takes the complete fits; without one there are none.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        accuracy: float | None = None,
+        duration: float | None = None,
+        pool: Pool | None = None,
+    ) -> None:
+        self._folder, self._accuracy, self._duration = folder, accuracy, duration
+        self._pool = pool
+        self._findings, self._silence = Findings(), Silence()
+        self._cell: Cell | None = None
+        self._fitted: RecordingFit | None = None
+        self._next_fit = 0.0  # [s] of the recording
+        self._estimate: Estimate | None = None
+        self._complete: _Complete | None = None
+        self._next_complete = COMPLETE_FIRST
+        self._ended = False  # whether the recording is over, so that nothing need move any more
+        self._unread = 0  # updates in a row in which the files were refused
+        self._misfit: Alarm | None = None
+        self._state = State(0.0, {}, "no recording yet", ())
+
+    def update(self, now: float) -> State:
+        """The state of the recording; now : [s] on a clock that goes on evenly."""
+        try:
+            recording = read_with_causes(self._folder)
+            self._cell = self._cell or _cell(self._folder, recording)
+        except (UnfinishedLogError, DescriptionError, OSError) as error:
+            self._state = replace(self._state, waiting=str(error))
+            return self._state
+        except LogError as error:
+            return self._refused(str(error))
+        self._unread = 0
+        logs = logs_of(self._folder.name, recording)
+        seconds = _seconds(logs)
+        over = self._ended or (self._duration is not None and seconds >= self._duration - 1.0)
+        alarms = self._findings.alarms(recording.report, seconds)
+        silent = self._silence.alarms(self._sizes(recording), now, seconds)
+        if not over:
+            alarms += [*silent, *standing(logs)]
+        prediction = self._predicted(self._cell, logs)
+        alarms += self._identified(self._cell, logs, seconds, prediction)
+        if self._fitted is not None:
+            alarms += steps(self._fitted.samples, self._fitted.clock, seconds)
+        self._collect_complete()
+        return self._stated(recording, logs, seconds, prediction, alarms)
+
+    def finish(self, now: float) -> State:
+        """The state of the whole recording, nothing of it held out.
+
+        With the model that the data ask for; what holds against the recording stays.
+        """
+        self._ended = True
+        state = self.update(now)
+        if self._cell is None or self._estimate is None or self._misfit is not None:
+            return state
+        with suppress(StartError, InputError):  # files that are refused keep what was known before
+            logs = logs_of(self._folder.name, read_with_causes(self._folder))
+            self._estimate = complete_estimate(self._cell, logs, self._accuracy)
+        estimate = self._estimate
+        reached = self._accuracy is not None and estimate.tcp_sigma <= self._accuracy
+        enough = reached and estimate.acceptable and not state.alarms
+        return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma, enough=enough)
+
+    def _refused(self, sentence: str) -> State:
+        """The last state with an alarm for files that cannot be trusted, if they stay so."""
+        self._unread += 1
+        if self._unread > 1:
+            alarm = Alarm("refused", sentence, self._state.seconds)
+            others = [a for a in self._state.alarms if a.kind != alarm.kind]
+            alarms = since_first((*others, alarm), self._state.alarms)
+            self._state = replace(self._state, alarms=alarms, enough=False)
+        return self._state
+
+    def _sizes(self, recording: Recording) -> dict[str, int]:
+        sources = recording.description.sources
+        named = (sources.robot, sources.ballbar, sources.length)
+        latest = [source.files[-1] for source in named if source is not None]
+        return {name: (self._folder / name).stat().st_size for name in latest}
+
+    def _predicted(self, cell: Cell, logs: Logs) -> Prediction | None:
+        """How the fit predicts the latest rows."""
+        if self._fitted is None:
+            return None
+        return predict(cell, self._fitted, logs, HELD_OUT)
+
+    def _identified(
+        self, cell: Cell, logs: Logs, seconds: float, prediction: Prediction | None
+    ) -> list[Alarm]:
+        """Fits the recording again if it has grown and agrees; alarms where it does not."""
+        off = prediction is not None and prediction.since is not None
+        if prediction is not None and off:
+            alarm = self._disagreement(cell, logs, seconds, prediction)
+            if alarm is not None or self._misfit is not None:
+                return [alarm] if alarm else []
+        if self._misfit is not None and not off:
+            self._misfit = None
+        wrong = self._suspected(cell, logs, seconds)
+        if wrong or seconds < max(SHORTEST, self._next_fit):
+            return wrong
+        used = _but_last(logs, HELD_OUT)
+        try:
+            fitted = fit_recording(cell, used, FitOptions(model="dh"))
+        except (StartError, ValueError):
+            self._next_fit = seconds * FAILED_GROWTH
+            return []
+        self._next_fit = seconds + max(REFIT, REFIT_SHARE * seconds)
+        self._take(cell, fitted, seconds - HELD_OUT)
+        self._ask_complete(cell, used, seconds - HELD_OUT)
+        return []
+
+    def _disagreement(
+        self, cell: Cell, logs: Logs, seconds: float, prediction: Prediction
+    ) -> Alarm | None:
+        """The alarm for rows that the fit does not predict; None if a fit with them explains all.
+
+        A young fit may know too little of where the path leads to.
+        """
+        cause = prediction.cause or "the latest rows contradict all earlier ones"
+        sentence = (
+            f"{cause} (from t = {prediction.since:.2f} s on; the residual is "
+            f"{prediction.ratio:.1f} times what the earlier rows explain)"
+        )
+        if self._misfit is None:
+            before = self._fitted
+            assert before is not None  # it has predicted
+            try:
+                fitted = fit_recording(cell, logs, FitOptions(model="dh"))
+            except (StartError, ValueError):
+                fitted = None
+            if fitted is not None and fitted.fit.converged:
+                left = fitted.fit.chi2_per_dof / max(1.0, before.fit.chi2_per_dof)
+                if left < SAME_MODEL:
+                    self._take(cell, fitted, seconds)
+                    return None
+        sure = self._misfit is not None or prediction.ratio > CERTAIN
+        self._misfit = Alarm("misfit", sentence, seconds)
+        return self._misfit if sure else None
+
+    def _suspected(self, cell: Cell, logs: Logs, seconds: float) -> list[Alarm]:
+        """What is wrong with the logs from their start, as long as no fit explains them."""
+        good = self._estimate is not None and self._estimate.acceptable
+        if seconds < SHORTEST or good:
+            return []
+        return [
+            Alarm("wrong from the start", str(suspect), seconds)
+            for suspect in suspects(cell, logs)[:1]
+            if suspect.hopeless
+        ]
+
+    def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
+        """Makes a fit the one that predicts, and its result the estimate."""
+        self._fitted = fitted
+        result = kinematic_result(cell, fitted, FitOptions(model="dh", accuracy=self._accuracy))
+        if self._estimate is None or self._estimate.model == "dh" or result.verdict.acceptable:
+            self._estimate = _estimate(result, fitted.logs, until)
+
+    def _ask_complete(self, cell: Cell, logs: Logs, until: float) -> None:
+        """Hands the recording over to be fitted by the complete model, if it is time."""
+        wanted = self._estimate is not None and not self._estimate.acceptable
+        wanted |= self._estimate is not None and self._estimate.model == "complete"
+        if self._pool is None or not wanted or self._complete is not None:
+            return
+        if until >= self._next_complete:
+            arguments = cell, logs, self._accuracy
+            self._complete = _Complete(until, self._pool.apply_async(complete_estimate, arguments))
+            self._next_complete = until * COMPLETE_GROWTH
+
+    def _collect_complete(self) -> None:
+        if self._complete is None or not self._complete.result.ready():
+            return
+        with suppress(StartError):
+            self._estimate = replace(self._complete.result.get(), until=self._complete.until)
+        self._complete = None
+
+    def _stated(
+        self,
+        recording: Recording,
+        logs: Logs,
+        seconds: float,
+        prediction: Prediction | None,
+        alarms: list[Alarm],
+    ) -> State:
+        estimate, cell = self._estimate, self._cell
+        assert cell is not None  # once a recording was read
+        axes = joints_to_axes(cell.robot, logs.robot.q[:: 1 + logs.robot.q.shape[0] // 5000])
+        span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
+        end = None
+        if estimate is not None and self._duration is not None:
+            end = estimate.tcp_sigma * float(np.sqrt(estimate.until / self._duration))
+        enough = (
+            self._accuracy is not None
+            and estimate is not None
+            and estimate.acceptable
+            and estimate.tcp_sigma <= self._accuracy
+            and prediction is not None
+            and prediction.ratio <= AGREES
+            and not alarms
+        )
+        self._state = State(
+            seconds=seconds,
+            rows={file.source: file.rows_read for file in recording.report.files},
+            waiting="" if estimate else "too little motion yet to identify anything",
+            alarms=since_first(alarms, self._state.alarms),
+            axes=tuple(np.minimum(1.0, np.ptp(axes, axis=0) / span).tolist()),
+            estimate=estimate,
+            predicted=None if prediction is None else prediction.ratio,
+            tcp_sigma_end=end,
+            enough=enough,
+        )
+        return self._state
+
+
+def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimate:
+    """The estimate of the model that the data ask for. Raises StartError as an identification."""
+    result = identify_together(cell, [logs], options=FitOptions(accuracy=accuracy))
+    return _estimate(result, logs, _seconds(logs))
+
+
+def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
+    (recording,) = result.recordings
+    noise = {f"q{k}": float(x) for k, x in enumerate(recording.noise.joint, start=1)}
+    noise |= {f"b{j}": float(recording.noise.encoder[j - 1]) for j in recording.encoders}
+    if recording.noise.length:
+        noise["length"] = recording.noise.length
+    clock, every = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
+    tool = robot_frames(recording.geometry, logs.robot.q[::every]).tip.T
+    covered = coverage(logs.robot.t[::every], tool, recording.geometry.origin)
+    return Estimate(
+        until=until,
+        model=result.model,
+        status=str(result.verdict.status),
+        sentence=result.verdict.sentence,
+        tcp_sigma=rms(result.robot.tcp_sigma),
+        acceptable=result.verdict.acceptable,
+        clock=None if clock is None else (clock.offset, clock.skew),
+        clock_sigma=recording.clock_sigma,
+        noise=noise,
+        sphere=float(covered.share[-1]),
+    )
+
+
+def _cell(folder: Path, recording: Recording) -> Cell:
+    named = recording.description
+    load = load_measured_cell if named.ballbar is None else load_cell
+    return load(named.robot, named.measured_by, named.plate, relative_to=folder)
+
+
+def _seconds(logs: Logs) -> float:
+    """[s] that both logs hold, each from its first row."""
+    behind = logs.ballbar or logs.length or logs.robot
+    return float(min(logs.robot.t[-1], behind.t[-1]))
+
+
+def _but_last(logs: Logs, seconds: float) -> Logs:
+    """The logs without their last seconds, each by its own clock."""
+    behind = logs.ballbar or logs.length or logs.robot
+    early = Clock(float(logs.robot.t[-1] - behind.t[-1]), 0.0)
+    last = float(behind.t[-1]) - seconds
+    return part_of(logs, early, min(0.0, -early.offset), last)
