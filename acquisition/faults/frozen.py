@@ -135,15 +135,15 @@ def _side(t: Array, step: Array, row: Rows, direction: int) -> _Side:
 
     The step out of a frozen run is a jump: the speed behind is that of the rows after it.
     """
-    near = row if direction < 0 else row + 1  # row from which the side goes on
-    far = near + direction * EDGE
-    exists = (far >= 0) & (far < t.size)
-    near, far = np.clip(near, 0, t.size - 1), np.clip(far, 0, t.size - 1)
+    inner = row if direction < 0 else row + 1  # row from which the side goes on
+    outer = inner + direction * EDGE
+    exists = (outer >= 0) & (outer < t.size)
+    inner, outer = np.clip(inner, 0, t.size - 1), np.clip(outer, 0, t.size - 1)
     place = np.concatenate(([0.0], np.cumsum(step)))
-    elapsed = np.where(exists, t[near] - t[far], 1.0)
-    moved = np.where(exists, place[near] - place[far], 0.0)
+    elapsed = np.where(exists, t[inner] - t[outer], 1.0)
+    moved = np.where(exists, place[inner] - place[outer], 0.0)
     speed = moved / np.where(elapsed != 0.0, elapsed, 1.0)
-    closest = np.abs(step[np.clip(near - (direction < 0), 0, step.size - 1)])
+    closest = np.abs(step[np.clip(inner - (direction < 0), 0, step.size - 1)])
     abrupt = exists & (closest - _grain(step) > ABRUPT * np.abs(moved) / EDGE)
     abrupt &= moved != 0.0
     return _Side(speed, abrupt, exists)
@@ -186,17 +186,17 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
         for first, last in zip(runs.first.tolist(), runs.last.tolist(), strict=True):
             together.setdefault((first + 1, last), []).append(name)
     stretches: dict[tuple[str, ...], list[tuple[int, int]]] = {}
-    for stretch, columns in sorted(together.items()):
-        stretches.setdefault(tuple(columns), []).append(stretch)
-    for names, every in stretches.items():
+    for stretch, names in sorted(together.items()):
+        stretches.setdefault(tuple(names), []).append(stretch)
+    for columns, every in stretches.items():
         rows = np.unique(np.concatenate([np.arange(a, b + 1) for a, b in every]))
         lines = [f"{table.line[a]} to {table.line[b]}" for a, b in every[:STRETCHES_SHOWN]]
         more = f" and {len(every) - len(lines)} more stretches" * (len(every) > len(lines))
-        one = len(names) == 1
+        single = len(columns) == 1
         sentence = (
-            f"column{'s' * (not one)} {' , '.join(names)} repeat{'s' * one} one value in lines "
+            f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in lines "
             f"{', '.join(lines)}{more}, {why}: frozen; rows left out."
-        ).replace(" ,", ",")
+        )
         table = table.remarked("frozen channel", "repaired", sentence, rows=rows)
         table = table.flagged(rows, RowFlag.FROZEN)
     return table
