@@ -110,10 +110,10 @@ def turned_near(robot: Robot, q: Array, previous: Array) -> Array:
     [rad] joint angles.
     """
     axes, turn = joints_to_axes(robot, q), 2.0 * np.pi
-    near = axes - turn * np.round((axes - joints_to_axes(robot, previous)) / turn)
-    near -= turn * np.ceil(np.maximum(near - robot.axis_upper, 0.0) / turn)
-    near += turn * np.ceil(np.maximum(robot.axis_lower - near, 0.0) / turn)
-    return np.asarray(q + (near - axes) @ robot.controller_to_joint)
+    turned = axes - turn * np.round((axes - joints_to_axes(robot, previous)) / turn)
+    turned -= turn * np.ceil(np.maximum(turned - robot.axis_upper, 0.0) / turn)
+    turned += turn * np.ceil(np.maximum(robot.axis_lower - turned, 0.0) / turn)
+    return np.asarray(q + (turned - axes) @ robot.controller_to_joint)
 
 
 def led(

@@ -401,15 +401,15 @@ def _tool_covariance(
     """Of those of the unknowns `machine` that move the unloaded tool, and of the masses."""
     layout = fit.model.unknowns
     parameters = layout.fixed.table.parameters
-    kept = [
+    moving = [
         i
         for i in machine
         if i >= layout.shared.size or parameters[layout.shared[i]].side == "robot"
     ]
-    shifts = stated.considered[kept]
-    own = stated.covariance[np.ix_(kept, kept)]
+    shifts = stated.considered[moving]
+    own = stated.covariance[np.ix_(moving, moving)]
     return ToolCovariance(
-        names=tuple(layout.names[i] for i in kept),
+        names=tuple(layout.names[i] for i in moving),
         masses=np.reshape(
             [deviations_between(cell, other) for other in deviated],
             (len(deviated), TOOL + 4 * cell.robot.joints),

@@ -116,10 +116,11 @@ class Program:
     notes: tuple[str, ...] = ()  # what was taken as given
 
 
-def same_setup(one: Setup, other: Setup, *, joints: bool) -> bool:
+def same_setup(first: Setup, other: Setup, *, joints: bool) -> bool:
     """Whether a target means the same with both; angles of axes depend on the payload alone."""
-    frames = np.array_equal(one.tool, other.tool) and np.array_equal(one.frame, other.frame)
-    return one.load == other.load and (joints or frames)
+    tools, frames = (first.tool, other.tool), (first.frame, other.frame)
+    placed = np.array_equal(*tools) and np.array_equal(*frames)
+    return first.load == other.load and (joints or placed)
 
 
 def read_program_text(path: Path) -> str:

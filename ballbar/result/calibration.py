@@ -36,7 +36,6 @@ from ident.result import (
     RobotEstimate,
     unloaded_robot,
 )
-from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_robot
 from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
@@ -44,6 +43,7 @@ from ident.tracker import TrackerCheck
 
 if TYPE_CHECKING:
     from ballbar.result.pose_calibration import PoseCalibration
+    from ident.robot.identified_kinematics import IdentifiedKinematics
 
 SCHEMA = "ballbar-calibration/2"
 Positive = Annotated[float, Field(gt=0.0)]
@@ -329,6 +329,9 @@ class Calibration:
 
         Raises InputError for a payload where the robot's file states no masses.
         """
+        # an identification writes calibrations and does without still poses
+        from ident.robot.identified_kinematics import kinematics_of_robot  # noqa: PLC0415
+
         cell = self.cell()
         if payload is not None:
             cell.robot.required("links")

@@ -124,15 +124,17 @@ class IdentifiedKinematics:
         """
         previous = np.array(np.broadcast_to(q, (len(poses), self.robot.joints)))
         if has_closed_form(self.nominal):
-            starts = self._chosen(poses, previous)
-        else:  # a search, which takes a millisecond a pose, only where steps from q go elsewhere
-            direct = self._solved(previous[None], poses)
-            with np.errstate(invalid="ignore"):
-                close = direct.reached[0] & (np.abs(direct.q[0] - previous) < CLOSE).all(axis=1)
-            starts = direct.q[0]
-            starts[~close] = self._chosen(poses[~close], previous[~close])
-        every = self._solved(starts[None], poses)
-        return JointSolutions(*(values[0] for values in vars(every).values()))
+            return _single(self._solved(self._chosen(poses, previous)[None], poses))
+        # a search, which takes a millisecond a pose, only where steps from q lead elsewhere
+        out = _single(self._solved(previous[None], poses))
+        with np.errstate(invalid="ignore"):
+            away = ~(out.reached & (np.abs(out.q - previous) < CLOSE).all(axis=1))
+        if away.any():
+            starts = self._chosen(poses[away], previous[away])
+            searched = _single(self._solved(starts[None], poses[away]))
+            for values, new in zip(vars(out).values(), vars(searched).values(), strict=True):
+                values[away] = new
+        return out
 
     def _chosen(self, poses: Array, previous: Array) -> Array:
         """(N, J) [rad] starts of the configuration nearest to previous angles (N, J) [rad]."""
@@ -232,6 +234,11 @@ class IdentifiedKinematics:
         left = _difference(poses, self.forward(q))
         sizes = np.stack([np.linalg.norm(part, axis=0) for part in (left[:3], left[3:])])
         return q, sizes, dexterity(self.chain, self.deflected(q)[0])
+
+
+def _single(solutions: JointSolutions) -> JointSolutions:
+    """Solutions of one configuration, without the axis S."""
+    return JointSolutions(*(values[0] for values in vars(solutions).values()))
 
 
 def _difference(wanted: Array, reached: Array) -> Array:

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.compensation.configurations import axes_of_pose
 from ballbar.compensation.frames import FrameOptions, angles_near, frame_options, pose_of_angles
+from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget, Setup
 from ballbar.compensation.programs import CorrectedProgram, correct_program, read_programs
 from ballbar.export.result import Result, load_result
 from cell.arrays import Array
@@ -338,6 +340,63 @@ def test_krl_of_a_nominal_robot_stays_as_it_is(tmp_path: Path, kuka: Path) -> No
         read_programs(path, options_of(tool_frame(), table_frame())), texts, strict=True
     ):
         assert correct_program(program, exact).text == text
+
+
+def test_an_axis_that_passes_zero_takes_its_turn_bit_along(tmp_path: Path, kuka: Path) -> None:
+    robot, result, crossed = load_robot("kr10_r1100"), load_result(kuka), 0
+    for angle in (1e-3, -1e-3):
+        axes = np.array([10.0, -80.0, 95.0, angle, 60.0, angle])
+        point = e6pos(robot, axes, np.eye(4), np.eye(4))
+        text = f"DEF m()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nLIN {point}\nEND\n"
+        done = corrected(tmp_path / "m.src", text, result)
+        after = axes + np.degrees(done.axis_changes[0])
+        turn = int(re.findall(r",T (\d+)", done.text)[0])
+        assert turn == int(((after < 0.0) * 2 ** np.arange(6)).sum())
+        crossed += any("configuration" in note for note in done.notes)
+    assert crossed >= 1
+
+
+def test_cfx_tells_elbow_up_from_elbow_down_where_quadrants_do_not() -> None:
+    """Of an IRB 120, both of whose elbows are often within range and in the same quadrants."""
+    robot, rng = load_robot("irb120"), np.random.default_rng(2)
+    drawn = rng.uniform(robot.axis_lower, robot.axis_upper, (60, 6))
+    distinguished = 0
+    for axes in np.degrees(drawn):
+        quadrants = [int(np.floor(axes[i] / 90.0)) for i in (0, 3, 5)]
+        solutions = []
+        for cfx in range(8):
+            numbers = tuple(Number(str(v), 0, 1, 1) for v in (*quadrants, cfx))
+            target = ProgramTarget("p", 1, (), "quaternion", Setup(), numbers)
+            with suppress(ProgramError):
+                solutions.append(tuple(axes_of_pose(robot, flange(robot, axes), target).round(3)))
+        elbow, negative = _in_front(robot, axes), axes[4] < 0.0
+        different = set(solutions)
+        if len(different) < 2 or len(solutions) < 8:
+            continue
+        own = solutions[4 * _behind(robot, axes) + 2 * (not elbow) + negative]
+        np.testing.assert_allclose(own, axes, atol=2e-3)
+        distinguished += 1
+    assert distinguished > 1
+
+
+def _joints_of(robot: Robot, axes: Array) -> tuple[Array, Array, Array]:
+    """Shoulder, elbow and wrist, turned into the plane of the arm."""
+    q = controller_to_joints(robot, np.radians(axes))[None]
+    points = forward(nominal_chain(robot), q).origin[[1, 2, 4], :, 0]
+    turn = np.radians(axes[0])
+    plane = points[:, :2] @ [np.cos(turn), np.sin(turn)]
+    shoulder, elbow, wrist = np.column_stack((plane, points[:, 2]))
+    return shoulder, elbow, wrist
+
+
+def _in_front(robot: Robot, axes: Array) -> bool:
+    shoulder, elbow, wrist = _joints_of(robot, axes)
+    upper, reach = elbow - shoulder, wrist - shoulder
+    return bool(upper[1] * reach[0] - upper[0] * reach[1] > 0.0)
+
+
+def _behind(robot: Robot, axes: Array) -> bool:
+    return bool(_joints_of(robot, axes)[2][0] < 0.0)
 
 
 KRL_REFUSED = {

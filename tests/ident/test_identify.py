@@ -28,6 +28,7 @@ from ident.identify import identify, identify_together
 from ident.options import FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification, RecordingEstimate
+from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import SCALE
 from ident.start.automatic import StartError
 from sim.recording_files import truth_path
@@ -210,6 +211,9 @@ def test_the_calibration_file_reads_back_as_written(data: RunData, tmp_path: Pat
     path, result = tmp_path / "calibration.yaml", data.identification
     write_calibration(path, data)
     read = load_calibration(path)
+    with pytest.warns(UserWarning, match="outside the fitted range"):
+        stated = read.kinematics().uncertainty(accuracy_grid(result.robot.cell.robot))
+    assert stated.sigma == pytest.approx(result.robot.tcp_sigma, rel=1e-9)
     assert np.array_equal(read.geometry.values, only(result).geometry.values)
     assert np.array_equal(read.nominal.values, only(result).nominal.values)
     assert {name for name in NAMES if name in read.file.identified} == set(result.sigma)
