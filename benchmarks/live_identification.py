@@ -30,7 +30,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from multiprocessing.pool import ThreadPool
@@ -282,7 +282,8 @@ class Sound:
     alarms: str
     processor_s: float
     slowest_s: float  # processor time of one update
-    foretold: float  # largest and smallest uncertainty foretold from half time on, over the last
+    model: str
+    foretold: float  # largest and smallest uncertainty, foretold from half time on, over the last
     least_foretold: float
     last_mm: float
 
@@ -296,7 +297,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
     growing = GrowingRecording(
         recorded(scratch / "sound", seed, seconds, **changes), scratch / "grow"
     )
-    alarms, foretold = Counter[str](), list[float]()
+    alarms, foretold = Counter[str](), defaultdict[str, list[float]](list)
     begun, slowest = time.process_time(), 0.0
     with ThreadPool(1) as pool:  # the complete fits take no time of the recording
         watch, now = Watch(growing.folder, duration=growing.seconds, pool=pool), 0.0
@@ -308,8 +309,8 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
             slowest = max(slowest, time.process_time() - before)
             for alarm in state.alarms:
                 alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
-            if now > 0.5 * growing.seconds and state.tcp_sigma_end is not None:
-                foretold.append(state.tcp_sigma_end)
+            if now > 0.5 * growing.seconds and state.estimate and state.tcp_sigma_end:
+                foretold[state.estimate.model].append(state.tcp_sigma_end)
         last = watch.finish(now + STEP).estimate
     assert last is not None
     return Sound(
@@ -319,8 +320,9 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
         alarms="; ".join(f"{text} ({count} times)" for text, count in alarms.items()),
         processor_s=round(time.process_time() - begun, 1),
         slowest_s=round(slowest, 2),
-        foretold=round(max(foretold) / last.tcp_sigma, 3),
-        least_foretold=round(min(foretold) / last.tcp_sigma, 3),
+        model=last.model,
+        foretold=round(max(foretold[last.model], default=np.nan) / last.tcp_sigma, 3),
+        least_foretold=round(min(foretold[last.model], default=np.nan) / last.tcp_sigma, 3),
         last_mm=round(1e3 * last.tcp_sigma, 5),
     )
 

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,9 +20,9 @@ from acquisition.recording import read_recording
 from ballbar.result.run_recordings import identify_recordings, logs_of
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, line
-from ballbar.watch.state import State
+from ballbar.watch.state import Estimate, State
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
-from ballbar.watch.watch import Watch
+from ballbar.watch.watch import Watch, foretold
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.statistics import rms
@@ -252,3 +253,25 @@ def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_t
     assert first["schema"] == last["schema"] == "ballbar-watch/1"
     assert last["verdict"] == "good"
     assert last["recorded_s"] == pytest.approx(50.0, abs=0.2)
+
+
+@pytest.mark.parametrize("exponent", [0.5, 2.0])
+def test_the_uncertainty_at_the_end_follows_the_latest_estimates(exponent: float) -> None:
+    template = Estimate(
+        until=1.0,
+        model="dh",
+        status="good",
+        sentence="",
+        tcp_sigma=1.0,
+        acceptable=True,
+        clock=None,
+        clock_sigma=(0.0, 0.0),
+        noise={},
+        sphere=0.0,
+    )
+    history = [
+        replace(template, until=t, tcp_sigma=1e-3 * t**-exponent) for t in (20.0, 40.0, 50.0, 60.0)
+    ]
+    expected = history[-1].tcp_sigma * 2.0 ** -np.sqrt(0.5 * exponent)
+    assert foretold(history, 120.0) == pytest.approx(expected)
+    assert foretold([], 120.0) is None
