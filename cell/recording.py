@@ -109,6 +109,9 @@ class RecordingFile(Strict):
     encoders: dict[EncoderName, EncoderFitting] = Field(
         default_factory=dict, description="The ball-bar's, b1 to b5."
     )
+    temperature_C: Annotated[float, Field(ge=-50.0, le=100.0)] | None = Field(
+        None, description="Of the air about robot and ball-bar; kept with the result."
+    )
     notes: str = Field("", description="Whatever else is to be remembered.")
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.statistics import rms
+from cell.descriptions import Cell
 from ident.causes import Causes
 from ident.complete_fit import (
     MEASURED,
@@ -44,7 +44,7 @@ from ident.estimator.unknowns import Unknowns, complete_unknowns
 from ident.loads.gear_loads import mass_model
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording
-from ident.result import Identification, NamedCovariance
+from ident.result import Identification, Machine
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import StartError
@@ -121,7 +121,7 @@ def _two_digits(value: float) -> str:
 
 
 def held_out(
-    machine: Identification,
+    result: Identification,
     logs: Logs,
     *,
     options: FitOptions = DEFAULTS,
@@ -133,44 +133,50 @@ def held_out(
 
     Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
     """
-    cell = machine.robot.cell
-    try:
-        recording = fit_recording(cell, logs, options, Listener(listener.progress))
-    except StartError as error:
-        raise StartError(Causes.of(cell, [logs]).before(error)) from None
-    robot = machine.robot.unloaded()
-    bare = UnloadedRobot(cell, machine.robot.nominal)
+    machine = result.machine
+    cell, robot, excess = machine.robot.cell, machine.robot, machine.excess
+    recording = recording_alone(cell, logs, options, listener)
+    bare = UnloadedRobot(cell, machine.nominal)
     listener.progress(f"closing the loop of {logs.name}")
     faults = step_faults_in_logs(recording.samples, recording.clock)
     # what a poor model leaves over passes for steps, so only the complete one looks for more
-    most = len(faults) + MAX_FOUND if machine.model == "complete" else 0
-    excess = machine.fit.excess
-    result = _fit(robot, recording, options, faults, excess, listener)
-    while len(faults) < most and (fault := find_step_fault(result)) is not None:
+    most = len(faults) + MAX_FOUND if result.model == "complete" else 0
+    closed = closed_loop(robot, recording, options, faults, excess, listener)
+    while len(faults) < most and (fault := find_step_fault(closed)) is not None:
         faults = (*faults, fault)
-        result = _fit(robot, recording, options, faults, excess, listener)
-    nominal = _fit(bare, recording, options, faults, excess, listener)
-    added = _expected(result, machine.robot.covariance, robot)
-    innovation = result.chi2_per_dof * result.degrees / (result.degrees + added)
+        closed = closed_loop(robot, recording, options, faults, excess, listener)
+    nominal = closed_loop(bare, recording, options, faults, excess, listener)
     tracker = None
     if logs.tracker is not None:
-        both = result.linear.evaluations[0], nominal.linear.evaluations[0]
-        sigma = rms(machine.robot.tcp_sigma)
-        tracker = check_tracker(logs.tracker, *both, tcp_sigma=sigma)
+        both = closed.linear.evaluations[0], nominal.linear.evaluations[0]
+        tracker = check_tracker(logs.tracker, *both, tcp_sigma=machine.tcp_sigma)
     outcome = HeldOut(
         name=logs.name,
-        identified=_closure(result),
-        normalised_innovation=float(np.sqrt(innovation)),
-        nominal=_closure(nominal),
-        samples=result.model.recordings[0].times.size,
+        identified=loop_closure(closed),
+        normalised_innovation=normalised_innovation(closed, machine),
+        nominal=loop_closure(nominal),
+        samples=closed.model.recordings[0].times.size,
         ambiguous=recording.start.ambiguous,
-        step_faults=sized(result, faults, cell.ballbar.encoder_lines),
+        step_faults=sized(closed, faults, cell.ballbar.encoder_lines),
         tracker=tracker,
     )
     return outcome if outcome.acceptable else replace(outcome, causes=Causes.of(cell, [logs]))
 
 
-def _fit(
+def recording_alone(
+    cell: Cell, logs: Logs, options: FitOptions, listener: Listener = SILENT
+) -> RecordingFit:
+    """The `dh` fit of a recording, from which its own unknowns start.
+
+    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
+    """
+    try:
+        return fit_recording(cell, logs, options, Listener(listener.progress))
+    except StartError as error:
+        raise StartError(Causes.of(cell, [logs]).before(error)) from None
+
+
+def closed_loop(
     robot: UnloadedRobot,
     recording: RecordingFit,
     options: FitOptions,
@@ -206,9 +212,21 @@ def _fit(
     return fit_pose(Pose(with_likely_tension(result), result.x, result.ballbars), excess)
 
 
+def freed(closed: Fit, machine: Machine) -> Fit:
+    """The fit of `closed_loop` gone on with the machine as an unknown about where it was held.
+
+    Free is what the machine's covariance names, each with the prior of an identification.
+    """
+    layout = closed.model.unknowns
+    known = np.isin(layout.names, machine.names)
+    sigma = np.where(known, layout.sigma / HELD, layout.sigma)
+    model = replace(closed.model, unknowns=replace(layout, sigma=sigma))
+    return fit_pose(Pose(model, closed.x, closed.ballbars), closed.excess)
+
+
 def _held(layout: Unknowns, robot: UnloadedRobot) -> Unknowns:
     """The layout with geometry and coefficients held where they are."""
-    count, geometry = _held_count(layout, robot), layout.shared.size
+    count, geometry = _machine_count(layout, robot), layout.shared.size
     mean, sigma = layout.mean.copy(), layout.sigma.copy()
     mean[:geometry] = robot.geometry.values[layout.shared]
     if robot.values is not None:
@@ -217,24 +235,31 @@ def _held(layout: Unknowns, robot: UnloadedRobot) -> Unknowns:
     return replace(layout, mean=mean, sigma=sigma)
 
 
-def _held_count(layout: Unknowns, robot: UnloadedRobot) -> int:
+def _machine_count(layout: Unknowns, robot: UnloadedRobot) -> int:
     """How many unknowns, the first ones, are the machine's: geometry, then coefficients."""
     return layout.shared.size + (0 if robot.values is None else robot.values.size)
 
 
-def _expected(fit: Fit, machine: NamedCovariance, robot: UnloadedRobot) -> float:
+def normalised_innovation(closed: Fit, machine: Machine) -> float:
+    """Residual of a machine that was held over what noise and its stated uncertainty explain."""
+    added = _expected(closed, machine)
+    return float(np.sqrt(closed.chi2_per_dof * closed.degrees / (closed.degrees + added)))
+
+
+def _expected(fit: Fit, machine: Machine) -> float:
     """trace(C S): chi-square that the machine's uncertainty adds on average."""
     layout = fit.model.unknowns
-    held = np.arange(layout.count) < _held_count(layout, robot)
+    held = np.arange(layout.count) < _machine_count(layout, machine.robot)
     data: Array = fit.linear.normal - np.diag(np.where(held, layout.sigma**-2.0, 0.0))
     mixed, own = data[np.ix_(held, ~held)], data[np.ix_(~held, ~held)]
     information = data[np.ix_(held, held)] - mixed @ np.linalg.solve(own, mixed.T)
     known = [k for k, name in enumerate(machine.names) if name in layout.names]
     at = [layout.names.index(machine.names[k]) for k in known]
-    return float(np.trace(machine.values[np.ix_(known, known)] @ information[np.ix_(at, at)]))
+    return float(np.trace(machine.covariance[np.ix_(known, known)] @ information[np.ix_(at, at)]))
 
 
-def _closure(fit: Fit) -> LoopClosure:
+def loop_closure(fit: Fit) -> LoopClosure:
+    """How far the loop of a fit of one recording is from closed."""
     (point,) = fit.linear.evaluations
     error = point.closure.error
     position, angle = (np.linalg.norm(part, axis=0) for part in (error[:3], error[3:]))

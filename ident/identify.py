@@ -398,18 +398,12 @@ def _robot(
 def _tool_covariance(
     cell: Cell, machine: NDArray[np.intp], fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]
 ) -> ToolCovariance:
-    """Of those of the unknowns `machine` that move the unloaded tool, and of the masses."""
+    """Of the unknowns `machine` and of the masses."""
     layout = fit.model.unknowns
-    parameters = layout.fixed.table.parameters
-    moving = [
-        i
-        for i in machine
-        if i >= layout.shared.size or parameters[layout.shared[i]].side == "robot"
-    ]
-    shifts = stated.considered[moving]
-    own = stated.covariance[np.ix_(moving, moving)]
+    shifts = stated.considered[machine]
+    own = stated.covariance[np.ix_(machine, machine)]
     return ToolCovariance(
-        names=tuple(layout.names[i] for i in moving),
+        names=tuple(layout.names[i] for i in machine),
         masses=np.reshape(
             [deviations_between(cell, other) for other in deviated],
             (len(deviated), TOOL + 4 * cell.robot.joints),

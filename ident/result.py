@@ -16,6 +16,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
+from cell.statistics import rms
 from ident.corrections import correction_of_result
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
@@ -60,6 +61,18 @@ class NamedCovariance:
     # (U, U) likewise of the priors and of white noise alone, not inflated for autocorrelated
     # residuals and misfit: what a complete model would leave uncertain
     white: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """What a result, fresh or read back, holds of a machine: enough to try other recordings."""
+
+    robot: UnloadedRobot  # as identified
+    nominal: Geometry  # catalogue values; base pose and encoder offsets are zero
+    names: tuple[str, ...]  # of the covariance; what is not named was taken as exact
+    covariance: Array  # (U, U) SI units, stated, of parameters and coefficients
+    excess: ExcessNoise  # of the identification, beyond what its logs show
+    tcp_sigma: float  # [m] root mean square of the stated TCP uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +181,19 @@ class Identification:
     @property
     def model(self) -> Literal["dh", "complete"]:
         return "complete" if self.robot.corrections else "dh"
+
+    @property
+    def machine(self) -> Machine:
+        """The machine by itself."""
+        robot = self.robot
+        return Machine(
+            robot=robot.unloaded(),
+            nominal=robot.nominal,
+            names=robot.tool.names,
+            covariance=robot.tool.of_names,
+            excess=self.fit.excess,
+            tcp_sigma=rms(robot.tcp_sigma),
+        )
 
     @property
     def sigma(self) -> dict[str, float]:

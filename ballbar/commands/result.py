@@ -155,29 +155,57 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
 
 
-@commands.command(epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`")
+@commands.command(
+    epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`, or "
+    "`ballbar verify runs/irb2400 recordings/monday`"
+)
 def verify(
     result: ResultFile,
-    poses: Annotated[
-        Path, typer.Argument(help="Folder with poses.yaml, about ten still poses.", metavar="DIR")
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder with recording.yaml, one path of about a minute, or with poses.yaml, "
+            "about ten still poses.",
+            metavar="DIR",
+        ),
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Does a stored calibration of still poses still hold? About ten new poses tell.
+    """Does a stored calibration still hold? One short recording, or about ten new poses, tell.
 
-    Only the seats of the instrument (and new targets) are fitted. An unchanged robot fails in 2 of
-    100 checks. Where something changed, a single cause is named if it explains the errors: the zero
-    of one joint, a target that moved, the scale of the measured values, one bad pose. Exits with 1
-    when the calibration does not hold.
+    An unchanged robot fails in about 2 of 100 checks. Where something changed, a single cause is
+    named if it explains the change. Of a recording: the zero of an axis, the tool, the length of
+    rod or plate, a gear; only clock, base pose and encoder offsets are fitted. Of still poses: the
+    zero of a joint, a target that moved, the scale of the measured values, one bad pose; only the
+    seats (and new targets) are fitted. Exits with 1 when the calibration does not hold.
     """
+    verify_one = _verify_poses if (folder / "poses.yaml").exists() else _verify_recording
+    raise typer.Exit(0 if verify_one(result, folder, as_json=as_json) else 1)
+
+
+def _verify_poses(result: Path, folder: Path, *, as_json: bool) -> bool:
     from acquisition.poses import read_poses
     from ballbar.result.verification import say_verification, verification_data, verify_poses
 
-    verification = verify_poses(result, read_poses(poses))
+    verification = verify_poses(result, read_poses(folder))
     if as_json:
         say_json(verification_data(verification))
     say_verification(out, verification)
-    raise typer.Exit(0 if verification.holds else 1)
+    return verification.holds
+
+
+def _verify_recording(result: Path, folder: Path, *, as_json: bool) -> bool:
+    from ballbar.result.verification import (
+        recording_verification_data,
+        say_verification,
+        verify_folder,
+    )
+
+    outcome, remarks = verify_folder(result, folder)
+    if as_json:
+        say_json(recording_verification_data(outcome, remarks))
+    say_verification(out, outcome, remarks)
+    return outcome.holds
 
 
 @commands.command(

@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from ballbar.result.names import CALIBRATION
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.errors import DescriptionError
+from cell.errors import DescriptionError, InputError
 from cell.files import copied_description, write_yaml
 from cell.geometry import Geometry, table_of_names
 from cell.load import load_measured_cell
@@ -26,13 +26,14 @@ from cell.payload import LinkDeviation, Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
 from cell.strict_yaml import check_schema, load_yaml, parse_model
+from ident.estimator.noise import ExcessNoise
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut, LoopClosure
 from ident.loads.payload import PayloadEstimate
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
-    RecordingEstimate,
+    Machine,
     RobotEstimate,
     unloaded_robot,
 )
@@ -145,6 +146,7 @@ class RecordingEntry(Strict):
     tension_source: str = ""
     step_faults: tuple[StepFaultEntry, ...] = ()
     tracker: TrackerEntry | None = None
+    temperature_C: float | None = None  # as recording.yaml states it
 
 
 class ClosureEntry(Strict):
@@ -170,6 +172,15 @@ class HeldOutEntry(Strict):
     tracker: TrackerEntry | None = None
 
 
+class ExcessEntry(Strict):
+    """Standard deviations of noise beyond what the logs show."""
+
+    gear_rad: NotNegative  # of axes 1 to 3
+    wrist_rad: NotNegative  # of the axes behind them
+    bar_rad: NotNegative  # of each ball-bar encoder
+    rod_m: NotNegative
+
+
 class FitEntry(Strict):
     """How the fit went."""
 
@@ -183,6 +194,7 @@ class FitEntry(Strict):
     rank: int
     condition: float
     rod_sigma_m: float  # deviation of the rod from a constant length
+    excess: ExcessEntry | None = None  # older files do not state it
     tcp_sigma_mean_m: float  # stated, with the scale
     tcp_sigma_without_scale_mean_m: float | None = None  # older files do not state it
 
@@ -226,17 +238,17 @@ class RangeEntry(Strict):
     upper_rad: float
 
 
-class ToolCovarianceEntry(Strict):
-    """Covariance of what moves the unloaded tool, SI units."""
+class CovarianceEntry(Strict):
+    """Stated covariance of the machine, SI units; what is not named was taken as exact."""
 
-    names: tuple[str, ...]  # parameters of the robot, then all coefficients
+    names: tuple[str, ...]  # parameters of robot and instrument, then all coefficients
     # one standard deviation of each direction of masses: mass [kg] and first moment [kg m] of the
     # tool, then mass (relative) and centre [m] of each link
     masses: tuple[tuple[float, ...], ...]
     lower: tuple[str, ...]  # rows of the lower triangle; the directions of masses come last
 
     @model_validator(mode="after")
-    def _is_triangle(self) -> ToolCovarianceEntry:
+    def _is_triangle(self) -> CovarianceEntry:
         sizes = [len(row.split()) for row in self.lower]
         if sizes != list(range(1, len(self.names) + len(self.masses) + 1)):
             raise ValueError("lower: expected a row for each name and each direction of masses")
@@ -266,7 +278,7 @@ class CalibrationFile(Strict):
     corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
     masses: MassesEntry | None = None  # absent where those of the files were used
     ranges: tuple[RangeEntry, ...] = ()  # of the joints; older files do not state them
-    tool_covariance: ToolCovarianceEntry | None = None  # likewise
+    covariance: CovarianceEntry | None = None  # likewise
     recordings: Annotated[tuple[RecordingEntry, ...], Field(min_length=1)]
     fit: FitEntry
     held_out: tuple[HeldOutEntry, ...] = ()
@@ -335,7 +347,7 @@ class Calibration:
         cell = self.cell()
         if payload is not None:
             cell.robot.required("links")
-        covariance = self.file.tool_covariance
+        covariance = self.file.covariance
         return kinematics_of_robot(
             self.unloaded_robot(cell),
             self.nominal,
@@ -358,10 +370,34 @@ class Calibration:
             )
             for name, entries in self.file.corrections.items()
         )
-        encoders = tuple(int(name[1]) for name in self.file.recordings[0].encoder_directions)
         if self.file.masses is not None:
             cell = with_payload(cell, self.file.masses.payload)
-        return unloaded_robot(cell, self.geometry, encoders, corrections)
+        return unloaded_robot(cell, self.geometry, self.encoders, corrections)
+
+    @property
+    def encoders(self) -> tuple[int, ...]:
+        """Encoders of the ball-bar, joints 1..5."""
+        return tuple(int(name[1]) for name in self.file.recordings[0].encoder_directions)
+
+    def machine(self, cell: Cell) -> Machine:
+        """The machine with its covariance, to be tried on other recordings; cell : as above.
+
+        Raises InputError for a file that is older than the keys `covariance` and `fit.excess`.
+        """
+        stated, excess = self.file.covariance, self.file.fit.excess
+        if stated is None or excess is None:
+            raise InputError(
+                "the calibration.yaml states no covariance of its parameters, as older versions "
+                "wrote it. Identify its recordings again with ballbar identify."
+            )
+        return Machine(
+            robot=self.unloaded_robot(cell),
+            nominal=self.nominal,
+            names=stated.names,
+            covariance=stated.covariance.of_names,
+            excess=ExcessNoise(excess.gear_rad, excess.wrist_rad, excess.bar_rad, excess.rod_m),
+            tcp_sigma=self.file.fit.tcp_sigma_mean_m,
+        )
 
 
 def calibration_of(data: RunData) -> CalibrationFile:
@@ -383,8 +419,8 @@ def calibration_of(data: RunData) -> CalibrationFile:
             RangeEntry(lower_rad=float(low), upper_rad=float(high))
             for low, high in zip(robot.lower, robot.upper, strict=True)
         ),
-        tool_covariance=tool_covariance_entry(robot.tool),
-        recordings=tuple(_recording(estimate) for estimate in result.recordings),
+        covariance=covariance_entry(robot.tool),
+        recordings=tuple(_recording(fitted) for fitted in data.recordings),
         fit=FitEntry(
             status=verdict.status,
             verdict=verdict.sentence,
@@ -398,6 +434,12 @@ def calibration_of(data: RunData) -> CalibrationFile:
             rod_sigma_m=fit.excess.rod,
             tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
             tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
+            excess=ExcessEntry(
+                gear_rad=fit.excess.gear,
+                wrist_rad=fit.excess.wrist,
+                bar_rad=fit.excess.bar,
+                rod_m=fit.excess.rod,
+            ),
         ),
         held_out=tuple(_held_out(validation.outcome) for validation in data.validations),
     )
@@ -446,10 +488,10 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
     }
 
 
-def tool_covariance_entry(covariance: ToolCovariance) -> ToolCovarianceEntry:
+def covariance_entry(covariance: ToolCovariance) -> CovarianceEntry:
     """A covariance as text that reads back bit by bit."""
     rows = [row[: k + 1].tolist() for k, row in enumerate(covariance.values)]
-    return ToolCovarianceEntry(
+    return CovarianceEntry(
         names=covariance.names,
         masses=tuple(tuple(row) for row in covariance.masses.tolist()),
         lower=tuple(" ".join(map(repr, row)) for row in rows),
@@ -473,7 +515,8 @@ def masses_entry(estimate: PayloadEstimate | None) -> MassesEntry | None:
     )
 
 
-def _recording(estimate: RecordingEstimate) -> RecordingEntry:
+def _recording(fitted: FittedRecording) -> RecordingEntry:
+    estimate = fitted.estimate
     clock, after = estimate.clock, estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
     own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
@@ -505,6 +548,7 @@ def _recording(estimate: RecordingEstimate) -> RecordingEntry:
         tension_source=estimate.tension_source,
         step_faults=_step_faults(estimate.step_faults),
         tracker=_tracker(estimate.tracker),
+        temperature_C=fitted.recording.description.temperature_C,
     )
 
 

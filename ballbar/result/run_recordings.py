@@ -152,7 +152,7 @@ def _check_same_cell(folders: Sequence[Path]) -> None:
             ("plate", first.plate, other.plate),
         )
         for what, name, here in pairs:
-            if _identity(here, folder) != _identity(name, folders[0]):
+            if description_identity(here, folder) != description_identity(name, folders[0]):
                 raise InputError(
                     f"{folder}: is of {what} {here}, {folders[0]} of {name}"
                     f"{', whose content differs' * (name == here)}. "
@@ -160,7 +160,7 @@ def _check_same_cell(folders: Sequence[Path]) -> None:
                 )
 
 
-def _identity(name: str, folder: Path) -> object:
+def description_identity(name: str, folder: Path) -> str | bytes:
     """A shipped description by its name, an own one by its content."""
     return (folder / name).read_bytes() if name.endswith(".yaml") else name
 

@@ -24,13 +24,18 @@ from ident.robot.unloaded_robot import UnloadedRobot
 
 @dataclass(frozen=True, eq=False)
 class ToolCovariance:
-    """Covariance of the unknowns that move the unloaded tool."""
+    """Covariance of the unknowns of robot and instrument; the latter do not move the tool."""
 
     names: tuple[str, ...]  # (P,) parameters, then all coefficients, correction after correction
     # (K, 4 + 4 J) independent directions of the masses, one standard deviation each, as
     # cell.payload.with_deviations takes them
     masses: Array
     values: Array  # (P + K, P + K) [SI] of the named unknowns and of the sizes of the directions
+
+    @property
+    def of_names(self) -> Array:
+        """(P, P) [SI] of the named unknowns alone."""
+        return self.values[: len(self.names), : len(self.names)]
 
     @property
     def root(self) -> Array:

@@ -1,0 +1,249 @@
+"""How often `ballbar verify` of a recording names rightly what changed, and how often falsely.
+
+    python -m benchmarks.verify_recordings
+
+Robots with drawn geometry, ripple of gears and resolvers, listed and not, and errors of the
+encoders, on the kinematic plant. Each is identified from 120 s of path a. Then come recordings of
+60 s of path b, with the ball-bar's base placed anew and its encoders mounted anew: of the robot as
+it was, and after one change (`CHANGES`). Writes docs/studies/verify_recordings.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ballbar.scenario import Scenario, load_scenario
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.files import write_whole
+from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
+from cell.logs import BallBarLog, RobotLog
+from cell.robot_angles import joints_to_motors, motors_to_joints
+from ident.identify import identify_together
+from ident.options import FitOptions
+from ident.recording_fit import Logs
+from ident.result import Machine
+from ident.verification import RecordingVerification, verify_recording
+from sim.errors.sensor_effects import ResolverEffects, encoder_effects, resolver_effects
+from sim.errors.static_errors import true_geometry
+from sim.path import reference_path
+from sim.path_files import load_lissajous
+from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.kinematic_plant import run_kinematic
+from tests.helpers.drawn_robots import DRAWN, ROOT, SCENARIOS
+
+STUDY = ROOT / "docs" / "studies" / "verify_recordings.csv"
+OPTIONS = FitOptions(model="complete", corrections=("gear_ripple", "encoder_harmonics"))
+ENCODERS = (1, 2, 4, 5)
+NOISE = 1e-5  # [rad] of every row
+ROW = 0.01  # [s]
+PLACED, TILTED = 3e-3, 1e-3  # [m], [rad] standard deviations of the ball-bar's base
+# Sizes of the changes: log-uniform between these, of either sign. A gear has other phases of its
+# ripple and resolver, and another zero.
+CHANGES = {
+    "axis": (5e-5, 2e-3),  # [rad] axes 2 to 6
+    "tool": (3e-5, 1e-3),  # [m] along each direction of the flange
+    "rod": (2e-5, 2e-4),  # [m]
+    "plate": (2e-5, 2e-4),  # [m]
+    "gear": (5e-5, 1e-3),  # [rad] of its zero
+}
+KINDS = tuple(CHANGES)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """One drawn robot and ball-bar."""
+
+    cell: Cell
+    geometry: Geometry
+    effects: PlantEffects
+    resolvers: ResolverEffects
+    scenario: Scenario
+
+
+def drawn(seed: int) -> Truth:
+    """A robot of the scenario irb2400_full without forces."""
+    base = load_scenario(SCENARIOS / "irb2400_full.yaml")
+    data = base.model_dump(mode="json", by_alias=True, exclude_none=True)
+    kept = (
+        "transmission_error", "unlisted_ripple", "resolver_error", "ballbar_axes", "plate_length",
+        "motor_offsets", "encoder_eccentricity", "mounting_eccentricity", "subdivisional_error",
+    )  # fmt: skip
+    data["errors"] = {"static": DRAWN} | {key: data["errors"][key] for key in kept}
+    data |= {"seed": seed, "logs": {}, "plant": {"kind": "kinematic"}}
+    data["accept"] = {}
+    scenario = Scenario.model_validate(data, strict=False)
+    chosen, errors = scenario.cell, scenario.errors
+    cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate)
+    nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
+    geometry = true_geometry(
+        nominal,
+        errors,
+        plate_sigma=cell.plate.length_sigma,
+        transmission=cell.robot.transmission,
+        seed=seed,
+    )
+    resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
+    assert resolvers is not None
+    return Truth(cell, geometry, plant_effects(errors, cell, seed), resolvers, scenario)
+
+
+def recorded(truth: Truth, path: str, duration: float, rng: np.random.Generator) -> Logs:
+    """Logs of one path, the ball-bar's base placed and its encoders mounted anew."""
+    cell, true = truth.cell, truth.geometry
+    place = {name: true[name] + PLACED * rng.standard_normal() for name in ("ox", "oy", "oz")}
+    place |= {name: TILTED * rng.standard_normal() for name in ("otx", "oty")}
+    geometry = true.replaced(place)
+    shape = load_lissajous(SCENARIOS / "paths" / f"irb2400_{path}.yaml")
+    nominal = nominal_geometry(cell, true.origin)
+    followed = reference_path(
+        cell.robot, nominal, shape, duration=duration, dwell=2.0, stops=0, step=ROW
+    )
+    motion = run_kinematic(cell.robot, geometry, truth.effects, followed)
+    motors = truth.resolvers.read_angles(joints_to_motors(cell.robot, motion.shown))
+    q = motors_to_joints(cell.robot, motors)
+    robot = RobotLog(motion.t, q + NOISE * rng.standard_normal(q.shape))
+    clock = Clock(float(rng.uniform(0.2, 1.0)), float(rng.uniform(-5e-5, 5e-5)))
+    rows = motion.t >= clock.offset
+    t = clock.ballbar_time(motion.t[rows])
+    angles = []
+    for joint in ENCODERS:
+        lines = cell.ballbar.encoder_lines
+        effects = encoder_effects(
+            truth.scenario.errors, joint, lines=lines, bits=12, seed=truth.scenario.seed
+        )
+        b = effects.read_angle(motion.b[rows, joint - 1], t)
+        angles.append(b + rng.uniform(-np.pi, np.pi) + NOISE * rng.standard_normal(t.size))
+    return Logs(robot, BallBarLog(t, np.column_stack(angles), ENCODERS), name=path)
+
+
+def changed(truth: Truth, kind: str, rng: np.random.Generator) -> tuple[Truth, str, float]:
+    """The robot after one change, its name, and the size of the change."""
+    low, high = CHANGES[kind]
+    size = float(np.exp(rng.uniform(np.log(low), np.log(high))) * rng.choice([-1.0, 1.0]))
+    axis = int(rng.integers(2, 7))
+    if kind == "axis":
+        return _with_zero(truth, axis, size), f"axis {axis}", size
+    if kind == "rod":
+        return _moved(truth, {"bd3": size}), "rod", size
+    plate = truth.geometry.table.plate
+    if kind == "plate":
+        return _moved(truth, {plate: size}), "plate", size
+    if kind == "tool":
+        x, y, z = rng.uniform(low, high, 3) * rng.choice([-1.0, 1.0], 3)
+        moves = {plate: x, "rtheta6": y / truth.geometry[plate], "rd6": z}
+        return _moved(truth, moves), "tool", float(np.linalg.norm((x, y, z)))
+    ripples = tuple(
+        replace(r, phase=float(rng.uniform(0.0, 2.0 * np.pi))) if r.gear == axis - 1 else r
+        for r in truth.effects.ripples
+    )
+    motors = list(truth.resolvers.motors)
+    motors[axis - 1] = tuple(
+        h.model_copy(update={"phase_rad": float(rng.uniform(0.0, 2.0 * np.pi))})
+        for h in motors[axis - 1]
+    )
+    resolvers = truth.resolvers.model_copy(update={"motors": tuple(motors)})
+    exchanged = replace(truth, effects=replace(truth.effects, ripples=ripples), resolvers=resolvers)
+    return _with_zero(exchanged, axis, size), f"gear {axis}", size
+
+
+def _with_zero(truth: Truth, axis: int, size: float) -> Truth:
+    """The zero of one axis moved by `size` [rad]."""
+    shares = truth.cell.robot.controller_to_joint[axis - 1]
+    moves = {f"rtheta{j}": size * float(s) for j, s in enumerate(shares, start=1) if s}
+    return _moved(truth, moves)
+
+
+def _moved(truth: Truth, moves: dict[str, float]) -> Truth:
+    true = truth.geometry
+    return replace(truth, geometry=true.replaced({n: true[n] + v for n, v in moves.items()}))
+
+
+def identified(truth: Truth) -> Machine:
+    """The robot identified from 120 s of path a."""
+    rng = np.random.default_rng([truth.scenario.seed, 0])
+    logs = recorded(truth, "a", 120.0, rng)
+    return identify_together(truth.cell, [logs], options=OPTIONS).machine
+
+
+def rows_of(seed: int, checks: int, changes: int) -> list[dict[str, object]]:
+    """Checks of one robot: unchanged, then `changes` of each kind."""
+    truth = drawn(seed)
+    machine = identified(truth)
+    rows = []
+    for kind, count in (("none", checks), *((kind, changes) for kind in KINDS)):
+        for k in range(count):
+            rng = np.random.default_rng([seed, 1 + ("none", *KINDS).index(kind), k])
+            now, name, size = (truth, "none", 0.0) if kind == "none" else changed(truth, kind, rng)
+            logs, begin = recorded(now, "b", 60.0, rng), time.process_time()
+            outcome = verify_recording(machine, logs, options=OPTIONS)
+            rows.append(
+                {"robot": seed, "change": name, "size_um_urad": size * 1e6}
+                | _columns(outcome)
+                | {"cpu_s": time.process_time() - begin}
+            )
+    return rows
+
+
+def _columns(outcome: RecordingVerification) -> dict[str, object]:
+    named = [f"{e.cause.kind} {e.cause.axis or ''}".strip() for e in outcome.named]
+    return {
+        "holds": outcome.holds,
+        "named": ", or ".join(named),
+        "evidence": outcome.statistic,
+        "limit": outcome.limit,
+        "innovation": outcome.innovation,
+        "misfit": outcome.misfit,
+    }
+
+
+def main() -> None:
+    """Runs the study and prints what it comes to."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robots", type=int, default=20)
+    parser.add_argument("--checks", type=int, default=20, help="of each robot, unchanged")
+    parser.add_argument("--changes", type=int, default=2, help="of each kind, of each robot")
+    options = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    for seed in range(1, options.robots + 1):
+        rows += rows_of(seed, options.checks, options.changes)
+        write_whole(STUDY, _csv(rows))
+        print(f"robot {seed} of {options.robots}", flush=True)
+    for kind in ("none", *KINDS):
+        own = [row for row in rows if str(row["change"]).split()[0] == kind]
+        print(kind, *_shares(own))
+
+
+def _shares(rows: list[dict[str, object]]) -> list[str]:
+    """Of the checks of one kind: how many hold, name the cause alone, among several, wrongly."""
+    named = [(str(row["named"]).split(", or "), row["change"]) for row in rows]
+    alone = sum(names == [change] for names, change in named)
+    among = sum(change in names and len(names) > 1 for names, change in named)
+    wrong = sum(names != [""] and change not in names for names, change in named)
+    holds = sum(bool(row["holds"]) for row in rows)
+    return [
+        f"{len(rows)} checks:", f"{holds} hold,", f"{alone} named alone,",
+        f"{among} named among several,", f"{wrong} named wrongly",
+    ]  # fmt: skip
+
+
+def _csv(rows: list[dict[str, object]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
+    return text.getvalue().encode()
+
+
+if __name__ == "__main__":
+    main()

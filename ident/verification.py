@@ -1,0 +1,392 @@
+"""Does a stored calibration still hold? One recording against an identified machine.
+
+The recording is fitted twice: with the machine held, and with it free within the priors of an
+identification. The difference of the two estimates is
+
+    x = G (e + B d) + n,   G = 1 - H P^-1,
+
+with H the white covariance of the free fit, P the priors, e the error of the stored machine (its
+stated covariance C), n the noise of this recording (its autocorrelation-robust covariance), and d
+what changed since. Each single cause has columns B and a prior of d; its evidence is the Bayes
+factor of that cause against no change (Kass & Raftery 1995), in closed form as all of it is linear
+and Gaussian. Where the largest is beyond what an unchanged machine exceeds in FALSE_ALARMS of the
+checks, the machine changed. The distribution is that of draws of x with the tails of Student's t,
+as the noise is estimated from some tens of blocks of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Cell, Robot
+from cell.geometry import parameter_table
+from ident.causes import Causes
+from ident.corrections.base import GEAR
+from ident.estimator.fit import Fit
+from ident.estimator.step_faults import step_faults_in_logs
+from ident.estimator.uncertainty import uncertainty
+from ident.held_out import (
+    LoopClosure,
+    closed_loop,
+    freed,
+    loop_closure,
+    normalised_innovation,
+    recording_alone,
+)
+from ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ident.recording_fit import Logs, RecordingFit
+from ident.result import Machine
+from ident.verdict import MISFIT
+
+FALSE_ALARMS = 0.02  # share of checks of an unchanged machine that call it changed
+DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
+# [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
+# bolted on anew or bent, a rod or a plate exchanged
+ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
+# Of the covariance of the free fit that is added to that of the difference: where the recording
+# tells nothing, both fits end within so much of where they began.
+UNSETTLED = 0.01
+# Logarithm of the factor by which a cause must be likelier than the next: 20, strong evidence after
+# Kass & Raftery 1995.
+RIVAL = 3.0
+ROUNDS = 3  # of taking a change away and fitting again: one of a milliradian is not linear
+SEEN = 4.0  # deviations by which a change must stand out
+BLIND = 3e-4  # [rad] of an axis zero that may change unseen without being named
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """One change since the identification that may explain a recording."""
+
+    kind: str  # axis, tool, rod, plate or gear
+    axis: int  # from 1, of an axis or a gear; else 0
+    names: tuple[str, ...]  # of the machine's unknowns that it moves
+    columns: Array  # (U, K) change of the machine's unknowns per unit
+    prior: Array  # (K,) standard deviation of each unit: of an axis zero [rad]
+
+    @property
+    def words(self) -> str:
+        """What changed, for a sentence."""
+        if self.kind == "axis":
+            return f"zero of axis {self.axis}"
+        if self.kind == "gear":
+            return f"gear of axis {self.axis}"
+        return {"tool": "tool", "rod": "length of the rod", "plate": "length of the plate"}[
+            self.kind
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One cause and how well it explains a recording."""
+
+    cause: Cause
+    size: Array  # (K,) [rad], [m] or SI of the coefficients
+    sigma: Array  # (K,)
+    evidence: float  # logarithm of the Bayes factor against no change
+
+    @property
+    def sentence(self) -> str:
+        """The cause, its size, and what usually is behind it."""
+        size, sigma = float(self.size[0]), float(self.sigma[0])
+        kind, words = self.cause.kind, self.cause.words
+        if kind == "axis":
+            return (
+                f"{words} by {size * 1e3:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad; resolver or "
+                "motor exchanged?)"
+            )
+        if kind in ("rod", "plate"):
+            return f"{words} by {size * 1e6:+.0f} um (sigma {sigma * 1e6:.0f} um; exchanged?)"
+        if kind == "tool":
+            return f"{words} (bolted on anew, or bent?)"
+        return f"{words} (transmission error, compliance or backlash; gear exchanged?)"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingVerification:
+    """A stored calibration against one recording of today."""
+
+    name: str
+    identified: LoopClosure  # of the stored machine
+    innovation: float  # its residual over what noise and stated uncertainty explain
+    misfit: float  # chi-square per degree of freedom with the machine free
+    limit: float  # of the evidence, exceeded in FALSE_ALARMS of checks of an unchanged machine
+    explanations: tuple[Explanation, ...]  # best first
+    single: bool  # whether the first leaves no more than an unchanged machine would
+    blind: dict[int, float]  # axes, and the size [rad] up to which a change of the zero is unseen
+    suspect: str = ""  # what may be wrong with the logs; empty where nothing is
+
+    @property
+    def statistic(self) -> float:
+        """Logarithm of the largest Bayes factor of a single cause."""
+        return self.explanations[0].evidence
+
+    @property
+    def explained(self) -> bool:
+        """Whether some machine of this kind explains the recording."""
+        return self.misfit <= MISFIT and not self.suspect
+
+    @property
+    def holds(self) -> bool:
+        unchanged = self.statistic <= self.limit and self.innovation**2 <= MISFIT
+        return unchanged and self.explained
+
+    @property
+    def named(self) -> tuple[Explanation, ...]:
+        """The cause; several where the recording hardly tells them apart, none where none is."""
+        if self.holds or not self.single or not self.explained or self.statistic <= self.limit:
+            return ()
+        best = self.statistic
+        return tuple(e for e in self.explanations if e.evidence > best - RIVAL)
+
+    @property
+    def sentence(self) -> str:
+        """Whether it holds, and what changed."""
+        closure = (
+            f"the loop closes to {self.identified.sentence}, {self.innovation:.2f} times what "
+            "noise and the stated uncertainty explain"
+        )
+        if self.holds:
+            return f"Holds: {closure}."
+        if self.named:
+            each = ", or ".join(e.sentence for e in self.named)
+            tail = "; this path does not tell which" if len(self.named) > 1 else ""
+            return f"Changed since: {each}{tail}; {closure}."
+        if self.suspect:
+            return f"Not comparable: perhaps {self.suspect}; {closure}."
+        if not self.explained:
+            return (
+                f"Changed: {closure}, and no machine of this kind explains it. Check the "
+                "recording with ballbar check, then identify again."
+            )
+        return (
+            f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear) "
+            "explains it clearly: identify again."
+        )
+
+    @property
+    def warnings(self) -> list[str]:
+        """Changes that this recording cannot show."""
+        if not self.blind:
+            return []
+        each = ", ".join(f"{axis} ({size * 1e3:.1f} mrad)" for axis, size in self.blind.items())
+        return [
+            "changes of the zeros of these axes, up to the size named, would not show on this "
+            f"path: {each}"
+        ]
+
+
+def verify_recording(
+    machine: Machine, logs: Logs, *, options: FitOptions = DEFAULTS, listener: Listener = SILENT
+) -> RecordingVerification:
+    """Whether an identified machine still explains a recording, and if not, what changed.
+
+    logs : of the same robot, ball-bar and plate; clock, base pose and encoder offsets are fitted.
+
+    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
+    """
+    cell = machine.robot.cell
+    recording = recording_alone(cell, logs, options, listener)
+    listener.progress("fitting the recording with the stored machine held, and free")
+    compared = _compared(machine, recording, options)
+    causes = single_causes(machine, compared.free)
+    limit = compared.difference.limit(causes)
+    ranked = compared.difference.ranked(causes)
+    single, best, now = ranked[0].evidence <= limit, ranked[0], machine
+    for _ in range(0 if single else ROUNDS):
+        listener.progress("fitting once more after the likeliest change")
+        now = changed(now, compared.free, best)
+        after = _compared(now, recording, options).difference
+        best = replace(best, size=after.explanation(best.cause).size)
+        ranked[0] = replace(ranked[0], size=ranked[0].size + best.size)
+        single = after.beside(best.cause).ranked(causes)[0].evidence <= limit
+        if single:
+            break
+    misfit = compared.free.chi2_per_dof
+    return RecordingVerification(
+        name=logs.name,
+        identified=loop_closure(compared.closed),
+        innovation=normalised_innovation(compared.closed, machine),
+        misfit=misfit,
+        limit=limit,
+        explanations=tuple(ranked),
+        single=single,
+        blind=_blind(ranked, cell.robot),
+        suspect=_suspect(cell, logs, misfit, ambiguous=recording.start.ambiguous),
+    )
+
+
+def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
+    """The machine after a change of the size that explains a recording."""
+    robot, steps = machine.robot, by.cause.columns @ by.size
+    moves = dict(zip(_free_names(machine, free), steps.tolist(), strict=True))
+    geometry = robot.geometry
+    moved = {name: geometry[name] + v for name, v in moves.items() if name in geometry.table.index}
+    names = [c.name for correction in robot.corrections for c in correction.coefficients]
+    values = robot.values
+    if values is not None:
+        values = values + [moves.get(name, 0.0) for name in names]
+    return replace(machine, robot=replace(robot, geometry=geometry.replaced(moved), values=values))
+
+
+def _suspect(cell: Cell, logs: Logs, misfit: float, *, ambiguous: bool) -> str:
+    """What may be wrong with logs that no machine explains, or that align in several ways."""
+    if misfit <= MISFIT and not ambiguous:
+        return ""
+    causes = Causes.of(cell, [logs])
+    if causes:
+        return str(causes)
+    return "its logs can be aligned in more than one way" if ambiguous else ""
+
+
+def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
+    """The single causes that move unknowns of a free fit; those of gears where it has them."""
+    robot, layout = machine.robot.cell.robot, free.model.unknowns
+    place = {name: k for k, name in enumerate(_free_names(machine, free))}
+    table = parameter_table(robot)
+
+    def cause(
+        kind: str, axis: int, moved: Sequence[tuple[dict[str, float], float]]
+    ) -> Cause | None:
+        """moved : unknowns and their shares for each unit, and the unit's prior."""
+        known = [(shares, s) for shares, s in moved if shares and all(n in place for n in shares)]
+        if not known:
+            return None
+        columns = np.zeros((len(place), len(known)))
+        for k, (shares, _) in enumerate(known):
+            columns[[place[n] for n in shares], k] = list(shares.values())
+        names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
+        return Cause(kind, axis, names, columns, np.array([s for _, s in known]))
+
+    zeros = _zeros(robot)
+    last = [f"r{kind}{robot.joints}" for kind in ("d", "a", "theta", "alpha", "beta")]
+    sizes = [SHIFT, SHIFT, TURN, TURN, TURN]
+    made = [cause("axis", axis, [(shares, ZERO)]) for axis, shares in zeros.items()]
+    made += [
+        cause("tool", 0, [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)]),
+        cause("rod", 0, [({"bd3": 1.0}, LENGTH)]),
+        cause("plate", 0, [({table.plate: 1.0}, LENGTH)]),
+    ]
+    sigma = dict(zip(layout.names, layout.sigma.tolist(), strict=True))
+    for gear in range(robot.joints):
+        own = [
+            ({c.name: 1.0}, float(np.sqrt(2.0)) * sigma[c.name])
+            for correction in machine.robot.corrections
+            for c in correction.coefficients
+            if c.channel == GEAR + gear
+        ]
+        if own:  # and with the gear, the zero of its axis
+            made.append(cause("gear", gear + 1, [*own, (zeros[gear + 1], ZERO)]))
+    return tuple(c for c in made if c is not None)
+
+
+def _zeros(robot: Robot) -> dict[int, dict[str, float]]:
+    """Joint angles that the zero of each axis moves, and by how much; of axis 1 the base alone."""
+    return {
+        axis: {f"rtheta{j}": float(share) for j, share in enumerate(row, start=1) if share}
+        for axis, row in enumerate(robot.controller_to_joint, start=1)
+    }
+
+
+def _free_names(machine: Machine, free: Fit) -> list[str]:
+    """Names of the machine's unknowns that were free, in the order of its covariance."""
+    return [name for name in machine.names if name in free.model.unknowns.names]
+
+
+def _blind(explanations: Sequence[Explanation], robot: Robot) -> dict[int, float]:
+    """Axes whose zero may have changed by more than BLIND unseen, axis 1 apart.
+
+    Its zero turns the robot about its base, which is not known to the ball-bar anyway.
+    """
+    sigma = {e.cause.axis: float(e.sigma[0]) for e in explanations if e.cause.kind == "axis"}
+    sizes = {axis: SEEN * sigma.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
+    return {axis: size for axis, size in sizes.items() if size > BLIND}
+
+
+@dataclass(frozen=True, eq=False)
+class _Difference:
+    """The estimate of the free fit minus the stored machine, of an unchanged one."""
+
+    x: Array  # (U,)
+    seen: Array  # (U, U) G: share of a change that the estimate shows
+    covariance: Array  # (U, U)
+    blocks: int  # of time, that the noise was estimated from
+
+    @cached_property
+    def information(self) -> Array:
+        """(U, U) inverse of the covariance."""
+        scale = np.sqrt(np.diag(self.covariance))
+        units = np.outer(scale, scale)
+        return np.asarray(np.linalg.inv(self.covariance / units) / units)
+
+    def explanation(self, cause: Cause) -> Explanation:
+        """The cause with its size by generalised least squares, and its evidence."""
+        moved = self.seen @ cause.columns
+        own = moved.T @ self.information @ moved
+        right = moved.T @ self.information @ self.x
+        scaled = own * np.outer(cause.prior, cause.prior) + np.eye(cause.prior.size)
+        covariance = np.linalg.inv(scaled) * np.outer(cause.prior, cause.prior)
+        gain = float(right @ covariance @ right)
+        evidence = 0.5 * (gain - float(np.linalg.slogdet(scaled)[1]))
+        return Explanation(cause, covariance @ right, np.sqrt(np.diag(covariance)), evidence)
+
+    def ranked(self, causes: Sequence[Cause]) -> list[Explanation]:
+        """Every cause, the best first."""
+        return sorted((self.explanation(cause) for cause in causes), key=lambda e: -e.evidence)
+
+    def beside(self, cause: Cause) -> _Difference:
+        """What a cause leaves over, its size unknown within its prior."""
+        moved = self.seen @ cause.columns * cause.prior
+        return _Difference(self.x, self.seen, self.covariance + moved @ moved.T, self.blocks)
+
+    def limit(self, causes: Sequence[Cause]) -> float:
+        """Largest evidence of any cause, exceeded in FALSE_ALARMS of draws without a change."""
+        rng = np.random.default_rng(SEED)
+        drawn = rng.standard_normal((DRAWS, self.x.size)) @ np.linalg.cholesky(self.covariance).T
+        freedom = max(1, self.blocks - 1)
+        drawn *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))[:, None]
+        best = np.full(DRAWS, -np.inf)
+        for cause in causes:
+            moved = self.seen @ cause.columns * cause.prior
+            weighted = self.information @ moved
+            scaled = moved.T @ weighted + np.eye(cause.prior.size)
+            right = drawn @ weighted
+            gain = (right * np.linalg.solve(scaled, right.T).T).sum(axis=1)
+            best = np.maximum(best, 0.5 * (gain - np.linalg.slogdet(scaled)[1]))
+        return float(np.quantile(best, 1.0 - FALSE_ALARMS))
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
+    """A recording with a machine held, and with it free."""
+
+    closed: Fit
+    free: Fit
+    difference: _Difference
+
+
+def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) -> _Compared:
+    faults = step_faults_in_logs(recording.samples, recording.clock)
+    closed = closed_loop(machine.robot, recording, options, faults, machine.excess, SILENT)
+    free = freed(closed, machine)
+    stated, names, layout = uncertainty(free), _free_names(machine, free), free.model.unknowns
+    at = np.array([layout.names.index(name) for name in names])
+    own = np.array([machine.names.index(name) for name in names])
+    white, inflation = free.covariance[np.ix_(at, at)], stated.inflation[at]
+    # what the priors of the recording's own unknowns contribute is noise as the data's part is
+    by_data = white - white @ (white / layout.sigma[at][:, None] ** 2)
+    noise = max(1.0, free.chi2_per_dof) * np.outer(inflation, inflation) * by_data
+    seen = np.eye(at.size) - white / layout.sigma[at] ** 2
+    error = seen @ machine.covariance[np.ix_(own, own)] @ seen.T
+    difference = _Difference(
+        x=free.x[at] - closed.x[at],
+        seen=seen,
+        covariance=error + noise + UNSETTLED * white,
+        blocks=stated.blocks,
+    )
+    return _Compared(closed, free, difference)
