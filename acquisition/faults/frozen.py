@@ -37,6 +37,7 @@ EDGE = 5  # rows that show the speed on either side
 ABRUPT = 0.6  # of the mean step there: the last one of a mechanism that stops is a fifth of it
 GRAINS = 3.0  # steps of a coarse sensor
 HELD = 3.0  # times as long as the run beside it: a value that is held as others are
+ONWARD = 0.5  # of the way of a motor, noise included, that leads on: it moves
 CHANCE = 1e-6  # runs as long as that by chance
 STRETCHES_SHOWN = 3
 
@@ -87,9 +88,11 @@ def with_frozen_loads_checked(table: Table, moving: Mapping[str, str | None]) ->
         noisy = float(np.median(np.abs(step))) > GRAINS * _grain(step)
         runs = runs.take((runs.length >= SHORTEST) & (chance < CHANCE) & noisy)
         if other is not None and runs.first.size:
-            moves = np.concatenate(([0], np.cumsum(np.diff(table.columns[other]) != 0)))
-            changes = moves[runs.last] - moves[runs.first]
-            runs = runs.take(2 * changes >= runs.length - 1)
+            place = table.columns[other]
+            way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(place)))))
+            moved = np.abs(place[runs.last] - place[runs.first])  # noise comes back
+            way = way[runs.last] - way[runs.first]
+            runs = runs.take((moved > 0.0) & (moved >= ONWARD * way))
         frozen[name] = runs
     return _remarked(table, frozen, "as its noise does by no chance")
 
@@ -194,8 +197,8 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
         more = f" and {len(every) - len(lines)} more stretches" * (len(every) > len(lines))
         single = len(columns) == 1
         sentence = (
-            f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in lines "
-            f"{', '.join(lines)}{more}, {why}: frozen; rows left out."
+            f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in "
+            f"lines {', '.join(lines)}{more}, {why}: frozen; rows left out."
         )
         table = table.remarked("frozen channel", "repaired", sentence, rows=rows)
         table = table.flagged(rows, RowFlag.FROZEN)
