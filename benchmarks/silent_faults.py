@@ -31,7 +31,7 @@ import shutil
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -62,6 +62,7 @@ TWICE, BOUND = 2.0, 2.0  # times the stated 95 % bound; standard deviations of t
 RESULT = Path(__file__).parent.parent / "docs/studies/silent_faults.csv"
 SEEDS = (1, 2, 3)
 MOTOR_TURNS = 100.0  # of a joint's turn, about
+SAID = 240  # characters of a sentence that are written
 SAMPLES = 500  # of each recording in the fit
 PER_COUNT = 2.0 * np.pi / (3600 * 2**12)  # [rad]
 
@@ -440,17 +441,18 @@ def scaled(number: int, machine: Machine, rng: Rng, scratch: Path, *, pair: bool
 
 
 def identified(
-    number: int, machine: Machine, fault: str, folders: object, channels: str, rows: int,
+    number: int, machine: Machine, fault: str, folders: Sequence[Path], channels: str, rows: int,
     scale: tuple[int, float] = (0, 1.0),
 ) -> Row:  # fmt: skip
     """The identification of some recordings, judged."""
-    name = f"{machine.name}, {len(folders)} recordings"  # type: ignore[arg-type]
+    name = f"{machine.name}, {len(folders)} recordings"
     case = Row("recordings", number, name, fault, channels, rows, "refused")
     begun = time.process_time()
     try:
-        result = identify_recordings(
-            list(folders), settings=IdentifySettings(samples=SAMPLES)
-        ).identification  # type: ignore[call-overload]
+        settings = IdentifySettings(samples=SAMPLES)
+        result = identify_recordings(list(folders), settings=settings).identification
+    except np.linalg.LinAlgError as error:
+        return replace(case, outcome="crashed", seconds=time.process_time() - begun)
     except (InputError, StartError, FailureError) as error:
         return replace(case, seconds=time.process_time() - begun, sentence=str(error))
     error = machine.error(result, *scale)
@@ -493,7 +495,9 @@ def main() -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([f.name for f in fields(Row)])
         for row in rows:
-            values = (getattr(row, f.name) for f in fields(Row))
+            values = (
+                getattr(replace(row, sentence=row.sentence[:SAID]), f.name) for f in fields(Row)
+            )
             writer.writerow([f"{v:.4g}" if isinstance(v, float) else v for v in values])
     for part in ("files", "recordings"):
         _table([row for row in rows if row.part == part])

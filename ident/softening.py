@@ -98,6 +98,7 @@ def moved_knees(fit: Fit) -> Knees:
     ).reshape(len(knees), -1)
     residual, rest = _beyond(model, columns)
     size = np.sqrt((rest * rest).sum(axis=1))
+    size = np.where(size > 0.0, size, 1.0)  # a knee that no load reaches stays
     steps = -np.linalg.lstsq(rest.T / size, residual, rcond=1e-6)[0] / size
     return [
         (gear, knee * float(1.0 + np.clip(step / knee, -FURTHEST, FURTHEST)))

@@ -13,8 +13,8 @@ meanwhile. A run of equal values is frozen where
 No step of a coarse sensor's grain is a jump, and where runs follow each other directly the logger
 holds each value for some rows.
 
-Torques and forces have no motion to be led by. Theirs repeat by chance only: of R runs of equal
-values, of which a share p has more than one row, `R p^(n - 1)` have n rows or more.
+Torques and forces have no motion to be led by. Where they are noisy they repeat by chance only: of
+R runs of equal values, of which a share p has more than one row, `R p^(n - 1)` have n rows or more.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ EDGE = 5  # rows that show the speed on either side
 ABRUPT = 0.6  # of the mean step there: the last one of a mechanism that stops is a fifth of it
 GRAINS = 3.0  # steps of a coarse sensor
 HELD = 3.0  # times as long as the run beside it: a value that is held as others are
+ONWARD = 0.5  # of the way of a motor, noise included, that leads on: it moves
 CHANCE = 1e-6  # runs as long as that by chance
 STRETCHES_SHOWN = 3
 
@@ -84,14 +85,29 @@ def with_frozen_loads_checked(table: Table, moving: Mapping[str, str | None]) ->
         runs = _runs(step)
         share = max(1.0, float((runs.length > 1).sum())) / runs.first.size
         chance = runs.first.size * share ** (runs.length - 1.0)
-        noisy = float(np.median(np.abs(step))) > GRAINS * _grain(step)
-        runs = runs.take((runs.length >= SHORTEST) & (chance < CHANCE) & noisy)
+        runs = runs.take((runs.length >= SHORTEST) & (chance < CHANCE))
+        runs = runs.take(_noisy_beside(step, runs))
         if other is not None and runs.first.size:
-            moves = np.concatenate(([0], np.cumsum(np.diff(table.columns[other]) != 0)))
-            changes = moves[runs.last] - moves[runs.first]
-            runs = runs.take(2 * changes >= runs.length - 1)
+            place = table.columns[other]
+            way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(place)))))
+            moved = np.abs(place[runs.last] - place[runs.first])  # noise comes back
+            way = way[runs.last] - way[runs.first]
+            runs = runs.take((moved > 0.0) & (moved >= ONWARD * way))
         frozen[name] = runs
     return _remarked(table, frozen, "as its noise does by no chance")
+
+
+def _noisy_beside(step: NDArray[Any], runs: _Runs) -> Mask:
+    """(K,) whether the values before and behind a run scatter by more than their grain.
+
+    Those without noise repeat wherever they come to rest or turn back.
+    """
+    change, out = np.abs(np.diff(step)), np.zeros(runs.first.size, dtype=bool)
+    smallest = GRAINS * _grain(step)
+    for k, (first, last) in enumerate(zip(runs.first.tolist(), runs.last.tolist(), strict=True)):
+        sides = change[max(0, first - 2 * EDGE) : max(0, first - 2)], change[last + 1 :][: 2 * EDGE]
+        out[k] = all(side.size == 0 or np.median(side) > smallest for side in sides)
+    return out
 
 
 def _runs(step: NDArray[Any]) -> _Runs:
@@ -194,8 +210,8 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
         more = f" and {len(every) - len(lines)} more stretches" * (len(every) > len(lines))
         single = len(columns) == 1
         sentence = (
-            f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in lines "
-            f"{', '.join(lines)}{more}, {why}: frozen; rows left out."
+            f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in "
+            f"lines {', '.join(lines)}{more}, {why}: frozen; rows left out."
         )
         table = table.remarked("frozen channel", "repaired", sentence, rows=rows)
         table = table.flagged(rows, RowFlag.FROZEN)

@@ -130,3 +130,10 @@ def test_a_torque_that_repeats_while_its_motor_moves_is_left_out() -> None:
 def test_torques_in_whole_percents_repeat_by_chance() -> None:
     torque = np.rint(20.0 * np.cos(0.9 * T) + 0.3 * np.random.default_rng(3).standard_normal(ROWS))
     assert not with_frozen_loads_checked(table(tau=torque, m=MOTION), {"tau": "m"}).flags.any()
+
+
+def test_torques_without_noise_repeat_where_they_turn_back_and_where_all_stands() -> None:
+    turning = np.round(50.0 * np.cos(0.9 * T), 3)
+    turning[4000:] = turning[4000]
+    assert not with_frozen_loads_checked(table(tau=turning, m=MOTION), {"tau": "m"}).flags.any()
+    assert not with_frozen_loads_checked(table(fx=turning), {"fx": None}).flags.any()
