@@ -8,7 +8,7 @@ several recordings are given: the complete model of all recordings together (ide
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -356,6 +356,7 @@ def _robot(
     positions = [np.r_[coefficients_of(fit, c)] for c in corrections]
     machine = np.concatenate((shared, *positions)).astype(np.intp)
     at_prior = [layout.names[i] for i in shared if not known[i]]
+    whole = _stated_covariance(cell, fit, stated, deviated)
     angles = np.concatenate([e.samples.joint_angles(e.robot_time) for e in fit.linear.evaluations])
     return RobotEstimate(
         cell=cell,
@@ -387,28 +388,33 @@ def _robot(
             )
             for c, position in zip(corrections, positions, strict=True)
         ),
-        tcp=_tcp_uncertainty(cell, fit, stated, deviated),
+        tcp=_tcp_uncertainty(cell, fit, whole, deviated),
         dropped=_dropped(cell, first, fit, at_prior),
-        tool=_tool_covariance(cell, machine, fit, stated, deviated),
+        tool=_tool_covariance(cell, machine, fit, whole, deviated),
         lower=angles.min(axis=0),
         upper=angles.max(axis=0),
     )
 
 
 def _tool_covariance(
-    cell: Cell, machine: NDArray[np.intp], fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]
+    cell: Cell,
+    machine: NDArray[np.intp],
+    fit: Fit,
+    whole: _StatedCovariance,
+    deviated: Sequence[Cell],
 ) -> ToolCovariance:
-    """Of the unknowns `machine` and of the masses."""
+    """Of the unknowns `machine`, of what the fit took as exact, and of the masses."""
     layout = fit.model.unknowns
-    shifts = stated.considered[machine]
-    own = stated.covariance[np.ix_(machine, machine)]
+    beside = np.arange(layout.machine.size, len(whole.names))
+    places = np.concatenate((machine, beside))
     return ToolCovariance(
         names=tuple(layout.names[i] for i in machine),
+        held=tuple(layout.fixed.table.names[i] for i in whole.held),
         masses=np.reshape(
             [deviations_between(cell, other) for other in deviated],
             (len(deviated), TOOL + 4 * cell.robot.joints),
         ),
-        values=np.block([[own, shifts], [shifts.T, np.eye(len(deviated))]]),
+        values=whole.values[np.ix_(places, places)],
     )
 
 
@@ -434,35 +440,55 @@ def _deviated(cell: Cell, fit: Fit, payload: PayloadEstimate | None) -> tuple[Ce
     return deviated_cells(cell, known)
 
 
-def _tcp_uncertainty(
-    cell: Cell, fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]
-) -> TcpUncertainty:
-    """Of the unloaded robot's tool over the accuracy grid.
+@dataclass(frozen=True, eq=False)
+class _StatedCovariance:
+    """Covariance of all that may move the unloaded tool: the fit's unknowns of the machine, then
+    what it took as exact, then directions of the masses.
+    """
 
-    Masses, and lengths and angles of the instrument that the fit took as exact, move the tool
+    names: list[str]
+    values: Array
+    held: NDArray[np.intp]  # indices into the table of what was taken as exact
+
+
+def _stated_covariance(
+    cell: Cell, fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]
+) -> _StatedCovariance:
+    """Masses, and lengths and angles of the instrument that the fit took as exact, move the tool
     directly and by what they made of the unknowns, so all stand in one covariance.
     """
-    layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
-    corrections, values = fit.model.corrections, fit.x[layout.coefficients]
-    robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
-    machine = layout.machine
-    names, moves = [layout.names[i] for i in machine], robot.jacobian(grid, layout.shared)
+    layout = fit.model.unknowns
+    machine, table = layout.machine, layout.fixed.table
+    names = [layout.names[i] for i in machine]
     covariance = stated.covariance[np.ix_(machine, machine)]
     if (held := taken_as_exact(cell, layout)).size:
-        table = layout.fixed.table
         root, shifts = held_shifts(fit, held, priors(cell, table, held))
         shifts = shifts[machine]
         covariance += shifts @ shifts.T
         covariance = _bordered(covariance, shifts @ root.T, root @ root.T)
-        direct = UnloadedRobot(cell, fit.geometry()).jacobian(robot.joints(grid), held)
-        names, moves = [*names, *(table.names[i] for i in held)], np.concatenate((moves, direct))
+        names += [table.names[i] for i in held]
     if deviated:
         apart = np.zeros((len(names) - machine.size, len(deviated)))
         cross = np.concatenate((stated.considered[machine], apart))
         covariance = _bordered(covariance, cross, np.eye(len(deviated)))
-        moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
         names += [f"{MASSES}{k}" for k in range(1, len(deviated) + 1)]
-    return tcp_uncertainty(robot.tool(grid), moves, covariance, names)
+    return _StatedCovariance(names, covariance, held)
+
+
+def _tcp_uncertainty(
+    cell: Cell, fit: Fit, whole: _StatedCovariance, deviated: Sequence[Cell]
+) -> TcpUncertainty:
+    """Of the unloaded robot's tool over the accuracy grid."""
+    layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
+    corrections, values = fit.model.corrections, fit.x[layout.coefficients]
+    robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
+    moves = robot.jacobian(grid, layout.shared)
+    if whole.held.size:
+        rigid = UnloadedRobot(cell, fit.geometry())
+        moves = np.concatenate((moves, rigid.jacobian(robot.joints(grid), whole.held)))
+    if deviated:
+        moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
+    return tcp_uncertainty(robot.tool(grid), moves, whole.values, whole.names)
 
 
 def _bordered(covariance: Array, cross: Array, own: Array) -> Array:

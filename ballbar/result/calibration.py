@@ -245,12 +245,14 @@ class CovarianceEntry(Strict):
     # one standard deviation of each direction of masses: mass [kg] and first moment [kg m] of the
     # tool, then mass (relative) and centre [m] of each link
     masses: tuple[tuple[float, ...], ...]
-    lower: tuple[str, ...]  # rows of the lower triangle; the directions of masses come last
+    held: tuple[str, ...] = ()  # parameters of the instrument that the fit took as exact
+    lower: tuple[str, ...]  # rows of the lower triangle: names, held, directions of masses
 
     @model_validator(mode="after")
     def _is_triangle(self) -> CovarianceEntry:
         sizes = [len(row.split()) for row in self.lower]
-        if sizes != list(range(1, len(self.names) + len(self.masses) + 1)):
+        count = len(self.names) + len(self.held) + len(self.masses)
+        if sizes != list(range(1, count + 1)):
             raise ValueError("lower: expected a row for each name and each direction of masses")
         return self
 
@@ -260,7 +262,7 @@ class CovarianceEntry(Strict):
         for k, row in enumerate(self.lower):
             values[k, : k + 1] = values[: k + 1, k] = [float(text) for text in row.split()]
         masses = np.array(self.masses) if self.masses else np.zeros((0, 0))
-        return ToolCovariance(self.names, masses, values)
+        return ToolCovariance(self.names, masses, values, self.held)
 
 
 class CalibrationFile(Strict):
@@ -494,6 +496,7 @@ def covariance_entry(covariance: ToolCovariance) -> CovarianceEntry:
     return CovarianceEntry(
         names=covariance.names,
         masses=tuple(tuple(row) for row in covariance.masses.tolist()),
+        held=covariance.held,
         lower=tuple(" ".join(map(repr, row)) for row in rows),
     )
 

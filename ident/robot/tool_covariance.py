@@ -30,7 +30,8 @@ class ToolCovariance:
     # (K, 4 + 4 J) independent directions of the masses, one standard deviation each, as
     # cell.payload.with_deviations takes them
     masses: Array
-    values: Array  # (P + K, P + K) [SI] of the named unknowns and of the sizes of the directions
+    values: Array  # (U, U) [SI] of the named unknowns, of `held`, and of the directions' sizes
+    held: tuple[str, ...] = ()  # (H,) parameters of the instrument that the fit took as exact
 
     @property
     def of_names(self) -> Array:
@@ -39,7 +40,7 @@ class ToolCovariance:
 
     @property
     def root(self) -> Array:
-        """(P + K, P + K) matrix R with R R' the covariance."""
+        """(U, U) matrix R with R R' the covariance."""
         values, vectors = np.linalg.eigh(self.values)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
@@ -116,6 +117,10 @@ def _errors(
     table = robot.geometry.table
     parameters = [table.index[name] for name in covariance.names if name in table.index]
     moves = robot.pose_jacobian(q, np.array(parameters, dtype=np.intp))
+    if covariance.held:
+        rigid = UnloadedRobot(robot.cell, robot.geometry)
+        held = np.array([table.index[name] for name in covariance.held], dtype=np.intp)
+        moves = np.concatenate((moves, rigid.pose_jacobian(robot.joints(q), held)))
     if len(covariance.masses):
         cells = [with_deviations(robot.cell, row) for row in covariance.masses]
         moves = np.concatenate((moves, robot.pose_moved_by_masses(cells, q)))

@@ -15,6 +15,7 @@ from ident.result import CoefficientEstimate, CorrectionEstimate, NamedCovarianc
 from ident.robot.accuracy import accuracy_grid, position_error, rigid_basis
 from ident.robot.tcp_correction import correction_parts
 from ident.robot.tcp_uncertainty import TcpUncertainty
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
@@ -37,6 +38,9 @@ def robot_of(geometry: Geometry, *corrections: CorrectionEstimate) -> RobotEstim
         corrections=corrections,
         tcp=TcpUncertainty(nothing, nothing, ()),
         dropped=(),
+        tool=ToolCovariance((), np.zeros((0, 28)), np.zeros((0, 0))),
+        lower=nothing,
+        upper=nothing,
     )
 
 
