@@ -6,7 +6,7 @@ from some row on by `ident.prediction`. Here it gets a name, and a clock.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -43,6 +43,7 @@ SEEN_TWICE = 2  # updates in which a finding stands; the last row of a file may 
 SILENT = 5.0  # [s] without new rows; writers keep some seconds back
 STANDS = 5.0  # [s] for which a robot may stand after it has moved; a dwell takes 2 to 4
 LOOK = 8.0  # [s] of the robot's log that show whether it stands
+NEW, SAME = 8.0, 0.5  # [s] before the end of a fit; between the times of one step in two fits
 MOVED = 0.1  # [rad] by which a joint has moved before
 FEWEST = 50  # rows that show whether the robot stands
 
@@ -106,20 +107,45 @@ def standing(logs: Logs) -> list[Alarm]:
     return [Alarm("robot stands", sentence, seconds)]
 
 
-def steps(samples: Samples, clock: Clock, seconds: float) -> list[Alarm]:
-    """Steps between two rows, which a fit has taken out of the logs; seconds : of the recording."""
-    alarms = []
+class Steps:
+    """Steps between two rows, which the fits have taken out of the logs.
+
+    A step is believed where it was new when a fit first showed it. A fit that takes steps out of
+    rows in which the earlier ones saw none has read the log wrongly: noise of few rows.
+    """
+
+    def __init__(self) -> None:
+        self._known: list[tuple[str, float]] = []  # channel and time [s]
+
+    def alarms(self, samples: Samples, clock: Clock, seconds: float) -> list[Alarm]:
+        """The steps of a fit; seconds : [s] of the recording."""
+        every = list(_steps(samples, clock))
+        end = clock.ballbar_time(samples.robot.end) if samples.has_clock else samples.robot.end
+        believed = [s for s in every if s[1] > end - NEW or self._is_known(*s[:2])]
+        if len(believed) < len(every):
+            return []
+        self._known = [(channel, at) for channel, at, _ in believed]
+        return [
+            Alarm("step", f"{channel} {what} at t = {at:.2f} s", seconds)
+            for channel, at, what in believed
+        ]
+
+    def _is_known(self, channel: str, at: float) -> bool:
+        return any(channel == name and abs(at - then) < SAME for name, then in self._known)
+
+
+def _steps(samples: Samples, clock: Clock) -> Iterator[tuple[str, float, str]]:
+    """Channel, time [s] on the ball-bar's clock and what happened, of each step."""
     for fault in step_faults_in_logs(samples, clock):
         if fault.kind == "clock":
-            what = f"a clock was set by {fault.size * 1e3:+.3g} ms"
+            yield "a clock", fault.time, f"was set by {fault.size * 1e3:+.3g} ms"
         else:
-            what = f"encoder b{fault.joint} stepped by {fault.size * 1e3:+.3g} mrad"
-        alarms.append(Alarm("step", f"{what} at t = {fault.time:.2f} s", seconds))
+            yield f"encoder b{fault.joint}", fault.time, f"stepped by {fault.size * 1e3:+.3g} mrad"
     for step in samples.robot.steps:
         if step.channel is not None:
-            what = f"joint {step.channel + 1} of the robot's log stepped by {step.size * 1e3:+.3g}"
-            alarms.append(Alarm("step", f"{what} mrad at t = {step.time:.2f} s", seconds))
-    return alarms
+            at = clock.ballbar_time(step.time) if samples.has_clock else step.time
+            size = f"stepped by {step.size * 1e3:+.3g} mrad"
+            yield f"joint {step.channel + 1} of the robot's log", at, size
 
 
 def since_first(alarms: Iterable[Alarm], before: Iterable[Alarm]) -> tuple[Alarm, ...]:

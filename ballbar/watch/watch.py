@@ -26,7 +26,7 @@ from acquisition.recording import Recording
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
 from ballbar.sphere_coverage import coverage
-from ballbar.watch.alarms import Findings, Silence, since_first, standing, steps
+from ballbar.watch.alarms import Findings, Silence, Steps, since_first, standing
 from ballbar.watch.state import Alarm, Estimate, State
 from cell.clock import Clock
 from cell.descriptions import Cell
@@ -46,6 +46,7 @@ from ident.start.automatic import StartError
 HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
 REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from which it is fitted
 SHORTEST = 10.0  # [s] of a recording that is fitted; the columns of less cannot be compared
+YOUNG = 30.0  # [s] of a recording that may have been started wrongly (ident.causes says as much)
 FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
 COMPLETE_FIRST, COMPLETE_GROWTH = 60.0, 1.5  # [s] of the first complete fit; times, of the next
 CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates
@@ -80,10 +81,10 @@ class Watch:
     ) -> None:
         self._folder, self._accuracy, self._duration = folder, accuracy, duration
         self._pool = pool
-        self._findings, self._silence = Findings(), Silence()
+        self._findings, self._silence, self._steps = Findings(), Silence(), Steps()
         self._cell: Cell | None = None
         self._fitted: RecordingFit | None = None
-        self._next_fit = 0.0  # [s] of the recording
+        self._next_fit = self._fitted_until = 0.0  # [s] of the recording
         self._estimate: Estimate | None = None
         self._history: list[Estimate] = []  # of the model of the latest estimate
         self._complete: _Complete | None = None
@@ -114,7 +115,7 @@ class Watch:
         prediction = self._predicted(self._cell, logs)
         alarms += self._identified(self._cell, logs, seconds, prediction)
         if self._fitted is not None:
-            alarms += steps(self._fitted.samples, self._fitted.clock, seconds)
+            alarms += self._steps.alarms(self._fitted.samples, self._fitted.clock, seconds)
         self._collect_complete()
         return self._stated(recording, logs, seconds, prediction, alarms)
 
@@ -187,7 +188,7 @@ class Watch:
     ) -> Alarm | None:
         """The alarm for rows that the fit does not predict; None if a fit with them explains all.
 
-        A young fit may know too little of where the path leads to.
+        A young fit may know too little of where the path leads to, or be of a wrong start.
         """
         cause = prediction.cause or "the latest rows contradict all earlier ones"
         sentence = (
@@ -201,9 +202,10 @@ class Watch:
                 fitted = fit_recording(cell, logs, FitOptions(model="dh"))
             except (StartError, ValueError):
                 fitted = None
-            if fitted is not None and fitted.fit.converged:
+            young = self._fitted_until < YOUNG or not before.fit.converged
+            if fitted is not None and (young or fitted.fit.converged):
                 left = fitted.fit.chi2_per_dof / max(1.0, before.fit.chi2_per_dof)
-                if left < SAME_MODEL:
+                if young or left < SAME_MODEL:
                     self._take(cell, fitted, seconds)
                     return None
         sure = self._misfit is not None or prediction.ratio > CERTAIN
@@ -223,7 +225,7 @@ class Watch:
 
     def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
         """Makes a fit the one that predicts, and its result the estimate."""
-        self._fitted = fitted
+        self._fitted, self._fitted_until = fitted, until
         result = kinematic_result(cell, fitted, FitOptions(model="dh", accuracy=self._accuracy))
         if self._estimate is None or self._estimate.model == "dh" or result.verdict.acceptable:
             self._know(_estimate(result, fitted.logs, until))
