@@ -230,6 +230,15 @@ def test_the_example_of_axis_angles_gives_the_joint_angles_that_the_page_says() 
     assert turned.tolist() == [0.0, 0.3, -0.3, 0.0, -0.2, 0.0]
 
 
+WELD = """MODULE weld
+  CONST jointtarget home:=[[0,10,10,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  PROC main()
+    MoveAbsJ home,v100,fine,tool0;
+  ENDPROC
+ENDMODULE
+"""
+
+
 @pytest.mark.slow
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -267,6 +276,7 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     assert (tmp_path / "runs/tutorial/eccentricity.png").read_bytes().startswith(b"\x89PNG")
 
     (tmp_path / "targets.csv").write_text("q1,q2,q3,q4,q5,q6\n0.1,0.1,0.1,0.1,0.5,0.1\n")
+    (tmp_path / "weld.mod").write_text(WELD)
     cheap = {
         command
         for _, command in EVERY
