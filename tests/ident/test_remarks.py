@@ -106,5 +106,6 @@ def test_a_link_that_grew_is_named_with_its_recording() -> None:
     model = SimpleNamespace(unknowns=unknowns, recordings=[SimpleNamespace(times=t) for t in times])
     fit = SimpleNamespace(model=model, x=np.array([*growth.values()]))
     assert recording_remarks(cast("Fit", fit)) == [
-        "a2 grew by +20 um during recording 2: it warmed up"
+        "a2 grew by +20 um during recording 2: it warmed up. The result is the robot at the start "
+        "of the first one; warm it up before"
     ]
