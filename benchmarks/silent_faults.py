@@ -451,7 +451,7 @@ def identified(
     try:
         settings = IdentifySettings(samples=SAMPLES)
         result = identify_recordings(list(folders), settings=settings).identification
-    except np.linalg.LinAlgError as error:
+    except np.linalg.LinAlgError:
         return replace(case, outcome="crashed", seconds=time.process_time() - begun)
     except (InputError, StartError, FailureError) as error:
         return replace(case, seconds=time.process_time() - begun, sentence=str(error))
