@@ -12,14 +12,16 @@ from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.geometry import robot_frames
 from cell.logs import RobotLog
+from cell.robot_angles import joints_to_motors, motors_to_joints
 from ident.complete_fit import fit_complete, refit
 from ident.corrections import ON_EVIDENCE, supported_corrections
+from ident.corrections.gear_ratio import GEAR_RATIO
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
 from ident.model_choice import lasting
 from ident.options import SILENT, FitOptions
 from ident.recording_fit import Logs, fit_recording
-from ident.remarks import recording_remarks
+from ident.remarks import recording_remarks, wrong_ratios
 from ident.softening import fit_softening, moved_knees, search_knees
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.minute_logs import minute_logs
@@ -85,6 +87,19 @@ def test_lags_of_single_joints_are_found_relative_to_the_first() -> None:
     for gear in (1, 4):  # those that a coupled joint does not mix
         assert values[f"lag{gear + 1}"] == pytest.approx(gears[gear] - gears[0], abs=5e-4)
     assert fit.chi2_per_dof < 1.3
+
+
+def test_a_motor_that_is_scaled_is_a_gear_of_another_ratio() -> None:
+    def scaled(_: Array, q: Array) -> Array:
+        motors = joints_to_motors(CELL.robot, q)
+        motors[:, 5] *= 1.001
+        return motors_to_joints(CELL.robot, motors)
+
+    fit = fitted(changed(elastic(), scaled))
+    assert GEAR_RATIO in names(fit)
+    assert found(fit)["ratio6"] == pytest.approx(-1e-3, rel=0.05)
+    sigma = np.sqrt(np.diag(fit.covariance))
+    assert "gear 6 turns 0.999" in wrong_ratios(fit, sigma)
 
 
 def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() -> None:

@@ -12,6 +12,7 @@ from cell.errors import InputError
 from cell.geometry import Parameter
 from ident.corrections.base import GEAR, ROD, Correction, State
 from ident.corrections.bearing_tilt import bearing_tilt
+from ident.corrections.gear_ratio import gear_ratio
 from ident.corrections.gear_softening import gear_softening, knees_of
 from ident.corrections.joint_lag import joint_lag
 from ident.corrections.link_growth import UNIT, link_growth
@@ -70,6 +71,13 @@ def test_lags_are_relative_to_the_first_gear() -> None:
     assert "lag1" not in values
     assert np.array_equal(values["lag4"], STATE.gear_speed[3])
     assert np.array_equal(values["lag_order2_1"], STATE.gear_acceleration[0])
+
+
+def test_an_error_of_a_ratio_turns_a_gear_by_a_share_of_its_angle() -> None:
+    state = replace(STATE, gears=RNG.normal(0.0, 1.0, (6, N)))
+    correction = gear_ratio(CELL, ())
+    assert np.array_equal(signals(correction, state)["ratio6"], state.gears[5])
+    assert channels(correction)["ratio6"] == GEAR + 5
 
 
 def test_links_grow_in_their_own_recording_from_a_start_that_the_first_has_not() -> None:
