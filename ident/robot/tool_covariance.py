@@ -35,8 +35,18 @@ class ToolCovariance:
 
     @property
     def of_names(self) -> Array:
-        """(P, P) [SI] of the named unknowns alone."""
-        return self.values[: len(self.names), : len(self.names)]
+        """(P, P) [SI] of the named unknowns alone, where `held` is exact.
+
+        Of one machine's recordings with one instrument it is, for they share what its lengths and
+        angles are off by.
+        """
+        count, last = len(self.names), len(self.names) + len(self.held)
+        own, cross = self.values[:count, :count], self.values[:count, count:last]
+        scale = np.sqrt(np.diag(self.values)[count:last])
+        cross = cross / scale
+        held = self.values[count:last, count:last] / np.outer(scale, scale)
+        given = own - cross @ np.linalg.solve(held, cross.T)
+        return np.asarray(0.5 * (given + given.T))
 
     @property
     def root(self) -> Array:

@@ -12,7 +12,7 @@ import pytest
 
 from ballbar.export.formats import exported
 from ballbar.export.result import load_result
-from ballbar.result.calibration import Calibration, tool_covariance_entry
+from ballbar.result.calibration import Calibration, covariance_entry
 from ballbar.result.pose_calibration import PoseCalibration
 from cell.arrays import Array
 from cell.chain import forward
@@ -289,7 +289,7 @@ def test_the_uncertainty_is_the_spread_of_drawn_robots(cell: Cell, nominal: Geom
 
 def test_a_covariance_survives_the_file_bit_by_bit(cell: Cell, nominal: Geometry) -> None:
     covariance = drawn_covariance(cell, nominal, 5)
-    back = tool_covariance_entry(covariance).covariance
+    back = covariance_entry(covariance).covariance
     assert back.names == covariance.names
     np.testing.assert_array_equal(np.tril(back.values), np.tril(covariance.values))
     np.testing.assert_array_equal(back.masses, covariance.masses)
