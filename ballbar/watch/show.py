@@ -72,7 +72,8 @@ def _noise(name: str, sigma: float) -> str:
 
 
 def _uncertainty(data: Data) -> str:
-    text = f"{data['tcp_sigma_m'] * MM:.3g} mm"
+    with_scale, without = data["tcp_sigma_m"], data["tcp_sigma_without_scale_m"]
+    text = f"{with_scale * MM:.3g} mm with the scale, {without * MM:.3g} mm without"
     if data["tcp_sigma_end_m"] is not None:
         text += f", at the end about {data['tcp_sigma_end_m'] * MM:.2g} mm (estimate)"
     return text + (" - enough" if data["enough"] else "")

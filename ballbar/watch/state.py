@@ -23,7 +23,8 @@ class Estimate:
     model: str  # dh or complete
     status: str  # word of the verdict
     sentence: str  # of the verdict
-    tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid
+    tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid, with the scale
+    without_scale: float  # [m] likewise, without it
     acceptable: bool
     clock: tuple[float, float] | None  # [s] offset, [1] skew; None without encoders
     clock_sigma: tuple[float, float]  # [s], [1]
@@ -60,6 +61,7 @@ class State:
             "verdict": None if known is None else known.status,
             "identified_until_s": None if known is None else known.until,
             "tcp_sigma_m": None if known is None else known.tcp_sigma,
+            "tcp_sigma_without_scale_m": None if known is None else known.without_scale,
             "tcp_sigma_end_m": self.tcp_sigma_end,
             "clock_offset_s": None if known is None or known.clock is None else known.clock[0],
             "clock_skew": None if known is None or known.clock is None else known.clock[1],

@@ -298,10 +298,10 @@ def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimat
 def foretold(history: Sequence[Estimate], duration: float) -> float | None:
     """[m] TCP uncertainty once a recording has its duration [s]; None before there is any.
 
-    It falls as a power of time: 1/2 where the path repeats itself, the slope of the latest
-    estimates where it leads to poses that tell more. The geometric mean of both exponents: the
-    slope alone foretold half of what came, 1/2 alone 1.5 times
-    (benchmarks.live_identification, four paths of two minutes).
+    The scale's part stays: no recording shows it. The rest falls as a power of time: 1/2 where the
+    path repeats itself, the slope of the latest estimates where it leads to poses that tell more.
+    The geometric mean of both exponents: the slope alone foretold half of what came, 1/2 alone 1.5
+    times (benchmarks.live_identification, four paths of two minutes).
     """
     if not history:
         return None
@@ -309,10 +309,12 @@ def foretold(history: Sequence[Estimate], duration: float) -> float | None:
     recent = [e for e in history if e.until >= RECENT * last.until]
     slope = WHITE
     if len(recent) > 1:
-        t, sigma = (np.log([getattr(e, name) for e in recent]) for name in ("until", "tcp_sigma"))
-        t, sigma = t - t.mean(), sigma - sigma.mean()
-        slope = max(WHITE, -float((t * sigma).sum() / (t * t).sum()))
-    return float(last.tcp_sigma * (last.until / duration) ** np.sqrt(WHITE * slope))
+        t, rest = (np.log([getattr(e, k) for e in recent]) for k in ("until", "without_scale"))
+        t, rest = t - t.mean(), rest - rest.mean()
+        slope = max(0.0, -float((t * rest).sum() / (t * t).sum()))
+    scale = last.tcp_sigma**2 - last.without_scale**2
+    power = 2.0 * np.sqrt(WHITE * slope)
+    return float(np.sqrt(scale + last.without_scale**2 * (last.until / duration) ** power))
 
 
 def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
@@ -330,6 +332,7 @@ def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
         status=str(result.verdict.status),
         sentence=result.verdict.sentence,
         tcp_sigma=rms(result.robot.tcp_sigma),
+        without_scale=rms(result.robot.tcp.without_scale),
         acceptable=result.verdict.acceptable,
         clock=None if clock is None else (clock.offset, clock.skew),
         clock_sigma=recording.clock_sigma,

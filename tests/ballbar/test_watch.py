@@ -54,7 +54,7 @@ def test_a_sound_recording_raises_no_alarm_and_tells_more_and_more(
 ) -> None:
     states = watched(growing, 30.0, 36.0, 45.0, 55.0, duration=60.0)
     assert [alarm for state in states for alarm in state.alarms] == []
-    sigmas = [state.estimate.tcp_sigma for state in states if state.estimate]
+    sigmas = [state.estimate.without_scale for state in states if state.estimate]
     assert len(sigmas) == 4
     assert all(later < earlier for earlier, later in pairwise(sigmas))
     assert 0.7 < states[-1].predicted < 1.3  # white noise that the fit has not seen
@@ -263,15 +263,18 @@ def test_the_uncertainty_at_the_end_follows_the_latest_estimates(exponent: float
         status="good",
         sentence="",
         tcp_sigma=1.0,
+        without_scale=1.0,
         acceptable=True,
         clock=None,
         clock_sigma=(0.0, 0.0),
         noise={},
         sphere=0.0,
     )
+    rest = {t: 1e-3 * t**-exponent for t in (20.0, 40.0, 50.0, 60.0)}
     history = [
-        replace(template, until=t, tcp_sigma=1e-3 * t**-exponent) for t in (20.0, 40.0, 50.0, 60.0)
+        replace(template, until=t, without_scale=part, tcp_sigma=float(np.hypot(part, 2e-5)))
+        for t, part in rest.items()
     ]
-    expected = history[-1].tcp_sigma * 2.0 ** -np.sqrt(0.5 * exponent)
-    assert foretold(history, 120.0) == pytest.approx(expected)
+    at_the_end = rest[60.0] * 2.0 ** -np.sqrt(0.5 * exponent)
+    assert foretold(history, 120.0) == pytest.approx(np.hypot(at_the_end, 2e-5))
     assert foretold([], 120.0) is None
