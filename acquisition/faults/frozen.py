@@ -36,6 +36,7 @@ JUMP = 3.0  # times the third largest step around: beside two other faults
 EDGE = 5  # rows that show the speed on either side
 ABRUPT = 0.6  # of the mean step there: the last one of a mechanism that stops is a fifth of it
 GRAINS = 3.0  # steps of a coarse sensor
+ROUNDING = 1e-6  # of a step: what the form of numbers changes of it
 HELD = 3.0  # times as long as the run beside it: a value that is held as others are
 ONWARD = 0.5  # of the way of a motor, noise included, that leads on: it moves
 CHANCE = 1e-6  # runs as long as that by chance
@@ -159,9 +160,9 @@ def _side(t: Array, step: Array, row: Rows, direction: int) -> _Side:
     elapsed = np.where(exists, t[inner] - t[outer], 1.0)
     moved = np.where(exists, place[inner] - place[outer], 0.0)
     speed = moved / np.where(elapsed != 0.0, elapsed, 1.0)
-    closest = np.abs(step[np.clip(inner - (direction < 0), 0, step.size - 1)])
-    abrupt = exists & (closest - _grain(step) > ABRUPT * np.abs(moved) / EDGE)
-    abrupt &= moved != 0.0
+    rows = inner - (direction < 0) + direction * np.arange(2 * EDGE)[:, None]
+    steps = np.abs(step[np.clip(rows, 0, step.size - 1)])  # (2 EDGE, K), the closest first
+    abrupt = exists & (steps[0] - _local_grain(steps) > ABRUPT * np.abs(moved) / EDGE)
     return _Side(speed, abrupt, exists)
 
 
@@ -190,6 +191,17 @@ def _held(runs: _Runs) -> Mask:
 def _grain(step: NDArray[Any]) -> float:
     """Smallest step of a channel."""
     return float(np.abs(step[step != 0]).min(initial=np.inf))
+
+
+def _local_grain(steps: Array) -> Array:
+    """(K,) smallest difference between the sizes of steps (R, K), no step being one of them.
+
+    Where numbers have so many significant digits, the grain grows with the angle.
+    """
+    sizes = np.sort(np.concatenate((np.zeros_like(steps[:1]), steps)), axis=0)
+    apart = np.diff(sizes, axis=0)
+    real = apart > ROUNDING * sizes[-1]
+    return np.asarray(np.where(real, apart, np.inf).min(axis=0))
 
 
 def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:

@@ -94,6 +94,14 @@ def test_coarse_encoders_are_not_frozen(slow: float, bits: int) -> None:
     assert frozen_rows(coarse(slow * MOTION + NOISE, 2.0 * np.pi / 2**bits)) == []
 
 
+def test_numbers_of_seven_digits_are_coarser_beyond_a_hundred() -> None:
+    degrees = np.rad2deg(stopping(9.0, 0.2)) - 60.0
+    coarser = np.where(np.abs(degrees) < 10.0, np.round(degrees, 3), np.round(degrees, 2))
+    flicker = np.where(np.arange(ROWS) % 700 == 0, 0.01, 0.0) * (np.abs(degrees) > 10.0)
+    assert frozen_rows(np.deg2rad(coarser)) == []
+    assert frozen_rows(np.deg2rad(coarser + flicker)) == []
+
+
 @pytest.mark.parametrize("held", [2, 6, 12, 25])
 def test_values_that_the_logger_holds_for_some_rows_are_not_frozen(held: int) -> None:
     assert frozen_rows((MOTION + NOISE)[held * (np.arange(ROWS) // held)]) == []
