@@ -40,6 +40,7 @@ ROUNDING = 1e-6  # of a step: what the form of numbers changes of it
 HELD = 3.0  # times as long as the run beside it: a value that is held as others are
 ONWARD = 0.5  # of the way of a motor, noise included, that leads on: it moves
 CHANCE = 1e-6  # runs as long as that by chance
+ALTERNATING = 0.5  # of the sizes of changes: the sum of noise's, in ten rows, is an eighth
 STRETCHES_SHOWN = 3
 
 
@@ -101,14 +102,21 @@ def with_frozen_loads_checked(table: Table, moving: Mapping[str, str | None]) ->
 def _noisy_beside(step: NDArray[Any], runs: _Runs) -> Mask:
     """(K,) whether the values before and behind a run scatter by more than their grain.
 
-    Those without noise repeat wherever they come to rest or turn back.
+    Those without noise repeat wherever they come to rest or turn back. Their curvature keeps its
+    sign; that of noise alternates.
     """
-    change, out = np.abs(np.diff(step)), np.zeros(runs.first.size, dtype=bool)
+    change, out = np.diff(step), np.zeros(runs.first.size, dtype=bool)
     smallest = GRAINS * _grain(step)
     for k, (first, last) in enumerate(zip(runs.first.tolist(), runs.last.tolist(), strict=True)):
         sides = change[max(0, first - 2 * EDGE) : max(0, first - 2)], change[last + 1 :][: 2 * EDGE]
-        out[k] = all(side.size == 0 or np.median(side) > smallest for side in sides)
+        out[k] = all(side.size == 0 or _scatters(side, smallest) for side in sides)
     return out
+
+
+def _scatters(change: NDArray[Any], smallest: float) -> bool:
+    """Whether changes of the steps (N,) alternate, and most are larger than `smallest`."""
+    size = np.abs(change)
+    return bool(np.median(size) > smallest and abs(change.sum()) < ALTERNATING * size.sum())
 
 
 def _runs(step: NDArray[Any]) -> _Runs:
