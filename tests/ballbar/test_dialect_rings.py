@@ -20,7 +20,11 @@ from tests.helpers.simulated_recordings import Recorded, record
 OF = {name: load_dialect(name).source for name in dialect_names()}
 ROBOTS = [name for name, source in OF.items() if source == "robot"]
 BALLBARS = [name for name, source in OF.items() if source == "ballbar"]
-WRITTEN_ALWAYS = {"force-torque", "length-table"}  # by every scenario with such a sensor
+WRITTEN_ALWAYS = {
+    "force-torque",
+    "length-table",
+    "tracker-points",
+}  # by every scenario with such a sensor
 # [rad], [s] what a dialect leaves of angles and times; of the others less than a nanoradian
 COARSE = {"abb-libegm": (1e-5, 3e-5), "abb-mpe": (2e-7, 4e-6)}
 

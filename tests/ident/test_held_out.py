@@ -67,9 +67,11 @@ def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() ->
     added, expected = [], []
     for seed in range(6):
         machine, logs = identified(2 * seed), minute_logs(seed=2 * seed + 1)
-        stated = machine.robot.covariance
-        white = replace(stated, values=stated.white)
-        machine = replace(machine, robot=replace(machine.robot, covariance=white))
+        stated, tool = machine.robot.covariance, machine.robot.tool
+        white = replace(
+            tool, names=stated.names, values=stated.white, masses=tool.masses[:0], held=()
+        )
+        machine = replace(machine, robot=replace(machine.robot, tool=white))
         outcome = held_out(machine, logs, options=MANY)
         exact = replace(machine, robot=replace(machine.robot, geometry=machine.robot.nominal))
         perfect = held_out(exact, logs, options=MANY)
