@@ -322,3 +322,20 @@ def test_an_encoder_without_status_column_is_warned_of() -> None:
             "encoders b2 have no status column, so their faults cannot be seen.",
         )
     ]
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_counter_that_was_cut_to_sixteen_bits_is_refused(signed: bool) -> None:
+    _, b1, b2 = turning()
+    cut = b2 % 2**16
+    cut -= 2**16 * (signed & (cut >= 2**15))
+    with pytest.raises(LogError, match=r"raw/bar.csv:\d+: column b2: .* the lower 16 bits"):
+        counter_words(table_of(b1=b1 % 2**32, b2=cut), fitted("b1", "b2"))
+
+
+def test_a_counter_that_hardly_moves_is_no_cut_one() -> None:
+    _, b1, _ = turning()
+    small = np.rint(30_000 * np.sin(np.arange(b1.size) / 50.0)).astype(np.int64)
+    small[[100, 101]] = 32_000, -32_000  # damaged
+    counter_words(table_of(b1=b1 % 2**32, b2=small), fitted("b1", "b2"))
+    counter_words(table_of(b2=small % 2**32), fitted("b2"))  # through zero

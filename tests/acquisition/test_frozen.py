@@ -41,11 +41,10 @@ def test_a_value_that_repeats_in_motion_is_left_out(first: int, length: int) -> 
 
 
 def test_a_frozen_reversal_is_seen_by_its_abrupt_ends() -> None:
-    top = int(np.argmax(MOTION[:1500]))
-    values = MOTION + NOISE
-    values[top - 60 : top + 61] = values[top - 61]
-    assert abs(values[top + 61] - values[top - 61]) < 5e-3  # no jump: the motion comes back
-    assert frozen_rows(values) == list(range(top - 60, top + 61))
+    values = 0.3 * np.cos(1.5 * (T - T[3000])) + NOISE
+    values[2940:3061] = values[2939]
+    assert abs(values[3061] - values[2939]) < 1e-5  # no jump: the motion comes back
+    assert frozen_rows(values) == list(range(2940, 3061))
 
 
 def test_a_channel_that_is_dead_to_the_end_is_left_out() -> None:
@@ -85,6 +84,11 @@ def stopping(stop: float, acceleration: float) -> np.ndarray:
 @pytest.mark.parametrize("acceleration", [0.2, 2.0, 20.0])
 def test_a_joint_that_stands_is_not_frozen(acceleration: float, grain: float) -> None:
     assert frozen_rows(coarse(stopping(9.0, acceleration), grain)) == []
+
+
+def test_a_log_that_begins_and_ends_at_rest_is_not_frozen() -> None:
+    ramp = np.clip(np.minimum(T - 3.0, 20.0 - T), 0.0, 1.0)
+    assert frozen_rows(coarse(PERIOD * np.cumsum(0.5 * ramp), 1e-9)) == []
 
 
 @pytest.mark.parametrize("bits", [12, 13, 16, 20])
