@@ -336,8 +336,8 @@ def instead(plan: Plan) -> list[Question]:
 def known_from(results: Sequence[Path], request: PlanRequest) -> Known:
     """What results say of the machine of a request.
 
-    Raises InputError for a result of still poses, of another robot than the request's or without
-    covariance, and for results of unlike robots, ball-bars or plates.
+    Raises InputError for a result of still poses, of model dh with a ball-bar, of another robot
+    than the request's or without covariance, and for results of unlike robots, ball-bars or plates.
     """
     machines = []
     for result in results:
@@ -349,6 +349,11 @@ def known_from(results: Sequence[Path], request: PlanRequest) -> Known:
         cell = load_measured_cell(
             content.robot, content.instrument, content.plate, relative_to=file.parent
         )
+        if content.model == "dh" and cell.ballbar.stroke is None:
+            raise InputError(
+                f"{file}: is of model dh, and a path is predicted with the complete model, of "
+                "which it states no uncertainty. Identify the recordings with --model complete."
+            )
         machines.append(calibration.machine(cell))
         wanted = load_robot(request.cell.robot).title
         first = machines[0].robot.cell
