@@ -51,8 +51,8 @@ ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01
-# Logarithm of the factor by which a cause must be likelier than the next: 20, strong evidence after
-# Kass & Raftery 1995.
+# Logarithm of the factor by which a cause must be likelier than the next, and by which a second
+# change beside it must not be likelier than none: 20, strong evidence after Kass & Raftery 1995.
 RIVAL = 3.0
 ROUNDS = 3  # of taking a change away and fitting again: one of a milliradian is not linear
 SEEN = 4.0  # deviations by which a change must stand out
@@ -117,7 +117,7 @@ class RecordingVerification:
     misfit: float  # chi-square per degree of freedom with the machine free
     limit: float  # of the evidence, exceeded in FALSE_ALARMS of checks of an unchanged machine
     explanations: tuple[Explanation, ...]  # best first
-    single: bool  # whether the first leaves no more than an unchanged machine would
+    single: bool  # whether nothing speaks strongly for a second change beside the first
     blind: dict[int, float]  # axes, and the size [rad] up to which a change of the zero is unseen
     suspect: str = ""  # what may be wrong with the logs; empty where nothing is
 
@@ -204,7 +204,7 @@ def verify_recording(
         after = _compared(now, recording, options).difference
         best = replace(best, size=after.explanation(best.cause).size)
         ranked[0] = replace(ranked[0], size=ranked[0].size + best.size)
-        single = after.beside(best.cause).ranked(causes)[0].evidence <= limit
+        single = after.beside(best.cause).ranked(causes)[0].evidence <= RIVAL
         if single:
             break
     misfit = compared.free.chi2_per_dof

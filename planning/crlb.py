@@ -21,7 +21,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
-from ident.complete_fit import FIRST_EXCESS
+from ident.complete_fit import FIRST_EXCESS, needs_loads
 from ident.corrections import correction_named, supported_corrections
 from ident.corrections.base import Correction
 from ident.estimator.gauss_newton import inverse
@@ -37,6 +37,7 @@ from ident.recording_fit import WIDEST_KNOT_SPACING
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import interpolating_log
+from planning.known import Known
 from planning.request import PlanSensors, PlanTiming, Workspace
 from planning.trajectory import Passage
 
@@ -59,6 +60,7 @@ class Predictor:
     excess: ExcessNoise | None = None  # of a fitted sample, if known better than by the sensors
     exact_scale: bool = True  # whether plate and ba5 are taken as exact
     tension_sigma: float = TENSION_PRIOR  # [N] prior of a knot of the rod's tension
+    known: Known | None = None  # from results of the machine
 
     @property
     def instants(self) -> Array:
@@ -135,8 +137,12 @@ def predictor(
     workspace: Workspace | None,
     *,
     samples: int = SAMPLES,
+    known: Known | None = None,
 ) -> Predictor:
-    """The predictor of a cell with its sensors over a workspace."""
+    """The predictor of a cell with its sensors over a workspace.
+
+    known : from results of the machine, whose corrections and noise it takes.
+    """
     grid = accuracy_grid(cell.robot)
     if workspace is not None:
         box = replace(
@@ -146,14 +152,19 @@ def predictor(
         )
         grid = accuracy_grid(box)
     names = [] if cell.ballbar.stroke is not None else supported_corrections(cell.robot)
+    corrections = tuple(correction_named(name, cell, sensors.encoders) for name in names)
+    if known is not None:
+        corrections = known.corrections_with(cell, sensors.encoders)
     return Predictor(
         cell=cell,
-        masses=mass_model(cell) if names else None,
+        masses=mass_model(cell) if needs_loads(corrections) else None,
         sensors=sensors,
         timing=timing,
-        corrections=tuple(correction_named(name, cell, sensors.encoders) for name in names),
+        corrections=corrections,
         grid=grid,
         samples=samples,
+        excess=None if known is None else known.excess,
+        known=known,
     )
 
 
@@ -211,12 +222,19 @@ def predict(
     return Prediction(
         layout=layout,
         model=model,
-        normal=linear.normal,
+        normal=linear.normal + (before(on, layout) - np.diag(layout.sigma**-2.0)),
         points=linear.evaluations,
         geometry=trajectory.nominal,
         unloaded=UnloadedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
         grid=on.grid,
     )
+
+
+def before(on: Predictor, layout: Unknowns) -> Array:
+    """(P, P) information before the trajectory: priors, and what results say."""
+    if on.known is None:
+        return np.diag(layout.sigma**-2.0)
+    return on.known.normal(layout, on.cell)
 
 
 def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[Prediction, ...]:

@@ -18,13 +18,23 @@ from cell.errors import InputError
 from cell.geometry import nominal_chain, nominal_geometry
 from cell.inverse import has_closed_form
 from cell.load import load_instrument, load_measured_cell
+from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
 from ident.robot.unloaded_robot import UnloadedRobot
 from planning.candidate import Candidate, Space, space_of
 from planning.clearance import Clearance, clearance, nearest
-from planning.crlb import Prediction, Predictor, moving, planned_unknowns, predictions, predictor
+from planning.crlb import (
+    Prediction,
+    Predictor,
+    before,
+    moving,
+    planned_unknowns,
+    predictions,
+    predictor,
+)
 from planning.force import ForceModel, Forces, force_model, predicted_forces
+from planning.known import Known
 from planning.limits import Violation, leaning, violations
 from planning.request import PlanLimits, PlanRequest, tightened
 from planning.screen import Screened, screen
@@ -78,8 +88,8 @@ class Evaluation:
         return sum(v.excess for v in self.violations) + (0.0 if self.examined else UNEXAMINED)
 
 
-def evaluators(request: PlanRequest) -> dict[str, Evaluator]:
-    """An evaluator for each rod of a request, by its name.
+def evaluators(request: PlanRequest, known: Known | None = None) -> dict[str, Evaluator]:
+    """An evaluator for each rod of a request, by its name; known : from results of the machine.
 
     Raises InputError or DescriptionError for a robot, rod, plate or servo that does not exist, and
     InputError for a robot whose file lacks what a path needs.
@@ -92,7 +102,7 @@ def evaluators(request: PlanRequest) -> dict[str, Evaluator]:
             what = "has encoders" if request.telescoping else "measures its length"
             raise InputError(f"cell.{keys[0]} = {rod}: it {what}; name it as cell.{keys[1]}")
     if chosen.instrument is None:
-        return {rod: evaluator_of(request, rod, cell) for rod, cell in cells.items()}
+        return {rod: evaluator_of(request, rod, cell, known) for rod, cell in cells.items()}
     sigma = request.sensors.length_sigma_m or load_instrument(chosen.instrument).sigma_length
     if sigma <= 0.0:
         raise InputError(
@@ -101,18 +111,20 @@ def evaluators(request: PlanRequest) -> dict[str, Evaluator]:
         )
     sensors = request.sensors.model_copy(update={"length_sigma_m": sigma})
     request = request.model_copy(update={"sensors": sensors})
-    return {rod: evaluator_of(request, rod, cell) for rod, cell in cells.items()}
+    return {rod: evaluator_of(request, rod, cell, known) for rod, cell in cells.items()}
 
 
-def evaluator_of(request: PlanRequest, rod: str, cell: Cell) -> Evaluator:
-    """The evaluator of a request on a given cell.
+def evaluator_of(
+    request: PlanRequest, rod: str, cell: Cell, known: Known | None = None
+) -> Evaluator:
+    """The evaluator of a request on a given cell; known : from results of the machine.
 
     Raises InputError for an unknown servo, limits that the robot's structure does not have, or a
     robot whose file lacks what a path needs.
     """
     _check_limits(request.limits, cell)
     telescoping = cell.ballbar.stroke is not None
-    on = predictor(cell, request.sensors, request.timing, request.workspace)
+    on = predictor(cell, request.sensors, request.timing, request.workspace, known=known)
     return Evaluator(
         request=request,
         rod=rod,
@@ -248,13 +260,24 @@ def _too_close(evaluator: Evaluator, trajectory: Trajectory) -> list[Violation]:
 
 def tcp_rms(evaluator: Evaluator, prediction: Prediction) -> float:
     """[m] root mean square of `Prediction.tcp_sigma` over the grid, without the covariance."""
-    moved, s = moving(prediction.layout), prediction.layout.sigma
+    return _rms(evaluator, prediction.normal, prediction.layout)
+
+
+def tcp_rms_before(evaluator: Evaluator) -> float:
+    """[m] likewise before any path: by the priors, and by what results say."""
+    on = evaluator.predictor
+    layout, _ = planned_unknowns(on, nominal_geometry(on.cell, np.zeros(3)), ())
+    return _rms(evaluator, before(on, layout), layout)
+
+
+def _rms(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
+    moved, s = moving(layout), 1.0 / np.sqrt(np.diag(normal))
     columns = np.zeros((s.size, moved.size))
     columns[moved, np.arange(moved.size)] = s[moved]
-    factor = np.linalg.cholesky(prediction.normal * np.outer(s, s))
+    factor = np.linalg.cholesky(normal * np.outer(s, s))
     # covariance = half' half
     half = solve_triangular(factor, columns, lower=True, check_finite=False)
-    return float(np.sqrt(((half @ evaluator.gram) * half).sum() / len(prediction.grid)))
+    return float(np.sqrt(((half @ evaluator.gram) * half).sum() / len(evaluator.predictor.grid)))
 
 
 def _gram(on: Predictor) -> Array:

@@ -176,7 +176,8 @@ def numbers_data(plan: Plan, targets: Targets, cell: dict[str, object]) -> dict[
             "mean": float(typical.tcp_sigma.mean()),
             "largest": float(typical.tcp_sigma.max()),
             "scale_adds": plan.scale_adds,
-        },
+        }
+        | ({} if (before := plan.tcp_before) is None else {"by_results_before": before}),
         "observability": plan.indices(),
         "sphere_covered": plan.coverage,
         **_held_data(plan),

@@ -18,9 +18,18 @@ from ident.estimator.uncertainty import observability
 from ident.estimator.unknowns import scale_sigma
 from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.crlb import Prediction, predictions
-from planning.evaluation import INFEASIBLE, Evaluation, Evaluator, evaluate, evaluators, tensions_of
+from planning.evaluation import (
+    INFEASIBLE,
+    Evaluation,
+    Evaluator,
+    evaluate,
+    evaluators,
+    tcp_rms_before,
+    tensions_of,
+)
 from planning.first import first_path
 from planning.force import Forces, load_reversals
+from planning.known import Known
 from planning.request import PlanRequest
 from planning.search import Progress, Start, ranked, search
 from planning.stroke import Lengths, predicted_lengths
@@ -68,6 +77,12 @@ class Plan:
     def tcp(self) -> Array:
         """(R,) [m] root mean square over the workspace of each robot's predicted TCP sigma."""
         return np.array([float(np.sqrt(np.mean(p.tcp_sigma**2))) for p in self.predictions])
+
+    @property
+    def tcp_before(self) -> float | None:
+        """[m] what `tcp` is before the path by the results of the machine; None without any."""
+        known = self.evaluator.predictor.known
+        return None if known is None else tcp_rms_before(self.evaluator)
 
     @property
     def typical(self) -> Prediction:
@@ -125,23 +140,24 @@ def plans(
     evaluations: int,
     show: Callable[[Progress], None] = lambda _: None,
     since: Callable[[], float],
+    known: Known | None = None,
 ) -> Iterator[Plan]:
     """The best path within `seconds` and `evaluations`, then the next best ones.
 
     With 0 seconds, the first path that can be run. relative_to : folder of the request, for the
         paths that it names. show : called with the progress of the search. since : returns the
-        seconds since planning began.
+        seconds since planning began. known : from results of the machine.
 
     Raises InputError where no path can be run.
     """
-    given = evaluators(request)
+    given = evaluators(request, known)
     first, tried = first_path(given)
     progress = Progress()
     progress.add(first)
     show(progress)
     best = [first]
     if seconds > 0.0:
-        with evaluating_processes(request, workers) as pool:
+        with evaluating_processes(request, workers, known) as pool:
             progress = search(
                 request,
                 pool,

@@ -51,7 +51,7 @@ def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
             else:
                 changed, other = CHANGES[item.key].change(request, cell, value)
                 shown = f"{value:g} {item.unit}"
-            evaluator = evaluator_of(changed, plan.rod, other)
+            evaluator = evaluator_of(changed, plan.rod, other, plan.evaluator.predictor.known)
             yield _answer(item.key, shown, evaluator, plan.evaluation.candidate)
 
 

@@ -55,6 +55,15 @@ def plan(
             metavar="KEY=A,B",
         ),
     ] = None,
+    after: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--after",
+            help="A result of this robot's recordings (calibration.yaml or its folder): plan what "
+            "adds most to it. May be repeated.",
+            metavar="RESULT",
+        ),
+    ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -74,7 +83,9 @@ def plan(
 
     changes = overrides or ()
     if holds_pose_request(request, overrides=changes):
-        _refuse_path_options({"--path": path, "--position": position, "--what-if": what_if})
+        _refuse_path_options(
+            {"--path": path, "--position": position, "--what-if": what_if, "--after": after}
+        )
         raise typer.Exit(_plan_poses(request, out_dir, seconds, changes, as_json=as_json))
     base = None if position is None else parse_position(position)
     folder = out_dir or default_folder(request, changes)
@@ -87,6 +98,7 @@ def plan(
         position=base,
         seconds=seconds,
         what_if=what_if or (),
+        after=after or (),
         overrides=changes,
         out=out,
         err=err,

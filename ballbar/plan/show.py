@@ -18,17 +18,21 @@ from rich.table import Table
 
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slope
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
+from ballbar.result.calibration import calibration_file, load_calibration
 from ballbar.terminal import animated, wide_console
 from ballbar.units import MM, UM, URAD
 from cell.errors import InputError
 from cell.files import claimed_folder, write_whole
+from cell.load import load_measured_cell, load_robot
 from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
 from planning.export import BALLBAR, TELESCOPING, program_files, without_program
 from planning.files import OUTPUTS, REQUEST, write_plan, write_request
+from planning.known import Known, known_of
+from planning.next_step import EVERY_ENCODER, ROD_SIGMA
 from planning.plan import COVERED_WITHIN, Plan, assess, known_path, plans
-from planning.questions import Question, check_questions, question
+from planning.questions import CHANGES, ENCODERS, Question, check_questions, question
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
@@ -40,6 +44,7 @@ WIDTH = 120  # characters of a table in a pipe or file
 EVALUATIONS = 20_000  # of CMA-ES: some minutes on two idle cores
 # A length has no Hayati angles in its model, and leaves base tilt and clock to the robot's errors.
 _HELD = ("rbeta", "otx", "oty", "offset", "skew")
+WORTHWHILE = 0.1  # of the TCP sigma that results state: less hardly shows in a robot
 UNSEEN = 0.9  # of its prior: standard deviation above which an unknown counts as hardly seen
 
 
@@ -56,6 +61,7 @@ def plan_path(
     position: tuple[float, float, float] | None,
     seconds: float,
     what_if: Sequence[str],
+    after: Sequence[Path] = (),
     overrides: Sequence[str] = (),
     out: Console,
     err: Console,
@@ -64,6 +70,7 @@ def plan_path(
 
     file : planning request. path, position : a path file and the base position [m] of the ball-bar,
     instead of a search. seconds : duration of the search. what_if : questions `KEY=A,B`.
+    after : results of the machine; the path adds to what they know.
     overrides : texts `KEY=VALUE` that replace values of the request.
 
     Returns whether no limit is violated. Raises InputError for bad options or files.
@@ -71,12 +78,13 @@ def plan_path(
     request = load_request(file, overrides=overrides)
     questions = [question(text) for text in what_if]
     check_questions(request, questions)
-    known = {*OUTPUTS, *program_files(request.name)}
-    with claimed_folder(folder, known, "the plan"):
+    known = known_from(after, request) if after else None
+    outputs = {*OUTPUTS, *program_files(request.name)}
+    with claimed_folder(folder, outputs, "the plan"):
         if path:
-            candidates = iter([given_path(request, path, position)])
+            candidates = iter([given_path(request, path, position, known)])
         else:
-            candidates = searched(request, file.parent, seconds, err)
+            candidates = searched(request, file.parent, seconds, err, known)
         violated = 0
         write_request(file, folder, overrides=overrides)
         for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
@@ -87,6 +95,7 @@ def plan_path(
             names = [*write_plan(plan, folder), REQUEST]
             write_whole(folder / "plan.svg", plan_picture(plan))
             say_plan(out, plan)
+            say_gain(out, plan)
             if plan.forces is None:
                 out.print(
                     "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
@@ -99,6 +108,7 @@ def plan_path(
             say_checks(out, results)
             if not violated:
                 break
+        questions += instead(plan)
         if questions:
             names += answer(plan, questions, folder, out, err)
         if reason := without_program(plan.evaluator.cell.robot):
@@ -108,7 +118,11 @@ def plan_path(
 
 
 def searched(
-    request: PlanRequest, relative_to: Path, seconds: float, err: Console
+    request: PlanRequest,
+    relative_to: Path,
+    seconds: float,
+    err: Console,
+    known: Known | None = None,
 ) -> Iterator[Plan]:
     """Plans of a search, best first."""
     since = time.monotonic()
@@ -121,6 +135,7 @@ def searched(
             evaluations=EVALUATIONS,
             show=show,
             since=lambda: time.monotonic() - since,
+            known=known,
         )
         best = next(results)
     return chain((best,), results)
@@ -186,11 +201,15 @@ def answers_csv(results: Sequence[Answer]) -> bytes:
 
 
 def given_path(
-    request: PlanRequest, path: Path, position: tuple[float, float, float] | None
+    request: PlanRequest,
+    path: Path,
+    position: tuple[float, float, float] | None,
+    known: Known | None = None,
 ) -> Plan:
     """A path file, evaluated as a plan.
 
     position : base position [m] of the ball-bar; None takes that of the request or of the file.
+    known : from results of the machine.
 
     Raises InputError where the path cannot be run or no position is known.
     """
@@ -201,7 +220,7 @@ def given_path(
             f"--path {path}: the base position of the ball-bar is not known. Give --position "
             "X,Y,Z, or ballbar_position_m in the path file or in the request's cell."
         )
-    evaluator = evaluators(request)[request.cell.rods[0]]
+    evaluator = evaluators(request, known)[request.cell.rods[0]]
     return assess(evaluator, Candidate(shape, np.array(base)))
 
 
@@ -274,6 +293,78 @@ def say_plan(out: Console, plan: Plan) -> None:
         if sigma > UNSEEN * priors[name] and not name.startswith(held)
     ]
     out.print(f"hardly seen by the path ({len(unseen)}): {' '.join(unseen)}")
+
+
+def say_gain(out: Console, plan: Plan) -> None:
+    """Prints what a path adds to the results that it comes after."""
+    before = plan.tcp_before
+    if before is None:
+        return
+    now, then = before * UM, float(np.median(plan.tcp)) * UM
+    out.print(
+        f"TCP sigma without scale by the results so far {now:.1f} um rms, with this path "
+        f"{then:.1f} um ({1.0 - then / now:.0%} less)"
+    )
+    if not worthwhile(plan):
+        out.print(
+            f"[yellow]this path lowers it by less than {WORTHWHILE:.0%}[/]; what would, if "
+            "anything, is below. Another seat of the ball-bar may: free its place in the request "
+            "(ballbar_region_m)"
+        )
+
+
+def worthwhile(plan: Plan) -> bool:
+    """Whether a path lowers the TCP sigma of the results before by WORTHWHILE; True without."""
+    before = plan.tcp_before
+    return before is None or float(np.median(plan.tcp)) <= (1.0 - WORTHWHILE) * before
+
+
+def instead(plan: Plan) -> list[Question]:
+    """Questions of what else would help, where the path hardly adds to the results before it."""
+    if worthwhile(plan) or plan.request.telescoping:
+        return []
+    sensors, bar = plan.request.sensors, plan.evaluator.cell.ballbar
+    out = []
+    if set(sensors.encoders) != set(EVERY_ENCODER):
+        out.append(Question(ENCODERS, "", (EVERY_ENCODER,)))
+    if (sensors.rod_sigma_m or bar.length_tolerance) > ROD_SIGMA:
+        out.append(Question("rod_sigma", CHANGES["rod_sigma"].unit, (ROD_SIGMA,)))
+    out.append(Question("duration", "s", (2.0 * plan.request.timing.duration_s,)))
+    return out
+
+
+def known_from(results: Sequence[Path], request: PlanRequest) -> Known:
+    """What results say of the machine of a request.
+
+    Raises InputError for a result of still poses, of model dh with a ball-bar, of another robot
+    than the request's or without covariance, and for results of unlike robots, ball-bars or plates.
+    """
+    machines = []
+    for result in results:
+        file = calibration_file(result)
+        if not file.is_file():
+            raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
+        calibration = load_calibration(file)
+        content = calibration.file
+        cell = load_measured_cell(
+            content.robot, content.instrument, content.plate, relative_to=file.parent
+        )
+        if content.model == "dh" and cell.ballbar.stroke is None:
+            raise InputError(
+                f"{file}: is of model dh, and a path is predicted with the complete model, of "
+                "which it states no uncertainty. Identify the recordings with --model complete."
+            )
+        machines.append(calibration.machine(cell))
+        wanted = load_robot(request.cell.robot).title
+        first = machines[0].robot.cell
+        if cell.robot.title != wanted:
+            raise InputError(f"{file}: is of {cell.robot.title}, the request of {wanted}")
+        if (cell.ballbar.name, cell.plate.name) != (first.ballbar.name, first.plate.name):
+            raise InputError(
+                f"{file}: is of another ball-bar or plate than {calibration_file(results[0])}; "
+                "give results of the same ones"
+            )
+    return known_of(machines)
 
 
 def _expected(plan: Plan) -> str:

@@ -16,23 +16,15 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from acquisition.recording import read_recording
-from ballbar.result.run_recordings import identify_recordings, logs_of
+from ballbar.result.run_recordings import identify_recordings
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, line
 from ballbar.watch.state import Estimate, State
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
 from ballbar.watch.watch import Watch, foretold
-from cell.clock import Clock
-from cell.descriptions import Cell
 from cell.statistics import rms
-from ident.options import FitOptions
-from ident.prediction import part_of, predict
-from ident.recording_fit import Logs, RecordingFit, fit_recording
-from tests.helpers.growing_recording import PER_COUNT, GrowingRecording, TextLog
+from tests.helpers.growing_recording import PER_COUNT, GrowingRecording
 from tests.helpers.simulated_recordings import Recorded
-
-FIT_UNTIL = 40.0  # [s]
 
 
 @pytest.fixture
@@ -135,71 +127,6 @@ def test_columns_exchanged_from_the_start_are_named_within_half_a_minute(
     log.cells[:, [i, j]] = log.cells[:, [j, i]]
     alarms = watched(growing, 20.0)[-1].alarms
     assert any("encoders b1 and b4 are exchanged" in alarm.sentence for alarm in alarms)
-
-
-# --- prediction
-
-
-@pytest.fixture(scope="module")
-def logs(recorded: Recorded) -> Logs:
-    return logs_of("recording", read_recording(recorded.folder))
-
-
-@pytest.fixture(scope="module")
-def fitted(cell: Cell, logs: Logs) -> RecordingFit:
-    return fit_recording(cell, part_of(logs, Clock(0.0, 0.0), 0.0, FIT_UNTIL), FitOptions())
-
-
-def spoilt(growing: GrowingRecording, log: TextLog, name: str, factor: float, since: float) -> Logs:
-    """The logs up to 43 s, a channel of which moves so many times as far from an instant on."""
-    rows = np.flatnonzero(log.t >= since)
-    first = log.numbers(name)[rows[0] - 1]
-    moved = log.numbers(name)[rows] - first
-    if name.startswith("b"):
-        moved = (moved + 2.0**31) % 2.0**32 - 2.0**31
-    log.put(rows, name, first + factor * moved)
-    growing.write_until(43.0)
-    return logs_of("recording", read_recording(growing.folder))
-
-
-@pytest.mark.parametrize(
-    ("name", "factor", "words"),
-    [
-        ("b1", -1.0, "encoder b1 counts backwards"),
-        ("b4", 2.0, "encoder b4 turns 2 times as far as it should"),
-        ("m1", -1.0, "counts backwards"),
-        ("m6", 1.5, "turns 1.49 times as far as it should"),
-    ],
-)
-def test_a_channel_that_is_off_from_some_row_on_is_named(
-    growing: GrowingRecording,
-    cell: Cell,
-    fitted: RecordingFit,
-    name: str,
-    factor: float,
-    words: str,
-) -> None:
-    log = growing.logs["ballbar" if name.startswith("b") else "robot"]
-    prediction = predict(cell, fitted, spoilt(growing, log, name, factor, 42.0), 2.0)
-    assert prediction.since == pytest.approx(42.0, abs=0.4)
-    assert words in prediction.cause
-    assert name[1] in prediction.cause.split(" count")[0].split(" turns")[0]
-
-
-def test_rows_that_a_fit_has_not_seen_are_predicted_within_its_uncertainty(
-    cell: Cell, logs: Logs, fitted: RecordingFit
-) -> None:
-    ratios = []
-    for until in np.arange(FIT_UNTIL, 55.0, 1.0):
-        part = part_of(logs, fitted.clock, 0.0, until)
-        prediction = predict(cell, fitted, part, 1.0)
-        assert prediction.since is None
-        ratios.append(prediction.ratio)
-    assert 0.5 < min(ratios) <= max(ratios) < 1.5
-
-
-def test_too_few_rows_are_no_prediction(cell: Cell, logs: Logs, fitted: RecordingFit) -> None:
-    assert predict(cell, fitted, part_of(logs, fitted.clock, 0.0, 0.05), 1.0) is None
 
 
 # --- output

@@ -1,0 +1,103 @@
+"""What results say of a machine before the next path: information that a prediction starts from.
+
+The information of a result is the inverse of its stated covariance. It holds the priors of the
+identification once; so does that of every other result of the machine, and they count once:
+
+    N = sum_k C_k^-1 - (K - 1) P^-1
+
+Of another ball-bar or plate than the request's nothing is known but its priors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.geometry import Parameter, parameter_table
+from ident.corrections import correction_of_result
+from ident.corrections.base import GEAR, Correction
+from ident.estimator.gauss_newton import inverse
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.unknowns import Unknowns, priors
+from ident.result import Machine
+
+# Of the prior of an unknown that the results took as exact: far below what data could tell.
+EXACT_SHARE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """What one result says of the machine's unknowns."""
+
+    names: tuple[str, ...]
+    covariance: Array  # (U, U) [SI]
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What results of one machine say of its unknowns; passes between processes."""
+
+    results: tuple[Stated, ...]
+    corrections: dict[str, tuple[str, ...]]  # names of the coefficients of each
+    of_ballbar: frozenset[str]  # unknowns of the ball-bar
+    ballbar: str  # names of the descriptions that the results were identified with
+    plate: str
+    excess: ExcessNoise  # of the first result
+
+    def corrections_with(self, cell: Cell, encoders: tuple[int, ...]) -> tuple[Correction, ...]:
+        """The corrections for a ball-bar with these encoders."""
+        return tuple(
+            correction_of_result(name, coefficients, cell, encoders)
+            for name, coefficients in self.corrections.items()
+        )
+
+    def normal(self, layout: Unknowns, cell: Cell) -> Array:
+        """(P, P) information about the unknowns of a prediction, with the priors of all others.
+
+        Parameters of the robot that no result names were taken as exact, and are.
+        """
+        table, first = parameter_table(cell.robot), layout.shared.size
+        identified = layout.sigma.copy()  # priors that the results hold already
+        identified[:first] = priors(cell, table, layout.shared)
+        out = np.diag(layout.sigma**-2.0)
+        unlike: set[str] = set() if cell.ballbar.name == self.ballbar else {*self.of_ballbar}
+        unlike |= set() if cell.plate.name == self.plate else {table.plate}
+        named = set(unlike)
+        for result in self.results:
+            own = [n for n in result.names if n in layout.names and n not in unlike]
+            at = np.array([layout.names.index(name) for name in own])
+            stated = [result.names.index(name) for name in own]
+            out[np.ix_(at, at)] += inverse(result.covariance[np.ix_(stated, stated)])
+            out[at, at] -= identified[at] ** -2.0
+            named |= set(own)
+        for i in range(first):
+            on_robot = table.parameters[layout.shared[i]].side == "robot"
+            if on_robot and layout.names[i] not in named:
+                out[i, i] = (EXACT_SHARE * layout.sigma[i]) ** -2.0
+        return out
+
+
+def known_of(machines: Sequence[Machine]) -> Known:
+    """What some results of one robot, ball-bar and plate say of it."""
+    cell = machines[0].robot.cell
+    corrections = [c for m in machines for c in m.robot.corrections]
+    table = parameter_table(cell.robot)
+    bar = {p.name for p in table.parameters if p.side == "bar"}
+    bar |= {
+        k.name
+        for c in corrections
+        for k in c.coefficients
+        if not isinstance(k.channel, Parameter) and k.channel < GEAR
+    }
+    return Known(
+        results=tuple(Stated(m.names, m.covariance) for m in machines),
+        corrections={c.name: tuple(k.name for k in c.coefficients) for c in reversed(corrections)},
+        of_ballbar=frozenset(bar),
+        ballbar=cell.ballbar.name,
+        plate=cell.plate.name,
+        excess=machines[0].excess,
+    )

@@ -1,0 +1,96 @@
+"""A stored machine against a recording: what passes for unchanged, and what is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.geometry import Geometry
+from ident.identify import identify_together
+from ident.options import FitOptions
+from ident.result import Machine
+from ident.verification import (
+    FALSE_ALARMS,
+    Cause,
+    RecordingVerification,
+    _Difference,
+    verify_recording,
+)
+from tests.helpers.minute_logs import minute_logs
+from tests.helpers.synthetic_recording import CELL
+from tests.ident.test_held_out import TRUE
+
+OPTIONS = FitOptions(model="dh", samples=300)
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    return identify_together(CELL, [minute_logs(seed=1, true=TRUE)], options=OPTIONS).machine
+
+
+def verified(machine: Machine, true: Geometry, seed: int = 2) -> RecordingVerification:
+    """With the encoders mounted anew."""
+    mounted = true.replaced({"btheta2": 0.3, "btheta5": -0.2})
+    return verify_recording(machine, minute_logs(true=mounted, seed=seed), options=OPTIONS)
+
+
+def moved(**changes: float) -> Geometry:
+    return TRUE.replaced({name: TRUE[name] + change for name, change in changes.items()})
+
+
+def test_an_unchanged_machine_holds(machine: Machine) -> None:
+    outcome = verified(machine, TRUE)
+    assert outcome.holds
+    assert outcome.named == ()
+    assert outcome.sentence.startswith("Holds: the loop closes to 0.0")
+
+
+def test_the_zero_of_one_axis_is_named_with_its_size(machine: Machine) -> None:
+    outcome = verified(machine, moved(rtheta4=3.1e-4))
+    (named,) = outcome.named
+    assert (named.cause.kind, named.cause.axis) == ("axis", 4)
+    assert named.size[0] == pytest.approx(3.1e-4, abs=4.0 * named.sigma[0])
+    assert named.sigma[0] < 3e-5
+    assert outcome.sentence.startswith("Changed since: zero of axis 4 by +0.3")
+
+
+def test_axis_2_of_a_parallel_rod_moves_two_joints(machine: Machine) -> None:
+    """The rod keeps the forearm's angle: joint 3 turns back by what joint 2 turns on."""
+    (named,) = verified(machine, moved(rtheta2=4e-4, rtheta3=-4e-4)).named
+    assert (named.cause.kind, named.cause.axis) == ("axis", 2)
+    assert named.size[0] == pytest.approx(4e-4, abs=4.0 * named.sigma[0])
+
+
+def test_another_rod_is_named(machine: Machine) -> None:
+    outcome = verified(machine, moved(bd3=2e-4))
+    (named,) = outcome.named
+    assert named.cause.kind == "rod"
+    assert named.size[0] == pytest.approx(2e-4, abs=4.0 * named.sigma[0])
+
+
+def test_two_changes_have_no_single_cause(machine: Machine) -> None:
+    outcome = verified(machine, moved(rtheta4=1e-3, bd3=3e-4))
+    assert not outcome.holds
+    assert outcome.named == ()
+    assert "No single cause" in outcome.sentence
+
+
+def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Machine) -> None:
+    doubted = replace(machine, covariance=machine.covariance * 100.0**2)
+    assert verified(doubted, moved(rtheta4=1e-4)).holds
+
+
+def test_the_limit_is_exceeded_in_as_many_draws_as_it_says() -> None:
+    rng = np.random.default_rng(5)
+    root = rng.standard_normal((6, 6))
+    covariance = root @ root.T
+    causes = [
+        Cause("axis", k + 1, (), np.eye(6)[:, [k]], np.array([3.0 * (k + 1)])) for k in range(4)
+    ]
+    made = _Difference(np.zeros(6), np.eye(6), covariance, blocks=1000)
+    limit = made.limit(causes)
+    drawn = rng.standard_normal((2000, 6)) @ root.T
+    largest = [replace(made, x=x).ranked(causes)[0].evidence for x in drawn]
+    assert np.mean(np.array(largest) > limit) == pytest.approx(FALSE_ALARMS, abs=0.01)

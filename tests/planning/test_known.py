@@ -1,0 +1,118 @@
+"""What results say before a path: the information of two recordings adds up, priors count once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.geometry import nominal_geometry
+from ident.estimator.noise import ExcessNoise
+from planning.candidate import Candidate
+from planning.crlb import EXACT, Prediction, Predictor, before, planned_unknowns, predict, predictor
+from planning.known import Known, Stated
+from planning.request import PlanSensors, PlanTiming
+from planning.trajectory import trajectories
+from sim.path_files import load_lissajous
+from tests.helpers.simulated_recordings import SCENARIOS
+
+EXCESS = ExcessNoise(1e-5, 2e-5, 1e-5, 1e-6)
+SAMPLES = 120
+
+
+def along(on: Predictor, path: str) -> Prediction:
+    shape = load_lissajous(SCENARIOS / "paths" / f"irb2400_{path}.yaml")
+    candidate = Candidate(shape, np.array([0.70, 0.0, 0.54]))
+    trajectory = next(iter(trajectories(on.cell, candidate, on.timing)))
+    return predict(on, trajectory, np.zeros(trajectory.t.size))
+
+
+def plain(cell: Cell, known: Known | None = None) -> Predictor:
+    on = predictor(cell, PlanSensors(), PlanTiming(), None, samples=SAMPLES, known=known)
+    return replace(on, excess=EXCESS, exact_scale=False)
+
+
+def about_machine(normal: Array, count: int) -> Array:
+    """Information about the first unknowns, all others unknown."""
+    mixed, own = normal[:count, count:], normal[count:, count:]
+    return np.asarray(normal[:count, :count] - mixed @ np.linalg.solve(own, mixed.T))
+
+
+@pytest.fixture(scope="module")
+def first(cell: Cell) -> Prediction:
+    return along(plain(cell), "a")
+
+
+def known_by(prediction: Prediction, results: int = 1) -> Known:
+    count = prediction.layout.machine.size
+    covariance = prediction.covariance[:count, :count]
+    stated = Stated(prediction.layout.names[:count], covariance)
+    return Known(
+        results=(stated,) * results,
+        corrections={
+            c.name: tuple(k.name for k in c.coefficients) for c in prediction.model.corrections
+        },
+        of_ballbar=frozenset({"bd3"}),
+        ballbar="lund_600",
+        plate="plate_250",
+        excess=EXCESS,
+    )
+
+
+def test_a_path_after_a_result_knows_what_both_recordings_do(cell: Cell, first: Prediction) -> None:
+    count = first.layout.machine.size
+    alone, after = along(plain(cell), "b"), along(plain(cell, known_by(first)), "b")
+    assert after.layout.names == alone.layout.names
+    sum_of_both = (
+        about_machine(first.normal, count)
+        + about_machine(alone.normal, count)
+        - np.diag(first.layout.sigma[:count] ** -2.0)
+    )
+    expected = np.sqrt(np.diag(np.linalg.inv(sum_of_both)))
+    found = np.sqrt(np.diag(np.linalg.inv(about_machine(after.normal, count))))
+    assert found == pytest.approx(expected, rel=1e-4)
+    assert np.mean(after.tcp_sigma) < 0.95 * np.mean(first.tcp_sigma)
+
+
+def known_normal(cell: Cell, known: Known, **sensors: float) -> tuple[Array, tuple[str, ...]]:
+    on = plain(cell, known)
+    on = replace(on, sensors=on.sensors.model_copy(update=sensors))
+    layout, _ = planned_unknowns(on, nominal_geometry(cell, np.zeros(3)), ())
+    return before(on, layout), layout.names
+
+
+def test_two_results_hold_their_priors_once(cell: Cell, first: Prediction) -> None:
+    one, names = known_normal(cell, known_by(first))
+    two, _ = known_normal(cell, known_by(first, results=2))
+    i = names.index("bd1")  # which no path shows: prior alone
+    assert two[i, i] == pytest.approx(one[i, i], rel=1e-3)
+    j = names.index("ra2")
+    assert two[j, j] > 1.5 * one[j, j]
+
+
+def test_of_another_ballbar_only_the_robot_is_known(cell: Cell, first: Prediction) -> None:
+    normal, names = known_normal(cell, replace(known_by(first), ballbar="lund_1000"))
+    i = names.index("bd3")
+    assert normal[i, i] == pytest.approx(cell.ballbar.length_tolerance**-2.0)
+    assert normal[i, names.index("ra2")] == 0.0
+
+
+def test_a_measured_rod_adds_to_what_is_known(cell: Cell, first: Prediction) -> None:
+    normal, names = known_normal(cell, known_by(first))
+    measured, _ = known_normal(cell, known_by(first), rod_sigma_m=5e-6)
+    i = names.index("bd3")
+    gained = 5e-6**-2.0 - cell.ballbar.length_tolerance**-2.0
+    assert measured[i, i] - normal[i, i] == pytest.approx(gained, rel=1e-3)
+
+
+def test_what_a_result_took_as_exact_stays_exact(cell: Cell, first: Prediction) -> None:
+    known = known_by(first)
+    (stated,) = known.results
+    left = [k for k, name in enumerate(stated.names) if name != "ra3"]
+    fewer = Stated(tuple(stated.names[k] for k in left), stated.covariance[np.ix_(left, left)])
+    normal, names = known_normal(cell, replace(known, results=(fewer,)))
+    i = names.index("ra3")
+    assert normal[i, i] ** -0.5 < 10.0 * EXACT
