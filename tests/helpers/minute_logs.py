@@ -9,11 +9,13 @@ from cell.geometry import Geometry
 from cell.logs import BallBarLog, RobotLog
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.recording_fit import Logs
+from sim.errors.static_errors import THESIS_3_1
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL, UNIVERSAL_AND_GIMBAL, closed, minute
 
 LATE = Clock(0.4, 2e-5)  # the ball-bar's log begins 0.4 s after the robot's
 NOISE = 1e-5  # [rad] of every row
+TRUE = NOMINAL.replaced({name: NOMINAL[name] + e * 1e-3 for name, e in THESIS_3_1.items()})
 
 
 def minute_logs(

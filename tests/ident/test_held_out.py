@@ -16,12 +16,10 @@ from ident.options import FitOptions, Listener
 from ident.result import Identification
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import StartError
-from sim.errors.static_errors import THESIS_3_1
-from tests.helpers.minute_logs import minute_logs
-from tests.helpers.synthetic_recording import CELL, NOMINAL
+from tests.helpers.minute_logs import TRUE, minute_logs
+from tests.helpers.synthetic_recording import CELL
 
 FEW, MANY = FitOptions(model="dh", samples=60), FitOptions(model="dh", samples=300)
-TRUE = NOMINAL.replaced({name: NOMINAL[name] + e * 1e-3 for name, e in THESIS_3_1.items()})
 
 
 def identified(seed: int, options: FitOptions = FEW, **plants: object) -> Identification:

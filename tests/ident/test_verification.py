@@ -18,9 +18,8 @@ from ident.verification import (
     _Difference,
     verify_recording,
 )
-from tests.helpers.minute_logs import minute_logs
+from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.synthetic_recording import CELL
-from tests.ident.test_held_out import TRUE
 
 OPTIONS = FitOptions(model="dh", samples=300)
 
