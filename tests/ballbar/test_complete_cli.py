@@ -250,6 +250,7 @@ def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_machine_that_is_another_one_is_called_a_misfit(
     together: Together, third_path: Path, tmp_path: Path
 ) -> None:
@@ -293,6 +294,7 @@ def test_an_encoder_that_slips_is_a_step_fault_in_every_output(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_an_encoder_that_slips_while_held_out_is_no_fault_of_the_machine(
     together: Together, tmp_path: Path
 ) -> None:

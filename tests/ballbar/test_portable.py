@@ -79,6 +79,7 @@ def texts(folder: Path) -> dict[Path, str]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_run_is_whole_and_names_no_folder_of_the_machine(
     work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -112,6 +113,7 @@ def test_a_run_is_whole_and_names_no_folder_of_the_machine(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_scenario_of_a_plan_takes_its_descriptions_along(
     work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

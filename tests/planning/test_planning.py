@@ -433,6 +433,7 @@ def test_the_planned_paths_keep_every_limit_in_mujoco(robot: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
     requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
     start, _ = first_path(evaluators(requested))

@@ -89,6 +89,8 @@ def test_every_file_of_the_packages_comes_along(wheel: Path) -> None:
     }, "something else was packed"
 
 
+@pytest.mark.slow
+@pytest.mark.long
 def test_the_installed_command_runs_a_shipped_scenario(python: Path, tmp_path: Path) -> None:
     where = run(
         python, "-c", "import cell, ballbar; print(cell.__file__, ballbar.__file__)", cwd=tmp_path
