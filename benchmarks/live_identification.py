@@ -24,14 +24,12 @@ import argparse
 import csv
 import json
 import resource
-import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from multiprocessing.pool import ThreadPool
 from pathlib import Path
@@ -39,146 +37,21 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.recording import read_recording
 from ballbar.scenario import load_scenario
 from ballbar.watch.watch import Watch
-from cell.arrays import Array
 from cell.load import load_robot
-from cell.recording import load_recording_file
-from cell.robot_angles import joints_to_axes
-from tests.helpers.egm_robot import PERIOD_NS, egm_message
-from tests.helpers.growing_recording import PER_COUNT, GrowingRecording, Logs, TextLog
-from tests.helpers.plc_server import Plc
-from tests.helpers.simulated_recordings import SCENARIOS, record
+from sim.live.device_logs import GrowingRecording, device_logs
+from sim.live.egm import EgmRobot
+from sim.live.faults import DWELL, FAULTS, moving_at
+from sim.live.plc import Plc, logged_samples
+from tests.helpers.simulated_recordings import CLOCK, SCENARIOS, record
 
-Rng = np.random.Generator
 STEP = 1.0  # [s] between updates, as in the command
 BEFORE = 6.0  # [s] of updates before a fault begins
 AFTER = 12.0  # [s] after which a fault counts as not seen
-DWELL = 4.0  # [s] longest dwell of the simulated paths: a robot may stand that long
 SECONDS = 120.0
 SOON = 3.0  # [s] after its cause
 ADDRESS, PORT = "127.0.0.41", 6541
-ENCODERS = ("b1", "b2", "b3", "b4", "b5")
-
-
-# --- faults that begin at an instant
-
-
-def _behind(logs: Logs, name: str, at: float) -> np.ndarray:
-    return np.flatnonzero(logs[name].t >= at)
-
-
-def _some(rng: Rng, count: int) -> list[int]:
-    return sorted(int(k) for k in rng.choice(count, 2, replace=False))
-
-
-def encoder_frozen(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder's counter repeats its value."""
-    rows, name = _behind(logs, "ballbar", at), str(rng.choice(ENCODERS))
-    column = logs["ballbar"].column(name)
-    logs["ballbar"].cells[rows, column] = logs["ballbar"].cells[rows[0] - 1, column]
-    return at
-
-
-def motor_frozen(logs: Logs, at: float, rng: Rng) -> float:
-    """A motor's angle repeats its value."""
-    rows, column = _behind(logs, "robot", at), int(rng.integers(1, 7))
-    logs["robot"].cells[rows, column] = logs["robot"].cells[rows[0] - 1, column]
-    return at
-
-
-def robot_log_frozen(logs: Logs, at: float, rng: Rng) -> float:
-    """All angles of the robot's log repeat their values."""
-    del rng
-    rows = _behind(logs, "robot", at)
-    logs["robot"].cells[rows, 1:] = logs["robot"].cells[rows[0] - 1, 1:]
-    return at
-
-
-def encoders_exchanged(logs: Logs, at: float, rng: Rng) -> float:
-    """The counters of two encoders change places."""
-    log, rows = logs["ballbar"], _behind(logs, "ballbar", at)
-    i, j = (log.column(ENCODERS[k]) for k in _some(rng, 5))
-    log.cells[rows[:, None], [i, j]] = log.cells[rows[:, None], [j, i]]
-    return at
-
-
-def motors_exchanged(logs: Logs, at: float, rng: Rng) -> float:
-    """The angles of two motors change places."""
-    log, rows = logs["robot"], _behind(logs, "robot", at)
-    i, j = (1 + k for k in _some(rng, 6))
-    log.cells[rows[:, None], [i, j]] = log.cells[rows[:, None], [j, i]]
-    return at
-
-
-def _scaled(logs: Logs, at: float, rng: Rng, factor: float) -> float:
-    log, rows, name = logs["ballbar"], _behind(logs, "ballbar", at), str(rng.choice(ENCODERS))
-    counts = log.numbers(name)
-    first = counts[rows[0] - 1]
-    moved = (counts[rows] - first + 2.0**31) % 2.0**32 - 2.0**31
-    log.put(rows, name, first + factor * moved)
-    return at
-
-
-def encoder_reversed(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder counts in the other direction."""
-    return _scaled(logs, at, rng, -1.0)
-
-
-def line_count(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder counts twice as far."""
-    return _scaled(logs, at, rng, 2.0)
-
-
-def slip(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder slips on its shaft by 1 to 5 mrad."""
-    log, rows, name = logs["ballbar"], _behind(logs, "ballbar", at), str(rng.choice(ENCODERS))
-    size = float(rng.uniform(1e-3, 5e-3)) * rng.choice([-1.0, 1.0])
-    log.put(rows, name, log.numbers(name)[rows] + size / PER_COUNT)
-    return at
-
-
-def stamps_back(logs: Logs, at: float, rng: Rng) -> float:
-    """The ball-bar's clock is set back by 1 to 10 s."""
-    log, rows = logs["ballbar"], _behind(logs, "ballbar", at)
-    back = int(1e9 * rng.uniform(1.0, 10.0))
-    log.cells[rows, 0] = [str(int(stamp) - back) for stamp in log.cells[rows, 0]]
-    return at
-
-
-def weak_signal(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder's sine is too weak; its status word says so."""
-    log, rows, name = logs["ballbar"], _behind(logs, "ballbar", at), str(rng.choice(ENCODERS))
-    log.cells[rows, log.column(name.replace("b", "s"))] = str(1 << 4)
-    return at
-
-
-def tool_moved(logs: Logs, at: float, rng: Rng) -> float:
-    """The zero of a wrist's motor moves by 2 to 5 mrad at the joint, as after a collision."""
-    log, rows, name = logs["robot"], _behind(logs, "robot", at), f"m{int(rng.integers(4, 7))}"
-    size = float(rng.uniform(2e-3, 5e-3)) * rng.choice([-1.0, 1.0]) * 80.0
-    log.put(rows, name, log.numbers(name)[rows] + size)
-    return at
-
-
-def robot_stands(logs: Logs, at: float, rng: Rng) -> float:
-    """The robot stops; the cause is there once it stands for longer than any dwell of the path."""
-    for source, log in logs.items():
-        rows = _behind(logs, source, at)
-        for name in log.head.split(log.separator)[1:]:
-            if name[0] in "mb":
-                sigma = 1e-5 / PER_COUNT if name[0] == "b" else 1e-3
-                pair = slice(rows[0] - 1, rows[0] + 1)  # both logs stop at one instant
-                value = np.interp(at, log.t[pair], log.numbers(name)[pair])
-                log.put(rows, name, value + rng.normal(0.0, sigma, rows.size))
-    return at + DWELL
-
-
-FAULTS: tuple[Callable[[Logs, float, Rng], float], ...] = (
-    encoder_frozen, motor_frozen, robot_log_frozen, encoders_exchanged, motors_exchanged,
-    encoder_reversed, line_count, slip, stamps_back, weak_signal, tool_moved, robot_stands,
-)  # fmt: skip
 
 
 # --- recordings
@@ -207,21 +80,12 @@ def faults(seeds: int, scratch: Path) -> Iterator[Row]:
     """Each fault with each seed."""
     for seed in range(1, seeds + 1):
         source = recorded(scratch / f"seed{seed}", seed)
-        for number, fault in enumerate(FAULTS):
+        for number, (name, fault) in enumerate(FAULTS.items()):
             rng = np.random.default_rng([seed, number])
             at = float(rng.uniform(0.55, 0.85)) * SECONDS
-            growing = GrowingRecording(source, scratch / "grow")
-            while _stands(growing.logs, at):
-                at += 1.0
-            cause = fault(growing.logs, at, rng)
-            yield _noticed(fault.__name__, seed, cause, at - BEFORE + rng.uniform(), growing)
-
-
-def _stands(logs: Logs, at: float) -> bool:
-    """Whether the robot dwells about an instant: nothing shows then, whatever is wrong."""
-    log = logs["robot"]
-    rows = (log.t > at - 0.5) & (log.t < at + 1.5)
-    return float(np.ptp(log.numbers("m1")[rows])) < 1.0
+            growing = GrowingRecording(source, scratch / "grow", CLOCK)
+            cause = fault(growing.logs, moving_at(growing.logs, at), rng)
+            yield _noticed(name, seed, cause, at - BEFORE + rng.uniform(), growing)
 
 
 def _noticed(
@@ -252,17 +116,20 @@ def wrong_from_the_start(scratch: Path, seeds: int) -> Iterator[Row]:
         other = recorded(scratch / f"other{seed}", seed + 1)
         for number, name in enumerate(("encoders", "lines", "motors", "robot", "run")):
             rng = np.random.default_rng([seed, number, 1])
-            growing = GrowingRecording(source, scratch / "grow")
+            growing = GrowingRecording(source, scratch / "grow", CLOCK)
             if name == "encoders":
-                encoders_exchanged(growing.logs, -1.0, rng)
+                FAULTS["encoders_exchanged"](growing.logs, -1.0, rng)
             elif name == "lines":
-                log, column = growing.logs["ballbar"], str(rng.choice(ENCODERS))
+                log = growing.logs["ballbar"]
+                column = str(rng.choice(list(log.scales)))
                 counts = (log.numbers(column) + 2.0**31) % 2.0**32 - 2.0**31
                 log.put(np.arange(counts.size), column, 2.0 * counts)
             elif name == "motors":
-                motors_exchanged(growing.logs, -1.0, rng)
+                FAULTS["motors_exchanged"](growing.logs, -1.0, rng)
             elif name == "run":
-                growing.logs["ballbar"] = GrowingRecording(other, scratch / "two").logs["ballbar"]
+                growing.logs["ballbar"] = GrowingRecording(other, scratch / "two", CLOCK).logs[
+                    "ballbar"
+                ]
             else:
                 file = growing.folder / "recording.yaml"
                 file.write_text(file.read_text().replace("irb2400", "irb4600"))
@@ -295,7 +162,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
         errors = load_scenario(SCENARIOS / "irb2400_full.yaml").errors
         changes = {"errors": errors.model_dump(exclude_none=True)}
     growing = GrowingRecording(
-        recorded(scratch / "sound", seed, seconds, **changes), scratch / "grow"
+        recorded(scratch / "sound", seed, seconds, **changes), scratch / "grow", CLOCK
     )
     alarms, foretold = Counter[str](), defaultdict[str, list[float]](list)
     begun, slowest = time.process_time(), 0.0
@@ -347,30 +214,30 @@ class Recorded:
 
 def with_recorder(seconds: float, scratch: Path) -> Recorded:
     """Records a simulated cell in real time over ADS and EGM, and identifies meanwhile."""
-    clocks = {"offset_s": 0.137, "skew": 5e-5}
-    source = recorded(scratch / "source", 1, seconds + 30.0, clocks=clocks)
-    log = TextLog.read(source / "raw" / "ballbar.csv")
-    signs = [encoder.sign for _, encoder in sorted(load_recording_file(source).encoders.items())]
-    counters = np.stack([log.numbers(name) for name in ENCODERS], axis=1).astype(np.int64)
-    counters = np.where(np.array(signs) > 0, counters, -counters) % 2**32
-    q = read_recording(source).robot_log.q
-    axes = np.rad2deg(joints_to_axes(load_robot("irb2400"), q))
+    clocks = {"offset_s": CLOCK.offset, "skew": CLOCK.skew}
+    encoders = {"noise_sigma_rad": 1e-5, "directions": "unknown"}
+    source = recorded(scratch / "source", 1, seconds + 30.0, clocks=clocks, encoders=encoders)
+    logs = device_logs(source, CLOCK)
+    program, joints = logged_samples(logs["ballbar"], speed=1.0)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    folder, stop = scratch / "recording", threading.Event()
-    with Plc(ADDRESS, 100, joints=(1, 2, 3, 4, 5), counters=counters) as plc:
-        sender = threading.Thread(target=_send_egm, args=(axes, stop), daemon=True)
-        sender.start()
+    folder = scratch / "recording"
+    with (
+        Plc(ADDRESS, program, joints=joints) as plc,
+        EgmRobot(PORT, logs["robot"], load_robot("irb2400"), speed=1.0) as robot,
+    ):
+        plc.start()
+        robot.start()
         names = ["--robot", "irb2400", "--ballbar", "lund_600", "--plc", plc.net_id]
         command = [sys.executable, "-m", "ballbar", "record", str(folder), *names]
         command += ["--egm", str(PORT), "--identify", "--accuracy", "0.05", "--json"]
         recorder = subprocess.Popen([*command, "--duration", str(seconds)], stdout=subprocess.PIPE)
         text = recorder.communicate()[0]
-        stop.set()
-        sender.join()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    data, rows = json.loads(text), TextLog.read(folder / "raw" / "ballbar.csv").cells
-    stamps = rows[:, 0].astype(np.int64)
+    data = json.loads(text)
+    rows = (folder / "raw" / "ballbar.csv").read_text().splitlines()[1:]
+    stamps = np.array([int(row.split(";", 1)[0]) for row in rows])
+    made = program.rows["time"].astype(np.int64)
     sources, known = data["sources"], data["identified"]
     return Recorded(
         seconds=seconds,
@@ -378,22 +245,11 @@ def with_recorder(seconds: float, scratch: Path) -> Recorded:
         robot_records=sources["robot"]["records"],
         lost=sum(source["lost"] for source in sources.values()),
         gaps=sum(source["gaps"] for source in sources.values()),
-        missing=int((stamps[-1] - stamps[0]) // plc.period_ns + 1 - stamps.size),
+        missing=int(((made >= stamps[0]) & (made <= stamps[-1])).sum()) - stamps.size,
         processor_share=round(used / seconds, 3),
         verdict=f"{known['verdict']}, {len(known['alarms'])} alarms",
         tcp_sigma_mm=round(1e3 * known["tcp_sigma_m"], 5),
     )
-
-
-def _send_egm(axes: Array, stop: threading.Event) -> None:
-    """Sends a message every 4.032 ms, late ones as soon as they are due."""
-    begun, sent = time.monotonic_ns(), 0
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        while not stop.wait(0.002):
-            due = min((time.monotonic_ns() - begun) // PERIOD_NS, len(axes))
-            for number in range(sent, due):
-                out.sendto(egm_message(number, axes[number].tolist()), ("127.0.0.1", PORT))
-            sent = max(sent, due)
 
 
 # --- command line

@@ -25,7 +25,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tests.helpers.plc_server import START, Plc, plc_samples, text_of
+from sim.live.plc import STARTED
+from tests.helpers.plc_server import Plc, plc_samples, text_of
 
 RATES = (100, 1000)  # [Hz]
 ADDRESS = "127.0.0.40"
@@ -120,7 +121,7 @@ def _started(folder: Path, plc: Plc) -> tuple[subprocess.Popen[bytes], Path]:
 
 def _compare(raw: bytes, plc: Plc, rate: int, made: int, processor: float) -> Outcome:
     stamps = np.array([int(line.split(b";", 1)[0]) for line in raw.splitlines()[1:]])
-    numbers, off_grid = np.divmod(stamps - START, plc.period_ns)
+    numbers, off_grid = np.divmod(stamps - STARTED, plc.period_ns)
     first, last = int(numbers[0]), int(numbers[-1])
     distinct = np.unique(numbers[off_grid == 0])
     return Outcome(

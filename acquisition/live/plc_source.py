@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.faults.encoders import counts_to_rad, unwrap_counter
-from acquisition.live.ring import SAMPLE, SAMPLES_A_READ, RingReader
+from acquisition.live.ring import SAMPLES_A_READ, RingReader
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
 from cell.logs import SourceName
+from cell.plc_ring import SAMPLE
 
 
 class Memory(Protocol):

@@ -1,17 +1,9 @@
-"""The ring buffer that the PLC fills and the recorder empties: no sample lost or doubled unnoticed.
+"""No sample of the PLC's ring buffer lost or doubled unnoticed; its layout is in cell.plc_ring.
 
-    header  layout, capacity, fitted, bits: UDINT; started, written: ULINT                  32 bytes
-    sample  sequence, time: ULINT; counter: 5 UDINT; status: 5 UINT; spare: UINT       48 bytes each
-
-The PLC writes sample n (counted from 0) to slot n mod capacity, with n + 1 as its sequence number,
-and only then counts `written` up. So the slots below `written` are complete, and sample n is
-overwritten from the moment that `written` reaches n + capacity: `written` is read again after the
-samples, and those that may have been overwritten meanwhile are left out and counted as lost.
-`started` is the time of the PLC's first cycle: if it changes, the PLC was restarted and its samples
-count from 0 again.
-
-The Structured Text of both structures is in docs/recorder.md. Little-endian, as every TwinCAT
-target.
+The slots below `written` are complete, and sample n is overwritten from the moment that `written`
+reaches n + capacity: `written` is read again after the samples, and those that may have been
+overwritten meanwhile are left out and counted as lost. If `started` changes, the PLC was restarted
+and its samples count from 0 again.
 """
 
 from __future__ import annotations
@@ -23,27 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.live.source import DeviceSilentError, Encoders
+from cell.plc_ring import HEADER, LAYOUT, SAMPLE
 
-LAYOUT = 0x31424244  # "DBB1" in memory
-HEADER = np.dtype(
-    [
-        ("layout", "<u4"),
-        ("capacity", "<u4"),
-        ("fitted", "<u4"),
-        ("bits", "<u4"),
-        ("started", "<u8"),
-        ("written", "<u8"),
-    ]
-)
-SAMPLE = np.dtype(
-    [
-        ("sequence", "<u8"),
-        ("time", "<u8"),
-        ("counter", "<u4", 5),
-        ("status", "<u2", 5),
-        ("spare", "<u2"),
-    ]
-)
 CAPACITIES = range(16, 1 << 20)  # samples
 SAMPLES_A_READ = 500  # 24 kB; larger ADS reads only keep the PLC's router busy longer
 

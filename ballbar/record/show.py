@@ -23,9 +23,9 @@ from ballbar.watch.show import Data, panel
 from cell.errors import InputError
 from cell.files import write_whole
 from cell.load import load_cell
+from cell.plc_ring import RING
 
 PLC_PORT = 851  # of the first PLC project of TwinCAT 3
-RING = "GVL_BallBar.stRing"  # ring buffer in the PLC program of docs/recorder.md
 
 _NET_ID = re.compile(r"(\d{1,3}(?:\.\d{1,3}){5})(?::(\d{1,5}))?(?:@(.+))?")
 _LISTEN = re.compile(r"(?:(\d{1,3}(?:\.\d{1,3}){3}):)?(\d{1,5})")

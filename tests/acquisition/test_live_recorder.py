@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
 import resource
 import signal
@@ -30,21 +29,21 @@ from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
 from acquisition.live.progress import Progress, State
 from acquisition.live.recorder import POLL
-from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
 from acquisition.recording import read_recording
-from ballbar.record.show import RING
 from ballbar.record.terminal import say_recording, status_table, status_words
 from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
 from ballbar.replay import viewer as replay_viewer
 from cell.errors import InputError
 from cell.load import load_robot
+from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
 from cell.recording import load_recording_file
 from cell.robot_angles import controller_to_joints
+from sim.live.plc import STARTED, loopback_address
 from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
-from tests.helpers.plc_server import START, Plc, plc_samples, text_of
+from tests.helpers.plc_server import Plc, plc_samples, text_of
 from tests.helpers.ring_memory import RingMemory
 from tests.helpers.source_imports import ROOT, imported
 
@@ -57,8 +56,7 @@ PATIENCE = 20.0  # [s] a busy machine may take for what needs a fraction of it
 @pytest.fixture
 def address() -> str:
     """A loopback address that no other test process uses: the port of ADS is fixed."""
-    pid = os.getpid()
-    return f"127.{1 + pid // 62500 % 250}.{1 + pid // 250 % 250}.{1 + pid % 250}"
+    return loopback_address()
 
 
 @pytest.fixture
@@ -93,7 +91,7 @@ def started(folder: Path, *sources: Source) -> LiveRecording:
 
 def sample_numbers(raw: bytes, plc: Plc) -> list[int]:
     stamps = [int(line.split(b";")[0]) for line in raw.splitlines()[1:]]
-    return [(stamp - START) // plc.period_ns for stamp in stamps]
+    return [(stamp - STARTED) // plc.period_ns for stamp in stamps]
 
 
 def assert_made_by(raw: bytes, plc: Plc) -> tuple[int, int]:

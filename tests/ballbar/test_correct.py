@@ -23,10 +23,11 @@ from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.held_poses import hold_poses
+from sim.plant.held_robot import HeldRobot, pose_distance
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
-from tests.helpers.drawn_robots import scenario_of
-from tests.helpers.plant_robot import PlantRobot, known_robot, pose_distance, robot_row
+from tests.helpers.drawn_robots import SCENARIOS, scenario_of
+from tests.helpers.plant_robot import known_robot, robot_row
 from tests.helpers.simulated_recordings import perturbed
 
 AXES = ",".join(f"axis{i + 1}_deg" for i in range(6))
@@ -79,7 +80,7 @@ def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(
     assert np.abs(corrected_targets(UnloadedRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
 
 
-def without_play(plant: PlantRobot) -> PlantRobot:
+def without_play(plant: HeldRobot) -> HeldRobot:
     plant.effects = replace(plant.effects, gear_backlash=np.zeros(6))
     return plant
 
@@ -89,7 +90,7 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
 
     The steps of the resolvers' converters remain.
     """
-    plant = without_play(PlantRobot(scenario_of("irb2400", "a", 2, 120.0)))
+    plant = without_play(HeldRobot(scenario_of("irb2400", "a", 2, 120.0), relative_to=SCENARIOS))
     robot, q = known_robot(plant), easy_targets(cell, 12)
     done = corrected_targets(robot, plant.nominal, q)
     wanted = robot_frames(plant.nominal, q)

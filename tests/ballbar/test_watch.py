@@ -23,13 +23,13 @@ from ballbar.watch.state import Estimate, State
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
 from ballbar.watch.watch import Watch, foretold
 from cell.statistics import rms
-from tests.helpers.growing_recording import PER_COUNT, GrowingRecording
-from tests.helpers.simulated_recordings import Recorded
+from sim.live.device_logs import GrowingRecording
+from tests.helpers.simulated_recordings import CLOCK, Recorded
 
 
 @pytest.fixture
 def growing(recorded: Recorded, tmp_path: Path) -> GrowingRecording:
-    return GrowingRecording(recorded.folder, tmp_path / "growing")
+    return GrowingRecording(recorded.folder, tmp_path / "growing", CLOCK)
 
 
 def watched(growing: GrowingRecording, *instants: float, **options: float) -> list[State]:
@@ -99,7 +99,7 @@ def test_a_file_that_no_longer_grows_is_reported(growing: GrowingRecording) -> N
 def test_a_slip_is_named_at_the_next_update(growing: GrowingRecording) -> None:
     log = growing.logs["ballbar"]
     rows = np.flatnonzero(log.t >= 44.6)
-    log.put(rows, "b2", log.numbers("b2")[rows] + 3e-3 / PER_COUNT)
+    log.put(rows, "b2", log.numbers("b2")[rows] + 3e-3 * log.scales["b2"])
     before, after = watched(growing, 44.0, 45.0)
     assert before.alarms == ()
     (alarm,) = after.alarms
@@ -149,7 +149,7 @@ def test_the_window_shows_the_uncertainty_over_the_recording_and_each_alarm_once
 ) -> None:
     log = growing.logs["ballbar"]
     rows = np.flatnonzero(log.t >= 44.6)
-    log.put(rows, "b2", log.numbers("b2")[rows] + 3e-3 / PER_COUNT)
+    log.put(rows, "b2", log.numbers("b2")[rows] + 3e-3 * log.scales["b2"])
     states = watched(growing, 44.0, 45.0, 46.0)
     stream = rr.RecordingStream(APPLICATION)
     with stream:

@@ -8,12 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames
 from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.inverse import pose_error
-from cell.load import load_cell
+from cell.geometry import robot_frames
 from ident.corrections import CORRECTIONS
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.identify import identify_together
@@ -21,46 +17,15 @@ from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
-from sim.errors.sensor_effects import ResolverEffects, resolver_effects
-from sim.errors.static_errors import true_geometry
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects, plant_effects
-from sim.plant.held_poses import HeldPoses, hold_poses
-from sim.settings import SimulationSettings
+from sim.plant.effects import PlantEffects
+from sim.plant.held_robot import HeldRobot, pose_distance
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 POSES = 200
 GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 
 
-class PlantRobot:
-    """The true robot of a scenario, free."""
-
-    def __init__(self, scenario: SimulationSettings) -> None:
-        chosen = scenario.cell
-        self.cell: Cell = load_cell(
-            chosen.robot, chosen.ballbar, chosen.plate, relative_to=SCENARIOS
-        )
-        self.nominal: Geometry = nominal_geometry(self.cell, np.array(chosen.ballbar_position_m))
-        self.true: Geometry = true_geometry(
-            self.nominal,
-            scenario.errors,
-            plate_sigma=self.cell.plate.length_sigma,
-            transmission=self.cell.robot.transmission,
-            seed=scenario.seed,
-        )
-        self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)
-        self.resolvers: ResolverEffects | None = resolver_effects(
-            scenario.errors.resolver_error, joints=self.cell.robot.joints, seed=scenario.seed
-        )
-
-    def hold(self, targets: Array) -> HeldPoses:
-        """Targets (N, 6) [rad] held."""
-        plant = Plant(self.cell, self.true, self.effects, self.cell.robot.servo["stiff"])
-        return hold_poses(plant, targets, resolvers=self.resolvers)
-
-
-def known_robot(plant: PlantRobot) -> UnloadedRobot:
+def known_robot(plant: HeldRobot) -> UnloadedRobot:
     """The robot of a perfect identification: the plant's numbers as coefficients."""
     effects, robot = plant.effects, plant.cell.robot
     assert effects.gear_stiffness is not None
@@ -93,13 +58,7 @@ def known_cell(cell: Cell, effects: PlantEffects) -> Cell:
     return replace(loaded, robot=replace(loaded.robot, gears=known))
 
 
-def pose_distance(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
-    """(N,) [m] and (N,) [rad] from the wanted to the held pose."""
-    mismatch = pose_error(held.tool[:, :3, :3].transpose(1, 2, 0), held.tool[:, :3, 3].T, wanted)
-    return np.linalg.norm(mismatch[:3], axis=0), np.linalg.norm(mismatch[3:], axis=0)
-
-
-def study(plant: PlantRobot, identified: UnloadedRobot, poses: int) -> dict[str, object]:
+def study(plant: HeldRobot, identified: UnloadedRobot, poses: int) -> dict[str, object]:
     """Figures of one robot: pose errors of held targets, nominal and corrected."""
     q = accuracy_grid(plant.cell.robot)[:poses]
     while True:
@@ -143,5 +102,5 @@ def robot_row(
     options = FitOptions(model="complete", force="torque", samples=samples)
     found = identify_together(made[0][0], [logs for _, logs, _ in made], options=options)
     return {"robot": robot, "seed": seed} | study(
-        PlantRobot(scenario), found.robot.unloaded(), poses
+        HeldRobot(scenario, relative_to=SCENARIOS), found.robot.unloaded(), poses
     )

@@ -1,25 +1,19 @@
-"""A PLC on loopback: the program of docs/recorder.md in Python, behind pyads' ADS test server.
+"""A PLC on loopback whose sample n follows from n alone.
 
-Sample n follows from n alone, so that a recording can be compared with the PLC byte by byte.
+So a recording can be compared with the PLC byte by byte.
 """
 
 from __future__ import annotations
 
-import threading
-import time
-from types import TracebackType
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pyads.constants import ADST_VOID
-from pyads.testserver import AdsTestServer, AdvancedHandler, PLCVariable
 
-from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
+from cell.plc_ring import SAMPLE
+from sim.live.plc import CAPACITY, STARTED
+from sim.live.plc import Plc as SimulatedPlc
 
-SYMBOL = "GVL_BallBar.stRing"
-GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
-START = 848_000_000_000_000_000  # [ns] DC time in November 2026
-CAPACITY = 4096
 JOINTS = (1, 2, 4, 5)
 
 
@@ -31,7 +25,7 @@ def plc_samples(first: int, count: int, period_ns: int) -> NDArray[np.void]:
     n = np.arange(first, first + count, dtype=np.int64)
     samples = np.zeros(count, dtype=SAMPLE)
     samples["sequence"] = n + 1
-    samples["time"] = START + n * period_ns
+    samples["time"] = STARTED + n * period_ns
     phase = 1e-9 * period_ns * n
     for j in range(5):
         swing = np.rint(2e6 * np.sin((0.4 + 0.1 * j) * phase)).astype(np.int64) + 7 * j
@@ -51,83 +45,30 @@ def text_of(samples: NDArray[np.void], joints: tuple[int, ...] = JOINTS) -> byte
     return ("\r\n".join(lines) + "\r\n").encode()
 
 
-class _Memory(AdvancedHandler):
-    """The data area of the PLC: reads may begin anywhere inside a variable, as on TwinCAT."""
+@dataclass(frozen=True)
+class Numbered:
+    """Samples that follow from their numbers, one a period."""
 
-    def __init__(self, ring: bytearray, header_reads: list[int]) -> None:
-        super().__init__()
-        self.ring, self.header_reads = ring, header_reads
-        self.add_variable(
-            PLCVariable(SYMBOL, bytes(len(ring)), ADST_VOID, "ST_BallBarRing", GROUP, OFFSET)
-        )
+    period_ns: int
 
-    def get_variable_by_indices(self, index_group: int, index_offset: int) -> PLCVariable:
-        if index_offset == OFFSET:
-            self.header_reads.append(
-                int(np.frombuffer(self.ring, dtype=HEADER, count=1)["written"][0])
-            )
-        found = super().get_variable_by_indices(index_group, OFFSET)
-        found.value = memoryview(self.ring)[index_offset - OFFSET :]
-        return found
+    def due(self, elapsed_ns: int) -> int:
+        return elapsed_ns // self.period_ns
+
+    def samples(self, first: int, count: int) -> NDArray[np.void]:
+        return plc_samples(first, count, self.period_ns)
 
 
-class Plc:
-    """Samples at a rate until the block ends; the server can be taken away and brought back."""
+class Plc(SimulatedPlc):
+    """Numbered samples at a rate [Hz], and hands on the ring's memory."""
 
-    def __init__(
-        self,
-        address: str,
-        rate: float,
-        *,
-        capacity: int = CAPACITY,
-        joints: tuple[int, ...] = JOINTS,
-        counters: NDArray[np.int64] | None = None,
-    ) -> None:
-        """counters : (N, 5) of the samples, in place of those that follow from their numbers."""
-        self._counters = counters
-        self.address, self.period_ns, self.capacity = address, round(1e9 / rate), capacity
-        self.net_id = f"{address}.1.1"
-        self.header_reads: list[int] = []  # `written` whenever a recorder looked at it
-        self._ring = bytearray(HEADER.itemsize + capacity * SAMPLE.itemsize)
-        self._header = np.frombuffer(self._ring, dtype=HEADER, count=1)
-        self._slots = np.frombuffer(self._ring, dtype=SAMPLE, offset=HEADER.itemsize)
-        fitted = sum(1 << (j - 1) for j in joints)
-        self._header[0] = (LAYOUT, capacity, fitted, 12, START, 0)
-        self._stop = threading.Event()
-        self._task = threading.Thread(target=self._cycle, daemon=True)
-        self._server: AdsTestServer | None = None
-
-    @property
-    def written(self) -> int:
-        return int(self._header["written"][0])
+    def __init__(self, address: str, rate: float, *, capacity: int = CAPACITY) -> None:
+        self.period_ns = round(1e9 / rate)
+        super().__init__(address, Numbered(self.period_ns), joints=JOINTS, capacity=capacity)
 
     def __enter__(self) -> Plc:
-        self.connect()
-        self._task.start()
+        super().__enter__()
+        self.start()
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._stop.set()
-        self._task.join()
-        self.disconnect()
-
-    def connect(self) -> None:
-        self._server = AdsTestServer(
-            _Memory(self._ring, self.header_reads), ip_address=self.address, logging=False
-        )
-        self._server.start()
-
-    def disconnect(self) -> None:
-        """Ends the connections and the server; the program goes on."""
-        if self._server is not None:
-            self._server.close()
-            self._server.join()
-            self._server = None
 
     def restart(self) -> None:
         """A cold start: samples count from 0 again."""
@@ -150,22 +91,3 @@ class Plc:
         """Changes the header."""
         for name, value in header.items():
             self._header[name] = value
-
-    def _cycle(self) -> None:
-        """Writes all samples that are due, one a millisecond; a late cycle writes several."""
-        begin = time.monotonic_ns()
-        while not self._stop.wait(0.001):
-            due = (time.monotonic_ns() - begin) // self.period_ns
-            self.write(due - self.written)
-
-    def write(self, count: int) -> None:
-        """The next samples, each into its slot and only then counted."""
-        first = self.written
-        samples = plc_samples(first, count, self.period_ns)
-        if self._counters is not None:
-            rows = np.arange(first, first + count) % len(self._counters)
-            samples["counter"] = self._counters[rows]
-            samples["status"] = 0
-        for sample in samples:
-            self._slots[self.written % self.capacity] = sample
-            self._header["written"] += 1

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.clock import Clock
 from cell.geometry import Geometry
 from sim.motion import Motion
 from sim.recording_files import write_recording
@@ -14,6 +15,7 @@ from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
+CLOCK = Clock(0.137, 5e-5)  # of the ball-bar, if no other is stated
 
 
 def settings(**changes: object) -> SimulationSettings:
@@ -33,7 +35,7 @@ def settings(**changes: object) -> SimulationSettings:
         },
         "errors": {"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 1e-5}},
         "encoders": {"fitted": [1, 2, 3, 4, 5], "noise_sigma_rad": 1e-5},
-        "clocks": {"offset_s": 0.137, "skew": 5e-5, "overrun_probability": 0.005},
+        "clocks": {"offset_s": CLOCK.offset, "skew": CLOCK.skew, "overrun_probability": 0.005},
         "seed": 1,
     }
     return SimulationSettings.model_validate(base | changes)

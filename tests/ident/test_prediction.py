@@ -14,15 +14,15 @@ from cell.descriptions import Cell
 from ident.options import FitOptions
 from ident.prediction import part_of, predict
 from ident.recording_fit import Logs, RecordingFit, fit_recording
-from tests.helpers.growing_recording import GrowingRecording, TextLog
-from tests.helpers.simulated_recordings import Recorded
+from sim.live.device_logs import GrowingRecording, TextLog
+from tests.helpers.simulated_recordings import CLOCK, Recorded
 
 FIT_UNTIL = 40.0  # [s]
 
 
 @pytest.fixture
 def growing(recorded: Recorded, tmp_path: Path) -> GrowingRecording:
-    return GrowingRecording(recorded.folder, tmp_path / "growing")
+    return GrowingRecording(recorded.folder, tmp_path / "growing", CLOCK)
 
 
 @pytest.fixture(scope="module")

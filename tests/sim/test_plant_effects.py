@@ -36,6 +36,7 @@ from sim.logging.load_logs import (
     sensor_rows,
 )
 from sim.plant.effects import plant_effects
+from sim.plant.held_robot import HeldRobot
 from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
@@ -51,7 +52,6 @@ from tests.helpers.log_analysis import (
     settled_direction,
     there_and_back,
 )
-from tests.helpers.plant_robot import PlantRobot
 from tests.helpers.simulated_recordings import SCENARIOS, record, settings, singular_passage
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
@@ -330,7 +330,7 @@ def test_the_true_tool_sags_under_the_true_masses() -> None:
     errors = {"joint_compliance": {}, "masses": {"spread": 0.1, "centre_sigma_m": 0.02}}
     chosen = settings(errors=errors)
     truth = simulate(chosen, relative_to=SCENARIOS).truth
-    robot, q = PlantRobot(chosen), accuracy_grid(load_robot("irb2400"))[:4]
+    robot, q = HeldRobot(chosen, relative_to=SCENARIOS), accuracy_grid(load_robot("irb2400"))[:4]
     actual = robot.hold(q).tool[:, :3, 3]
     files = replace(truth, plant=truth.plant.model_copy(update={"bodies": {}}))
     with_truth, with_files = (true_tool(robot.cell, t, robot.true, q) for t in (truth, files))

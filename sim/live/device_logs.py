@@ -1,0 +1,143 @@
+"""A simulated recording as rows of its device files, and a folder whose files grow by them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.dialect import load_dialect
+from cell.errors import InputError
+from cell.files import DESCRIPTIONS
+from cell.load import load_robot
+from cell.recording import RecordingFile, load_recording_file
+
+WORD = 2**32  # of a counter
+
+
+@dataclass(eq=False)
+class TextLog:
+    """A device log as cells of text."""
+
+    head: str
+    separator: str
+    cells: NDArray[np.object_]  # (N, C), the first column the stamps
+    t: Array  # (N,) [s] of each row on the robot's clock
+    scales: dict[str, float]  # of each measured column: its units in a rad of the joint, or in a m
+    counts: bool  # whether the measured columns are counters of 32 bits
+
+    @classmethod
+    def read(cls, path: Path, clock: Clock, scales: Sequence[float]) -> TextLog:
+        """A file of a simulated recording.
+
+        clock : of its stamps. scales : of the columns behind the stamps.
+        """
+        lines = path.read_text().splitlines()
+        separator = ";" if ";" in lines[0] else ","
+        cells = np.array([line.split(separator) for line in lines[1:]], dtype=object)
+        seconds = cells[:, 0].astype(float) * (1.0 if "." in cells[0, 0] else 1e-9)
+        t = np.asarray(clock.robot_time(seconds - seconds[0]))
+        measured = dict(zip(lines[0].split(separator)[1:], scales, strict=False))
+        return cls(lines[0], separator, cells, t, measured, path.stem == "ballbar")
+
+    def column(self, name: str) -> int:
+        return self.head.split(self.separator).index(name)
+
+    def numbers(self, name: str) -> Array:
+        return np.asarray(self.cells[:, self.column(name)].astype(float))
+
+    def put(self, rows: NDArray[np.intp], name: str, values: Array) -> None:
+        """Replaces numbers, as the logger would write them."""
+        if self.counts:
+            text = [str(int(v) % WORD) for v in np.rint(values)]
+        else:
+            text = [f"{v:.9f}" for v in values]
+        self.cells[rows, self.column(name)] = text
+
+
+Logs = dict[str, TextLog]
+
+
+def device_logs(recording: Path, clock: Clock) -> Logs:
+    """The logs of a simulated recording, by the names of their sources.
+
+    clock : of the ball-bar's log, or of the length's. Raises InputError for a log that is no text.
+    """
+    described = load_recording_file(recording)
+    logs = {}
+    for source, file in _files(described):
+        path = recording / file
+        if path.suffix != ".csv":
+            raise InputError(
+                f"{file}: a log that is no table of text cannot grow row by row. Choose another "
+                "dialect with logs.robot.dialect"
+            )
+        of_robot = source == "robot"
+        scales = _robot_scales(described, recording) if of_robot else _scales(described)
+        logs[source] = TextLog.read(path, Clock(0.0, 0.0) if of_robot else clock, scales)
+    return logs
+
+
+def _files(described: RecordingFile) -> Iterator[tuple[str, str]]:
+    """Name and file of each source."""
+    sources = described.sources
+    for name in ("robot", "ballbar", "length"):
+        source = getattr(sources, name)
+        if source is not None:
+            (file,) = source.files  # the simulated logger was not started again
+            yield name, file
+
+
+def _robot_scales(described: RecordingFile, folder: Path) -> list[float]:
+    robot = load_robot(described.robot, relative_to=folder)
+    dialect = load_dialect(described.sources.robot.dialect)
+    unit = np.degrees(1.0) if dialect.angle_unit == "deg" else 1.0
+    motors = dialect.angle_kind == "motors"
+    turns = 1.0 / np.abs(np.diag(robot.transmission)) if motors else np.ones(robot.joints)
+    return list((unit * turns).tolist())
+
+
+def _scales(described: RecordingFile) -> list[float]:
+    encoders = [encoder for _, encoder in sorted(described.encoders.items())]
+    return [e.lines * 2**e.bits / (2.0 * np.pi) for e in encoders] or [1e3]  # a length in mm
+
+
+class GrowingRecording:
+    """A folder that holds the rows of another recording up to an instant, and half a row more."""
+
+    def __init__(self, source: Path, folder: Path, clock: Clock) -> None:
+        """clock : of the log beside the robot's, as it was simulated."""
+        shutil.rmtree(folder, ignore_errors=True)
+        (folder / "raw").mkdir(parents=True)
+        shutil.copy(source / "recording.yaml", folder)
+        if (source / DESCRIPTIONS).is_dir():
+            shutil.copytree(source / DESCRIPTIONS, folder / DESCRIPTIONS)
+        self.folder = folder
+        self.logs = device_logs(source, clock)
+        self._written = dict.fromkeys(self.logs, 0)
+        self._torn = dict.fromkeys(self.logs, "")
+
+    @property
+    def seconds(self) -> float:
+        return float(min(log.t[-1] for log in self.logs.values()))
+
+    def write_until(self, now: float) -> None:
+        """Appends the rows that were taken by then [s], and the beginning of the next one."""
+        for name, log in self.logs.items():
+            file = self.folder / "raw" / f"{name}.csv"
+            first, last = self._written[name], int(np.searchsorted(log.t, now))
+            if not file.exists():
+                file.write_text(log.head + "\n")
+            lines = [log.separator.join(row) + "\n" for row in log.cells[first : last + 1]]
+            torn = lines.pop()[:7] if last < len(log.cells) and lines else ""
+            whole = "".join(lines)
+            with file.open("a", newline="") as stream:
+                stream.write(whole[len(self._torn[name]) :] + torn if whole else "")
+            if whole:
+                self._torn[name], self._written[name] = torn, last
