@@ -177,18 +177,19 @@ def _fitted(
 ) -> Identification:
     """The result of the model that the options name, or that the data ask for."""
     automatic = options.model == "auto" and options.corrections is None
-    if len(single) == 1 and (options.model == "dh" or automatic):
-        simple = _result(cell, single, single[0].fit, options)
-        if options.model == "dh":
-            return simple
-        if not _asks_for_more(simple):
-            if not _shares_errors(simple):
-                return simple
-            extras = [rod_elongation(cell)]
-            return _result(
-                cell, single, fit_complete(cell, single, (), options, listener, extras), options
-            )
     measures_length = cell.ballbar.stroke is not None
+    if options.model == "dh" or automatic:
+        simple = [_result(cell, [each], each.fit, options) for each in single]
+        if options.model == "dh":
+            return simple[0]
+        if not any(map(_asks_for_more, simple)):
+            if len(single) == 1 and not _shares_errors(simple[0]):
+                return simple[0]
+            extras = [] if measures_length else [rod_elongation(cell)]
+            fit = fit_complete(cell, single, (), options, listener, extras)
+            result = _result(cell, single, fit, options)
+            if len(single) == 1 or result.verdict.status is Status.GOOD:
+                return result
     corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
     if options.corrections is not None:
         corrections = list(options.corrections)
