@@ -84,6 +84,12 @@ class AcceptSettings(TcpLimits):
         description="Path file, relative to the scenario, on which the same machine is recorded "
         "once more for held_out_ratio.",
     )
+    corrected_mean_mm: Limit = Field(
+        None,
+        description="Of `ballbar rehearse`: mean distance of the tool from the wanted positions, "
+        "with corrected targets in the plant.",
+    )
+    corrected_max_mm: Limit = Field(None, description="Likewise the largest distance.")
 
     @model_validator(mode="after")
     def _held_out(self) -> AcceptSettings:

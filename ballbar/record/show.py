@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -64,8 +65,15 @@ class Recorded:
     identified: Data | None  # the last state of the process that has identified it meanwhile
 
 
-def record(folder: Path, options: RecordOptions, out: Console) -> Recorded:
+Meanwhile = Callable[[LiveRecording, WatchBeside | None], None]
+
+
+def record(
+    folder: Path, options: RecordOptions, out: Console, *, meanwhile: Meanwhile | None = None
+) -> Recorded:
     """Records until Ctrl-C or until the duration is over, and shows the progress on `out`.
+
+    meanwhile : instead of what is shown; the recording ends when it returns.
 
     Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
     """
@@ -92,10 +100,11 @@ def record(folder: Path, options: RecordOptions, out: Console) -> Recorded:
         if options.identify:
             duration, accuracy = options.duration, options.accuracy
             beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
+        shown = meanwhile or partial(show_until_stopped, out, duration=options.duration)
         with _ended_by_signals(recording), quiet_libraries(out):
             recording.start()
             try:
-                show_until_stopped(out, recording, duration=options.duration, beside=beside)
+                shown(recording, beside)
             finally:
                 recording.finish()
                 identified = None if beside is None else beside.finish()

@@ -54,9 +54,9 @@ def quiet_libraries(console: Console) -> Iterator[None]:
 def show_until_stopped(
     console: Console,
     recording: LiveRecording,
+    beside: WatchBeside | None = None,
     *,
     duration: float | None,
-    beside: WatchBeside | None = None,
 ) -> None:
     """Shows the recording until it stops, or until `duration` [s] after the first records.
 

@@ -77,6 +77,23 @@ def result_limits(
     return (*_verdict(identified.verdict.status, accept), *_stated(measured, accept))
 
 
+def tcp_limits(
+    identified: Identification, comparison: Comparison, accept: TcpLimits
+) -> tuple[Limit, ...]:
+    """The limits that every scenario can state, of recordings that were taken live."""
+    measured = _tcp(comparison.tcp, identified.robot.tcp_sigma)
+    return (*_verdict(identified.verdict.status, accept), *_stated(measured, accept))
+
+
+def corrected_limits(distance: Array, accept: AcceptSettings) -> tuple[Limit, ...]:
+    """The limits of corrected targets; distance : (N,) [m] of the tool from where it belongs."""
+    measured: Measured = {
+        "corrected_mean_mm": ("corrected targets in the plant, mean", distance.mean() * MM, "mm"),
+        "corrected_max_mm": ("corrected targets in the plant, largest", distance.max() * MM, "mm"),
+    }
+    return _stated(measured, accept)
+
+
 def pose_limits(
     identified: PoseIdentification, comparison: PoseComparison, accept: PoseAcceptSettings
 ) -> tuple[Limit, ...]:

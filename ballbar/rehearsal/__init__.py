@@ -1,0 +1,1 @@
+"""`ballbar rehearse`: a day at the cell on the bench, with the programs of the day itself."""

@@ -1,0 +1,285 @@
+"""A simulated path recorded while it happens, and identified meanwhile.
+
+With a ball-bar `ballbar record` takes the encoders from a simulated PLC over ADS and the axes from
+a simulated controller over EGM. A length has no live recorder: its files grow, as another logger
+writes them, and `ballbar watch` reads them.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acquisition.live.egm_source import LOOPBACK
+from acquisition.live.recorder import POLL
+from acquisition.live.session import LiveRecording
+from ballbar.record.show import RecordOptions, record
+from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.terminal import err
+from ballbar.watch.beside import WatchBeside
+from ballbar.watch.show import Data
+from ballbar.watch.state import Alarm
+from cell.clock import Clock
+from cell.errors import FailureError, InputError
+from cell.load import load_robot
+from sim.live.device_logs import GrowingRecording, Logs, device_logs
+from sim.live.egm import EgmRobot
+from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
+from sim.logging.load_logs import BallbarLog, DeviceLogs, RobotLog
+
+if TYPE_CHECKING:  # pyads is an extra
+    from sim.live.plc import Plc
+
+LOOK = 0.05  # [s] between two looks at what is identified meanwhile
+BEGINS = 60.0  # [s] for the recorder and the process that identifies to begin
+LAST_UPDATE = 4.0  # [s] for an update with the last rows: one a second, each takes some tenths
+MIDWAY = 0.5  # of a path, where a fault begins if the robot moves there
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A fault, and where it begins."""
+
+    name: str  # a key of FAULTS
+    began: float  # [s] of the recording
+    shows: float  # [s] from which it could be seen
+
+
+@dataclass(frozen=True, eq=False)
+class LivePath:
+    """A path that was recorded live."""
+
+    folder: Path
+    seconds: float  # of the recording
+    lost: int  # records
+    alarms: tuple[Alarm, ...]  # raised: [s] that the devices had delivered when it was shown
+    states: tuple[Data, ...]  # what was identified meanwhile, an entry for each update
+    cause: Cause | None = None
+
+    @property
+    def noticed(self) -> Alarm | None:
+        """The first alarm since the fault began."""
+        began = np.inf if self.cause is None else self.cause.began
+        return next((alarm for alarm in self.alarms if alarm.raised >= began), None)
+
+    @property
+    def false_alarms(self) -> tuple[Alarm, ...]:
+        """Alarms without a cause."""
+        began = np.inf if self.cause is None else self.cause.began
+        return tuple(alarm for alarm in self.alarms if alarm.raised < began)
+
+    @property
+    def tcp_sigma(self) -> float | None:
+        """[m] stated TCP uncertainty by the last update."""
+        stated = [s["tcp_sigma_m"] for s in self.states if s["tcp_sigma_m"] is not None]
+        return stated[-1] if stated else None
+
+
+@dataclass(eq=False)
+class _Follower:
+    """Looks at what a process identifies beside a recording."""
+
+    beside: WatchBeside | None
+    cause: Cause | None
+    speed: float
+    begun: float = np.inf  # time.monotonic() when the devices began
+    states: list[Data] = field(default_factory=list)
+    alarms: dict[str, Alarm] = field(default_factory=dict)  # by kind, as first shown
+
+    @property
+    def delivered(self) -> float:
+        """[s] of the recording that the devices have delivered."""
+        return max(0.0, time.monotonic() - self.begun) * self.speed
+
+    def wait_for_update(self, seconds: float) -> None:
+        """Waits for one update more. Raises FailureError when the process has ended."""
+        if self.beside is None:
+            return
+        known, begun = self.beside.updates, time.monotonic()
+        while self.beside.updates == known and time.monotonic() - begun < seconds:
+            if self.beside.failure:
+                raise FailureError(f"the identification beside the recording: {self.beside.failure}")
+            time.sleep(LOOK)
+        self.look()
+
+    def look(self) -> bool:
+        """Takes in the latest update. Returns whether the fault has been noticed."""
+        latest = None if self.beside is None else self.beside.latest
+        if latest is not None and (not self.states or latest is not self.states[-1]):
+            self.states.append(latest)
+            for kind, sentence in ((a["kind"], a["sentence"]) for a in latest["alarms"]):
+                self.alarms.setdefault(kind, Alarm(kind, sentence, self.delivered))
+        began = np.inf if self.cause is None else self.cause.began
+        return any(alarm.raised >= began for alarm in self.alarms.values())
+
+    def path(self, folder: Path, seconds: float, lost: int) -> LivePath:
+        alarms, states = tuple(self.alarms.values()), tuple(self.states)
+        return LivePath(folder, seconds, lost, alarms, states, self.cause)
+
+
+def as_recorded(scenario: Scenario) -> Scenario:
+    """The scenario as its devices deliver it: by EGM and PLC neither torque nor force.
+
+    Raises InputError for what no device here delivers row by row.
+    """
+    clocks = scenario.clocks
+    if clocks.restart is not None:
+        raise InputError("clocks.restart: the recorder starts its own files. Leave it out")
+    if scenario.cell.instrument is not None:
+        logs = scenario.logs.model_copy(update={"torque": None, "tracker": None})
+        return scenario.model_copy(update={"logs": logs})
+    own = scenario.logs
+    logs = DeviceLogs(
+        robot=RobotLog(dialect="abb-motor", rate_hz=own.robot.rate_hz),
+        ballbar=BallbarLog(task_s=own.ballbar.task_s),
+    )
+    encoders = scenario.encoders.model_copy(update={"directions": "unknown"})
+    return scenario.model_copy(update={"logs": logs, "encoders": encoders})
+
+
+def check_fault(scenario: Scenario, fault: str | None) -> None:
+    """Raises InputError for a fault that does not exist, or needs encoders."""
+    if fault is None:
+        return
+    length = scenario.cell.instrument is not None
+    possible = [name for name in FAULTS if not (length and name in OF_ENCODERS)]
+    if fault not in possible:
+        reason = "needs a ball-bar with encoders" if fault in FAULTS else "is no fault"
+        raise InputError(f"--fault {fault}: {reason}. There are {', '.join(possible)}.")
+
+
+def record_live(
+    simulated: Path,
+    folder: Path,
+    scenario: Scenario,
+    *,
+    relative_to: Path,
+    speed: float,
+    fault: str | None = None,
+    identify: bool = True,
+) -> LivePath:
+    """The recording of a simulated path, taken while its devices deliver it.
+
+    simulated : folder of the simulated recording. relative_to : folder of the scenario's file.
+    speed : times real time. fault : a key of FAULTS that begins midway; the recording ends when it
+    has been noticed. identify : whether it is identified meanwhile.
+
+    Raises FailureError when a part of the cell does not come up.
+    """
+    clock = Clock(scenario.clocks.offset_s, scenario.clocks.skew)
+    if scenario.cell.instrument is not None:
+        growing = GrowingRecording(simulated, folder, clock)
+        cause = _inject(growing.logs, fault, scenario)
+        return _grown(growing, cause, speed, identify=identify)
+    logs = device_logs(simulated, clock)
+    cause = _inject(logs, fault, scenario)
+    named = with_absolute_names(scenario, relative_to)
+    return _recorded(logs, folder, named, cause, speed, identify=identify)
+
+
+def _inject(logs: Logs, fault: str | None, scenario: Scenario) -> Cause | None:
+    if fault is None:
+        return None
+    rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
+    began = moving_at(logs, MIDWAY * scenario.path.duration_s)
+    return Cause(fault, began, FAULTS[fault](logs, began, rng))
+
+
+def _grown(
+    growing: GrowingRecording, cause: Cause | None, speed: float, *, identify: bool
+) -> LivePath:
+    """Files that grow, watched by a process of its own."""
+    beside = WatchBeside(growing.folder, accuracy=None, duration=None) if identify else None
+    follower = _Follower(beside, cause, speed)
+    try:
+        follower.wait_for_update(BEGINS)
+        follower.begun = time.monotonic()
+        while (now := follower.delivered) < growing.seconds:
+            growing.write_until(now)
+            if follower.look():
+                break
+            time.sleep(LOOK)
+        else:
+            growing.write_until(np.inf)
+            follower.wait_for_update(LAST_UPDATE)
+    finally:
+        if beside is not None:
+            beside.finish()
+    return follower.path(growing.folder, min(now, growing.seconds), 0)
+
+
+def _recorded(
+    logs: Logs,
+    folder: Path,
+    scenario: Scenario,
+    cause: Cause | None,
+    speed: float,
+    *,
+    identify: bool,
+) -> LivePath:
+    """What a simulated PLC and a simulated controller deliver, by the recorder."""
+    with _devices(logs, scenario, speed) as (plc, robot, port):
+        options = RecordOptions(
+            plc=plc.net_id,
+            egm=str(port),
+            robot=scenario.cell.robot,
+            ballbar=scenario.cell.measured_by,
+            plate=scenario.cell.plate,
+            duration=None,
+            live=False,
+            identify=identify,
+            accuracy=None,
+        )
+        follower = _Follower(None, cause, speed)
+
+        def follow(recording: LiveRecording, beside: WatchBeside | None) -> None:
+            follower.beside = beside
+            follower.wait_for_update(BEGINS)
+            _wait(lambda: bool(plc.header_reads), "the recorder did not reach the simulated PLC")
+            plc.start()
+            robot.start()
+            follower.begun = time.monotonic()
+            while not robot.wait(LOOK):
+                if recording.wait(0.0):
+                    raise KeyboardInterrupt
+                if follower.look():
+                    return
+            _wait(lambda: plc.written == len(logs["ballbar"].cells), "the simulated PLC hangs")
+            time.sleep(3.0 * POLL)
+            follower.wait_for_update(LAST_UPDATE)
+
+        recorded = record(folder, options, err, meanwhile=follow)
+    taken = {source.name: source.records for source in recorded.recording.progress}
+    lost = sum(source.lost for source in recorded.recording.progress)
+    return follower.path(folder, float(logs["robot"].t[taken["robot"] - 1]), lost)
+
+
+@contextmanager
+def _devices(logs: Logs, scenario: Scenario, speed: float) -> Iterator[tuple[Plc, EgmRobot, int]]:
+    """PLC, controller, and the port to which it sends; they wait to be started."""
+    from sim.live.plc import Plc, logged_samples, loopback_address  # noqa: PLC0415  an extra
+
+    program, joints = logged_samples(logs["ballbar"], speed=speed)
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+        probe.bind((LOOPBACK, 0))
+        port = int(probe.getsockname()[1])
+    with (
+        Plc(loopback_address(), program, joints=joints) as plc,
+        EgmRobot(port, logs["robot"], load_robot(scenario.cell.robot), speed=speed) as robot,
+    ):
+        yield plc, robot, port
+
+
+def _wait(there: Callable[[], bool], failure: str) -> None:
+    begun = time.monotonic()
+    while not there():
+        if time.monotonic() - begun > BEGINS:
+            raise FailureError(failure)
+        time.sleep(LOOK)
