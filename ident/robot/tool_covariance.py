@@ -41,10 +41,12 @@ class ToolCovariance:
         angles are off by.
         """
         count, last = len(self.names), len(self.names) + len(self.held)
-        own, cross = self.values[:count, :count], self.values[:count, count:last]
-        scale = np.sqrt(np.diag(self.values)[count:last])
+        variances = np.diag(self.values)[count:last]
+        known = count + np.flatnonzero(variances)  # what has no tolerance is exact already
+        own, cross = self.values[:count, :count], self.values[:count, known]
+        scale = np.sqrt(self.values[known, known])
         cross = cross / scale
-        held = self.values[count:last, count:last] / np.outer(scale, scale)
+        held = self.values[np.ix_(known, known)] / np.outer(scale, scale)
         given = own - cross @ np.linalg.solve(held, cross.T)
         return np.asarray(0.5 * (given + given.T))
 
