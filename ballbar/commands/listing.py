@@ -45,6 +45,7 @@ COMMANDS = {
         "init": "shipped",
         "run": "bench",
         "simulate": "bench",
+        "rehearse": "rehearsal",
         "sweep": "bench",
         "claims": "bench",
         "identifiability": "identifiability",

@@ -61,6 +61,7 @@ class LivePath:
     lost: int  # records
     alarms: tuple[Alarm, ...]  # raised: [s] that the devices had delivered when it was shown
     states: tuple[Data, ...]  # what was identified meanwhile, an entry for each update
+    last: Data | None  # what was identified of the whole recording, once it had ended
     cause: Cause | None = None
 
     @property
@@ -70,16 +71,11 @@ class LivePath:
         return next((alarm for alarm in self.alarms if alarm.raised >= began), None)
 
     @property
-    def false_alarms(self) -> tuple[Alarm, ...]:
-        """Alarms without a cause."""
-        began = np.inf if self.cause is None else self.cause.began
-        return tuple(alarm for alarm in self.alarms if alarm.raised < began)
-
-    @property
-    def tcp_sigma(self) -> float | None:
-        """[m] stated TCP uncertainty by the last update."""
-        stated = [s["tcp_sigma_m"] for s in self.states if s["tcp_sigma_m"] is not None]
-        return stated[-1] if stated else None
+    def stated(self) -> list[tuple[float, float]]:
+        """[s] of the recording and [m] stated TCP uncertainty, of each update that has one."""
+        return [
+            (s["recorded_s"], s["tcp_sigma_m"]) for s in self.states if s["tcp_sigma_m"] is not None
+        ]
 
 
 @dataclass(eq=False)
@@ -105,7 +101,9 @@ class _Follower:
         known, begun = self.beside.updates, time.monotonic()
         while self.beside.updates == known and time.monotonic() - begun < seconds:
             if self.beside.failure:
-                raise FailureError(f"the identification beside the recording: {self.beside.failure}")
+                raise FailureError(
+                    f"the identification beside the recording: {self.beside.failure}"
+                )
             time.sleep(LOOK)
         self.look()
 
@@ -119,9 +117,10 @@ class _Follower:
         began = np.inf if self.cause is None else self.cause.began
         return any(alarm.raised >= began for alarm in self.alarms.values())
 
-    def path(self, folder: Path, seconds: float, lost: int) -> LivePath:
+    def path(self, folder: Path, seconds: float, lost: int, last: Data | None) -> LivePath:
+        """The path that was followed."""
         alarms, states = tuple(self.alarms.values()), tuple(self.states)
-        return LivePath(folder, seconds, lost, alarms, states, self.cause)
+        return LivePath(folder, seconds, lost, alarms, states, last, self.cause)
 
 
 def as_recorded(scenario: Scenario) -> Scenario:
@@ -210,9 +209,8 @@ def _grown(
             growing.write_until(np.inf)
             follower.wait_for_update(LAST_UPDATE)
     finally:
-        if beside is not None:
-            beside.finish()
-    return follower.path(growing.folder, min(now, growing.seconds), 0)
+        last = None if beside is None else beside.finish()
+    return follower.path(growing.folder, min(now, growing.seconds), 0, last)
 
 
 def _recorded(
@@ -258,7 +256,8 @@ def _recorded(
         recorded = record(folder, options, err, meanwhile=follow)
     taken = {source.name: source.records for source in recorded.recording.progress}
     lost = sum(source.lost for source in recorded.recording.progress)
-    return follower.path(folder, float(logs["robot"].t[taken["robot"] - 1]), lost)
+    seconds = float(logs["robot"].t[taken["robot"] - 1])
+    return follower.path(folder, seconds, lost, recorded.identified)
 
 
 @contextmanager

@@ -94,6 +94,21 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
     return names
 
 
+def validated(
+    folders: Sequence[Path], data: RunData, settings: IdentifySettings
+) -> tuple[Validation, ...]:
+    """Recordings that took no part in an identification, against it.
+
+    settings : of the identification. Raises as `identify_recordings`.
+    """
+    result, options = data.identification, settings.options
+    read = [(folder, read_with_causes(folder)) for folder in folders]
+    return tuple(
+        _validated(result, folder, each, logs_of(folder.name, each), options, SILENT)
+        for folder, each in read
+    )
+
+
 def _validated(
     result: Identification,
     folder: Path,
