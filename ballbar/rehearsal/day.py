@@ -259,12 +259,18 @@ def _identified(
         "verdict": str(verdict.status),
         "tcp_sigma_m": sigma,
         "tcp_sigma_without_scale_m": without,
-        "true_tcp_error_m": {"mean": tcp.mean, "rms": rms(tcp.error), "max": tcp.maximum},
+        "true_tcp_error_m": {
+            "mean": tcp.mean,
+            "rms": rms(tcp.error),
+            "max": tcp.maximum,
+            "rms_without_scale": rms(tcp.error_without_scale),
+        },
         "nominal_tcp_error_m": comparison.tcp_nominal.mean,
     }
     sentence = (
-        f"{verdict.status}, stated {_mm(sigma)} ({_mm(without)} without scale); true error rms "
-        f"{_mm(rms(tcp.error))}, mean {_mm(tcp.mean)}, largest {_mm(tcp.maximum)}"
+        f"{verdict.status}, stated {_mm(sigma)} ({_mm(without)} without scale); true error "
+        f"{_mm(rms(tcp.error))} rms ({_mm(rms(tcp.error_without_scale))}), largest "
+        f"{_mm(tcp.maximum)}"
     )
     day.done(f"identify {' and '.join(recordings)}", sentence, figures, met=verdict.acceptable)
     return data, comparison
@@ -421,13 +427,14 @@ def _verified(day: _Day, data: RunData) -> None:
     folder = day.recording("path3")
     if scenario.cell.instrument is None:
         outcome, _ = verify_folder(day.folder / RESULT, folder)
-        name, met, ratio = "verify with path3", outcome.holds, outcome.innovation
+        name, met, ratio = "verify with path3", bool(outcome.holds), outcome.innovation
         sentence = outcome.sentence
     else:
         held_out = validated([folder], data, scenario.identify)[0].outcome
-        name, met, ratio = "validate on path3", held_out.acceptable, held_out.normalised_innovation
+        name, met = "validate on path3", bool(held_out.acceptable)
+        ratio = held_out.normalised_innovation
         sentence = held_out.sentence
-    figures: dict[str, object] = {"holds": met, "innovation": ratio, "lost": path.lost}
+    figures: dict[str, object] = {"holds": met, "innovation": float(ratio), "lost": path.lost}
     day.done(name, sentence, figures, met=met and not path.lost)
 
 

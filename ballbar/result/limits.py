@@ -87,9 +87,10 @@ def tcp_limits(
 
 def corrected_limits(distance: Array, accept: AcceptSettings) -> tuple[Limit, ...]:
     """The limits of corrected targets; distance : (N,) [m] of the tool from where it belongs."""
+    mean, largest = float(distance.mean()), float(distance.max())
     measured: Measured = {
-        "corrected_mean_mm": ("corrected targets in the plant, mean", distance.mean() * MM, "mm"),
-        "corrected_max_mm": ("corrected targets in the plant, largest", distance.max() * MM, "mm"),
+        "corrected_mean_mm": ("corrected targets in the plant, mean", mean * MM, "mm"),
+        "corrected_max_mm": ("corrected targets in the plant, largest", largest * MM, "mm"),
     }
     return _stated(measured, accept)
 

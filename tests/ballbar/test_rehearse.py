@@ -1,0 +1,202 @@
+"""`ballbar rehearse`: the whole day at small size, and the pieces of it that can fail."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ballbar.rehearsal import files
+from ballbar.rehearsal.day import HeldTargets, Rehearsal, Stage, request_data
+from ballbar.rehearsal.files import OUTPUTS, chain, rehearse_into
+from ballbar.rehearsal.live import Cause, LivePath, as_recorded, check_fault, record_live
+from ballbar.rehearsal.page import rehearsal_page
+from ballbar.result.limits import corrected_limits
+from ballbar.run import simulate_scenario
+from ballbar.scenario import Scenario, load_scenario, scenario_file
+from ballbar.watch.state import Alarm
+from cell.errors import FailureError, InputError
+from planning.request import PlanRequest
+from sim.live.faults import FAULTS, OF_ENCODERS
+from tests.helpers.command_line import ballbar
+
+IRB, UR = "irb2400", "ur10e_telescoping"
+
+
+def a_stage(name: str, *, met: bool = True, **figures: object) -> Stage:
+    return Stage(name, f"what came of it: {name}", met, 1.25, figures)
+
+
+def a_day(scenario: Scenario) -> Rehearsal:
+    """A rehearsal of invented figures."""
+    found = {"mean": 1e-5, "rms": 1e-5, "max": 3e-5, "rms_without_scale": 1e-5}
+    identified = {"tcp_sigma_m": 2e-5, "true_tcp_error_m": found}
+    states = tuple({"recorded_s": t, "tcp_sigma_m": 1e-3 / t} for t in (10.0, 20.0, 40.0))
+    path = LivePath(Path("path1"), 40.0, 0, (), states, None)
+    held = HeldTargets(*(np.linspace(0.5, 1.0, 50) * size for size in (3e-3, 2e-5, 1e-5)))
+    return Rehearsal(
+        scenario=scenario,
+        speed=10.0,
+        fault=None,
+        stages=(a_stage("identify path1", **identified), a_stage("verify with path3")),
+        limits=corrected_limits(held.after, scenario.accept),
+        paths={"path1": path},
+        nominal=2.5e-3,
+        held=held,
+    )
+
+
+def test_the_page_names_each_step_and_what_was_missed() -> None:
+    day = a_day(load_scenario(IRB))
+    page = rehearsal_page(day, command="ballbar rehearse irb2400 --out /home/someone/x")
+    assert "As required" in page
+    assert "what came of it: identify path1" in page
+    assert "/home" not in page
+    late = replace(day, stages=(*day.stages, a_stage("verify with path3", met=False)))
+    page = rehearsal_page(late, command="")
+    assert "Not as required: verify with path3" in page
+
+
+def test_the_chain_is_plain_data_and_a_missed_limit_makes_it_unacceptable() -> None:
+    scenario = load_scenario(IRB)
+    day = a_day(scenario)
+    data = json.loads(json.dumps(chain(day)))
+    assert data["acceptable"]
+    assert [stage["name"] for stage in data["stages"]] == ["identify path1", "verify with path3"]
+    assert {limit["what"]: limit["measured"] for limit in data["limits"]} == {
+        "corrected targets in the plant, mean": pytest.approx(0.015),
+        "corrected targets in the plant, largest": pytest.approx(0.02),
+    }
+    accept = scenario.accept.model_copy(update={"corrected_max_mm": 0.019})
+    assert not replace(day, limits=corrected_limits(day.held.after, accept)).acceptable
+
+
+def test_an_alarm_counts_as_noticed_once_the_fault_has_begun() -> None:
+    alarms = tuple(Alarm(f"kind{t:.0f}", "sentence", t) for t in (30.0, 61.0, 62.0))
+    path = LivePath(Path(), 70.0, 0, alarms, (), None, Cause("slip", 60.0, 60.0))
+    assert path.noticed == alarms[1]
+    assert replace(path, alarms=alarms[:1]).noticed is None
+
+
+@pytest.mark.parametrize("name", OF_ENCODERS)
+def test_a_fault_of_encoders_is_refused_where_there_are_none(name: str) -> None:
+    check_fault(load_scenario(IRB), name)
+    with pytest.raises(InputError, match=f"--fault {name}: needs a ball-bar with encoders"):
+        check_fault(load_scenario(UR), name)
+
+
+def test_an_unknown_fault_is_refused_with_the_list() -> None:
+    code, _, error = ballbar("rehearse", IRB, "--fault", "gremlins")
+    assert code == 2
+    assert "--fault gremlins: is no fault. There are encoder_frozen, motor_frozen" in error
+
+
+@pytest.mark.parametrize("name", [IRB, UR])
+def test_the_second_path_is_planned_for_the_cell_and_times_of_the_first(name: str) -> None:
+    file, scenario = scenario_file(name), load_scenario(name)
+    data = request_data(scenario, file.parent)
+    request = PlanRequest.model_validate(data, strict=False)
+    assert request.cell.robot == scenario.cell.robot
+    assert request.telescoping == (scenario.cell.instrument is not None)
+    assert request.timing.duration_s == scenario.path.duration_s
+    lower, upper = np.array(request.cell.region)
+    assert (lower < scenario.cell.ballbar_position_m).all()
+    assert (upper > scenario.cell.ballbar_position_m).all()
+
+
+def test_the_devices_of_a_ballbar_deliver_neither_torque_nor_force() -> None:
+    scenario = as_recorded(load_scenario("irb2400_full"))
+    assert scenario.logs.torque is None
+    assert scenario.logs.force_sensor is None
+    assert scenario.encoders.directions == "unknown"
+
+
+def test_a_rehearsal_that_breaks_off_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(*_: object, **__: object) -> None:
+        raise FailureError("the recorder did not reach the simulated PLC")
+
+    monkeypatch.setattr(files, "rehearse", breaks)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "rehearsal.json").write_text("{}")
+    with pytest.raises(FailureError):
+        rehearse_into(
+            out,
+            load_scenario(IRB),
+            scenario_file(IRB),
+            speed=10.0,
+            fault=None,
+            command="",
+            show=print,
+            progress=print,
+        )
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+    assert (out / "rehearsal.json").read_text() == "{}"
+
+
+@pytest.mark.slow
+def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_instant_on(
+    tmp_path: Path,
+) -> None:
+    file = scenario_file(UR)
+    changes = ["path.duration_s=40", "path.stops=0", "logs.robot.rate_hz=100"]
+    scenario = as_recorded(load_scenario(UR, overrides=changes))
+    simulated = tmp_path / "simulated"
+    simulate_scenario(scenario, file, simulated, progress=lambda _: None)
+    live = {
+        fault: record_live(
+            simulated,
+            tmp_path / str(fault),
+            scenario,
+            relative_to=file.parent,
+            speed=20.0,
+            fault=fault,
+            identify=False,
+        )
+        for fault in (None, "motor_frozen")
+    }
+    for log in ("robot.csv", "length.csv"):
+        sound = (tmp_path / "None" / "raw" / log).read_text()
+        assert sound == (simulated / "raw" / log).read_text()
+    assert live[None].cause is None
+    began = live["motor_frozen"].cause.began  # type: ignore[union-attr]
+    rows = [
+        np.loadtxt(tmp_path / name / "raw" / "robot.csv", delimiter=",", skiprows=1)
+        for name in ("None", "motor_frozen")
+    ]
+    since = rows[0][:, 0] - rows[0][0, 0]
+    changed = np.abs(rows[1] - rows[0]).max(axis=1) > 0.0
+    assert not changed[since < began].any()
+    assert changed[since > began + 1.0].all()
+
+
+@pytest.mark.long
+def test_a_day_of_short_paths_comes_out_as_required(tmp_path: Path) -> None:
+    """With a slip, which is noticed; every step of the day is in the folder."""
+    out = tmp_path / "day"
+    code, said, error = ballbar(
+        "rehearse", IRB, "--fault", "slip", "--set", "path.duration_s=80", "--out", out
+    )
+    assert code == 0, said + error
+    assert {entry.name for entry in out.iterdir()} == OUTPUTS
+    data = json.loads((out / "rehearsal.json").read_text())
+    stages = {stage["name"]: stage["figures"] for stage in data["stages"]}
+    assert data["acceptable"]
+    assert stages["record with a fault"]["fault"] == "slip"
+    assert stages["record with a fault"]["alarm"]["kind"] in ("misfit", "step")
+    assert stages["record path1"]["lost"] == stages["record path2"]["lost"] == 0
+    stated = [stages[f"identify {name}"]["tcp_sigma_m"] for name in ("path1", "path1 and path2")]
+    assert stated[1] < stated[0]
+    held = stages["hold them in the plant"]
+    assert held["corrected_targets_m"]["mean"] < 0.01 * held["nominal_targets_m"]["mean"]
+    assert (out / "result" / "report.html").exists()
+
+
+def test_every_fault_says_what_it_is() -> None:
+    assert all(fault.__doc__ for fault in FAULTS.values())
+    assert set(OF_ENCODERS) < set(FAULTS)
