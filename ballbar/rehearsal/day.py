@@ -269,8 +269,8 @@ def _identified(
     }
     sentence = (
         f"{verdict.status}, stated {_mm(sigma)} ({_mm(without)} without scale); true error "
-        f"{_mm(rms(tcp.error))} rms ({_mm(rms(tcp.error_without_scale))}), largest "
-        f"{_mm(tcp.maximum)}"
+        f"{_mm(rms(tcp.error))} rms ({_mm(rms(tcp.error_without_scale))} without scale), "
+        f"largest {_mm(tcp.maximum)}"
     )
     day.done(f"identify {' and '.join(recordings)}", sentence, figures, met=verdict.acceptable)
     return data, comparison

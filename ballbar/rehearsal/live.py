@@ -39,7 +39,8 @@ if TYPE_CHECKING:  # pyads is an extra
 
 LOOK = 0.05  # [s] between two looks at what is identified meanwhile
 BEGINS = 60.0  # [s] for the recorder and the process that identifies to begin
-LAST_UPDATE = 4.0  # [s] for an update with the last rows: one a second, each takes some tenths
+LAST_UPDATE = 5.0  # [s] for an update with the last rows: one a second, each takes some tenths
+AFTER_A_FAULT = 3  # updates with the last rows: an alarm may need two (ballbar.watch.alarms)
 MIDWAY = 0.5  # of a path, where a fault begins if the robot moves there
 
 
@@ -106,6 +107,13 @@ class _Follower:
                 )
             time.sleep(LOOK)
         self.look()
+
+    def wait_for_last(self) -> None:
+        """Waits until what has been delivered is identified, and a fault had its chance."""
+        for _ in range(1 if self.cause is None else AFTER_A_FAULT):
+            self.wait_for_update(LAST_UPDATE)
+            if self.look():
+                return
 
     def look(self) -> bool:
         """Takes in the latest update. Returns whether the fault has been noticed."""
@@ -207,7 +215,7 @@ def _grown(
             time.sleep(LOOK)
         else:
             growing.write_until(np.inf)
-            follower.wait_for_update(LAST_UPDATE)
+            follower.wait_for_last()
     finally:
         last = None if beside is None else beside.finish()
     return follower.path(growing.folder, min(now, growing.seconds), 0, last)
@@ -251,7 +259,7 @@ def _recorded(
                     return
             _wait(lambda: plc.written == len(logs["ballbar"].cells), "the simulated PLC hangs")
             time.sleep(3.0 * POLL)
-            follower.wait_for_update(LAST_UPDATE)
+            follower.wait_for_last()
 
         recorded = record(folder, options, err, meanwhile=follow)
     taken = {source.name: source.records for source in recorded.recording.progress}
