@@ -43,6 +43,7 @@ from cell.load import load_robot
 from sim.live.device_logs import GrowingRecording, device_logs
 from sim.live.egm import EgmRobot
 from sim.live.faults import DWELL, FAULTS, moving_at
+from sim.live.pace import Pace
 from sim.live.plc import Plc, logged_samples
 from tests.helpers.simulated_recordings import CLOCK, SCENARIOS, record
 
@@ -218,15 +219,17 @@ def with_recorder(seconds: float, scratch: Path) -> Recorded:
     encoders = {"noise_sigma_rad": 1e-5, "directions": "unknown"}
     source = recorded(scratch / "source", 1, seconds + 30.0, clocks=clocks, encoders=encoders)
     logs = device_logs(source, CLOCK)
-    program, joints = logged_samples(logs["ballbar"], speed=1.0)
+    pace = Pace(1.0)
+    program, joints = logged_samples(logs["ballbar"], pace)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     folder = scratch / "recording"
     with (
         Plc(ADDRESS, program, joints=joints) as plc,
-        EgmRobot(PORT, logs["robot"], load_robot("irb2400"), speed=1.0) as robot,
+        EgmRobot(PORT, logs["robot"], load_robot("irb2400"), pace) as robot,
     ):
         plc.start()
         robot.start()
+        pace.start()
         names = ["--robot", "irb2400", "--ballbar", "lund_600", "--plc", plc.net_id]
         command = [sys.executable, "-m", "ballbar", "record", str(folder), *names]
         command += ["--egm", str(PORT), "--identify", "--accuracy", "0.05", "--json"]

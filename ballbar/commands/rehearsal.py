@@ -25,7 +25,12 @@ def rehearse(
     scenario: ScenarioFile,
     out_dir: Out = None,
     speed: Annotated[
-        float, typer.Option(help="Times real time at which the robot moves.", min=0.1, max=20.0)
+        float,
+        typer.Option(
+            help="Times real time at which the robot moves; less while the identification is late.",
+            min=0.1,
+            max=20.0,
+        ),
     ] = 10.0,
     fault: Annotated[
         str | None,

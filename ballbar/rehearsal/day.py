@@ -216,9 +216,8 @@ def _with_fault(day: _Day, fault: str) -> None:
         sentence = f"{began}: not noticed"
     else:
         sentence = (
-            f"{began}: noticed {alarm.raised - cause.shows:.1f} s of recording later "
-            f"({(alarm.raised - cause.shows) / day.speed:.1f} s on the clock): {alarm.kind}: "
-            f"{alarm.sentence}"
+            f"{began}: noticed {alarm.raised - cause.shows:.1f} s of recording later: "
+            f"{alarm.kind}: {alarm.sentence}"
         )
     day.done("record with a fault", sentence, figures, met=alarm is not None)
 

@@ -32,6 +32,7 @@ from cell.load import load_robot
 from sim.live.device_logs import GrowingRecording, Logs, device_logs
 from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
+from sim.live.pace import Pace
 from sim.logging.load_logs import BallbarLog, DeviceLogs, RobotLog
 
 if TYPE_CHECKING:  # pyads is an extra
@@ -41,6 +42,7 @@ LOOK = 0.05  # [s] between two looks at what is identified meanwhile
 BEGINS = 60.0  # [s] for the recorder and the process that identifies to begin
 LAST_UPDATE = 5.0  # [s] for an update with the last rows: one a second, each takes some tenths
 AFTER_A_FAULT = 3  # updates with the last rows: an alarm may need two (ballbar.watch.alarms)
+LATE = 25.0  # [s] of the recording without an update, after which the devices go on in real time
 MIDWAY = 0.5  # of a path, where a fault begins if the robot moves there
 
 
@@ -85,15 +87,10 @@ class _Follower:
 
     beside: WatchBeside | None
     cause: Cause | None
-    speed: float
-    begun: float = np.inf  # time.monotonic() when the devices began
+    pace: Pace
+    seen: float = 0.0  # [s] that had been delivered at the latest update
     states: list[Data] = field(default_factory=list)
     alarms: dict[str, Alarm] = field(default_factory=dict)  # by kind, as first shown
-
-    @property
-    def delivered(self) -> float:
-        """[s] of the recording that the devices have delivered."""
-        return max(0.0, time.monotonic() - self.begun) * self.speed
 
     def wait_for_update(self, seconds: float) -> None:
         """Waits for one update more. Raises FailureError when the process has ended."""
@@ -116,12 +113,18 @@ class _Follower:
                 return
 
     def look(self) -> bool:
-        """Takes in the latest update. Returns whether the fault has been noticed."""
-        latest = None if self.beside is None else self.beside.latest
+        """Takes in the latest update, and has the devices wait for the next where it is late.
+
+        Returns whether the fault has been noticed.
+        """
+        latest, delivered = None if self.beside is None else self.beside.latest, self.pace.delivered
         if latest is not None and (not self.states or latest is not self.states[-1]):
             self.states.append(latest)
+            self.seen = delivered
             for kind, sentence in ((a["kind"], a["sentence"]) for a in latest["alarms"]):
-                self.alarms.setdefault(kind, Alarm(kind, sentence, self.delivered))
+                self.alarms.setdefault(kind, Alarm(kind, sentence, delivered))
+        if self.beside is not None and delivered > 0.0:
+            self.pace.hold_back(wanted=delivered - self.seen > LATE)
         began = np.inf if self.cause is None else self.cause.began
         return any(alarm.raised >= began for alarm in self.alarms.values())
 
@@ -204,11 +207,12 @@ def _grown(
 ) -> LivePath:
     """Files that grow, watched by a process of its own."""
     beside = WatchBeside(growing.folder, accuracy=None, duration=None) if identify else None
-    follower = _Follower(beside, cause, speed)
+    pace = Pace(speed)
+    follower = _Follower(beside, cause, pace)
     try:
         follower.wait_for_update(BEGINS)
-        follower.begun = time.monotonic()
-        while (now := follower.delivered) < growing.seconds:
+        pace.start()
+        while (now := pace.delivered) < growing.seconds:
             growing.write_until(now)
             if follower.look():
                 break
@@ -231,7 +235,8 @@ def _recorded(
     identify: bool,
 ) -> LivePath:
     """What a simulated PLC and a simulated controller deliver, by the recorder."""
-    with _devices(logs, scenario, speed) as (plc, robot, port):
+    pace = Pace(speed)
+    with _devices(logs, scenario, pace) as (plc, robot, port):
         options = RecordOptions(
             plc=plc.net_id,
             egm=str(port),
@@ -243,7 +248,7 @@ def _recorded(
             identify=identify,
             accuracy=None,
         )
-        follower = _Follower(None, cause, speed)
+        follower = _Follower(None, cause, pace)
 
         def follow(recording: LiveRecording, beside: WatchBeside | None) -> None:
             follower.beside = beside
@@ -251,7 +256,7 @@ def _recorded(
             _wait(lambda: bool(plc.header_reads), "the recorder did not reach the simulated PLC")
             plc.start()
             robot.start()
-            follower.begun = time.monotonic()
+            pace.start()
             while not robot.wait(LOOK):
                 if recording.wait(0.0):
                     raise KeyboardInterrupt
@@ -269,17 +274,17 @@ def _recorded(
 
 
 @contextmanager
-def _devices(logs: Logs, scenario: Scenario, speed: float) -> Iterator[tuple[Plc, EgmRobot, int]]:
+def _devices(logs: Logs, scenario: Scenario, pace: Pace) -> Iterator[tuple[Plc, EgmRobot, int]]:
     """PLC, controller, and the port to which it sends; they wait to be started."""
     from sim.live.plc import Plc, logged_samples, loopback_address  # noqa: PLC0415  an extra
 
-    program, joints = logged_samples(logs["ballbar"], speed=speed)
+    program, joints = logged_samples(logs["ballbar"], pace)
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
         probe.bind((LOOPBACK, 0))
         port = int(probe.getsockname()[1])
     with (
         Plc(loopback_address(), program, joints=joints) as plc,
-        EgmRobot(port, logs["robot"], load_robot(scenario.cell.robot), speed=speed) as robot,
+        EgmRobot(port, logs["robot"], load_robot(scenario.cell.robot), pace) as robot,
     ):
         yield plc, robot, port
 

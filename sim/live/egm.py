@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 import threading
-import time
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +12,7 @@ import numpy as np
 from cell.descriptions import Robot
 from cell.robot_angles import joints_to_axes, motors_to_joints
 from sim.live.device_logs import TextLog
+from sim.live.pace import Pace
 from sim.logging.containers import egm_message
 
 CYCLE = 2e-3  # [s]
@@ -22,16 +22,14 @@ EPOCH_NS = 1_795_000_000 * 10**9  # [ns] of the controller's clock at the log's 
 class EgmRobot:
     """Messages of a log until the block ends, once the session is started."""
 
-    def __init__(self, port: int, log: TextLog, robot: Robot, *, speed: float) -> None:
-        """port : of this machine, which listens. log : of motor angles [rad]. speed : times real
-        time.
-        """
+    def __init__(self, port: int, log: TextLog, robot: Robot, pace: Pace) -> None:
+        """port : of this machine, which listens. log : of motor angles [rad]."""
         motors = np.stack([log.numbers(name) for name in log.scales], axis=1)
         axes = np.degrees(joints_to_axes(robot, motors_to_joints(robot, motors)))
         stamps = EPOCH_NS + np.rint(log.cells[:, 0].astype(float) * 1e9).astype(np.int64)
         rows = zip(stamps.tolist(), axes.tolist(), strict=True)
         self._messages = [egm_message(k, stamp, angles) for k, (stamp, angles) in enumerate(rows)]
-        self._times, self._speed, self._port = log.t, speed, port
+        self._times, self._pace, self._port = log.t, pace, port
         self._stop = threading.Event()
         self._task = threading.Thread(target=self._send, daemon=True)
 
@@ -59,11 +57,10 @@ class EgmRobot:
 
     def _send(self) -> None:
         """Sends what is due, late messages as soon as possible."""
-        begun, sent = time.monotonic(), 0
+        sent = 0
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
             while sent < len(self._messages) and not self._stop.wait(CYCLE):
-                elapsed = (time.monotonic() - begun) * self._speed
-                due = int(np.searchsorted(self._times, elapsed, side="right"))
+                due = int(np.searchsorted(self._times, self._pace.delivered, side="right"))
                 for message in self._messages[sent:due]:
                     out.sendto(message, ("127.0.0.1", self._port))
                 sent = max(sent, due)

@@ -22,6 +22,7 @@ from pyads.testserver import AdsTestServer, AdvancedHandler, PLCVariable
 from cell.arrays import Array
 from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
 from sim.live.device_logs import WORD, TextLog
+from sim.live.pace import Pace
 
 GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
 STARTED = 848_000_000_000_000_000  # [ns] DC time of the first cycle, in November 2026
@@ -45,21 +46,21 @@ class LoggedSamples:
     """The rows of a log, each when its time has come."""
 
     rows: NDArray[np.void]  # (N,) SAMPLE
-    times: Array  # (N,) [s] since the program was started
-    speed: float = 1.0  # [-] times real time
+    times: Array  # (N,) [s] of the recording
+    pace: Pace
 
     def due(self, elapsed_ns: int) -> int:
-        return int(np.searchsorted(self.times, elapsed_ns * 1e-9 * self.speed, side="right"))
+        del elapsed_ns  # the pace is common to all devices
+        return int(np.searchsorted(self.times, self.pace.delivered, side="right"))
 
     def samples(self, first: int, count: int) -> NDArray[np.void]:
         return self.rows[first : first + count]
 
 
-def logged_samples(log: TextLog, *, speed: float) -> tuple[LoggedSamples, tuple[int, ...]]:
+def logged_samples(log: TextLog, pace: Pace) -> tuple[LoggedSamples, tuple[int, ...]]:
     """The program that samples a ball-bar's log again, and the joints of its encoders.
 
     Counters come as the terminals count them, so the log's encoders must be declared with sign 1.
-    speed : times real time.
     """
     rows = np.zeros(len(log.cells), dtype=SAMPLE)
     rows["sequence"] = np.arange(1, len(rows) + 1)
@@ -68,7 +69,7 @@ def logged_samples(log: TextLog, *, speed: float) -> tuple[LoggedSamples, tuple[
     for j in joints:
         rows["counter"][:, j - 1] = log.cells[:, log.column(f"b{j}")].astype(np.int64) % WORD
         rows["status"][:, j - 1] = log.cells[:, log.column(f"s{j}")].astype(np.int64)
-    return LoggedSamples(rows, log.t, speed), joints
+    return LoggedSamples(rows, log.t, pace), joints
 
 
 class Plc:
