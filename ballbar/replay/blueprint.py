@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import rerun.blueprint as rrb
 
+from ballbar.replay.colours import BACKGROUND
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
-    BACKGROUND,
     BEFORE,
     CELL,
     CLOCK,
