@@ -143,7 +143,7 @@ def log_truth(stream: Branch, truth: TrueTool, t: Array, geometry: Geometry) -> 
 
 def log_legend(stream: Branch | rr.RecordingStream, lines: Sequence[str]) -> None:
     """What the arrows mean, as a page beside the scene: legible in every theme, and never on it."""
-    page = rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)
+    page = rr.TextDocument("  \n".join(lines), media_type=rr.MediaType.MARKDOWN)
     stream.log(LEGEND, page, static=True)
 
 
