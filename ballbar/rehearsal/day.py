@@ -389,8 +389,8 @@ def _write_targets(file: Path, result: Result) -> None:
         corrected_targets(robot, nominal, q)
     except TargetError as error:
         refused = error.faults
-    kept = [k for k in range(len(q)) if k not in refused][:TARGETS]
-    axes = np.degrees(joints_to_axes(result.robot, q[kept]))
+    rows = [k for k in range(len(q)) if k not in refused][:TARGETS]
+    axes = np.degrees(joints_to_axes(result.robot, q[rows]))
     lines = [",".join(axis_columns(result.robot)), *(",".join(map(repr, r)) for r in axes.tolist())]
     write_whole(file, ("\n".join(lines) + "\n").encode())
 

@@ -59,5 +59,5 @@ class HeldRobot:
 
 def pose_distance(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
     """(N,) [m] and (N,) [rad] from the wanted to the held pose."""
-    mismatch = pose_error(held.tool[:, :3, :3].transpose(1, 2, 0), held.tool[:, :3, 3].T, wanted)
-    return np.linalg.norm(mismatch[:3], axis=0), np.linalg.norm(mismatch[3:], axis=0)
+    error = pose_error(held.tool[:, :3, :3].transpose(1, 2, 0), held.tool[:, :3, 3].T, wanted)
+    return np.linalg.norm(error[:3], axis=0), np.linalg.norm(error[3:], axis=0)
