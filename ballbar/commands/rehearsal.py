@@ -69,7 +69,7 @@ def rehearse(
         day = rehearse_into(
             folder,
             settings,
-            scenario,
+            file=scenario,
             speed=speed,
             fault=fault,
             command=command_line(),

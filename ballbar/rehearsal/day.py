@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from ballbar.compensation.joint_targets import axis_columns, read_targets
 from ballbar.compensation.targets_file import correct_file, write_corrected
@@ -31,6 +30,7 @@ from ballbar.result.run_recordings import identify_recordings, validated
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.terminal import PlainConsole
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.errors import FailureError
@@ -129,9 +129,9 @@ class _Day:
 
 def rehearse(
     scenario: Scenario,
+    *,
     file: Path,
     folder: Path,
-    *,
     speed: float,
     fault: str | None,
     command: str,
@@ -146,7 +146,15 @@ def rehearse(
 
     Raises InputError and FailureError as the commands of the day do.
     """
-    day = _Day(scenario, file, folder, speed, command, show, progress)
+    day = _Day(
+        scenario=scenario,
+        file=file,
+        folder=folder,
+        speed=speed,
+        command=command,
+        show=show,
+        progress=progress,
+    )
     truth = _simulated(day, "path1", scenario)
     if fault is not None:
         _with_fault(day, fault)
@@ -188,8 +196,8 @@ def _taken(
     day.progress(f"recording {name}")
     path = record_live(
         day.folder / SIMULATED / source,
-        day.recording(name),
         day.scenario,
+        folder=day.recording(name),
         relative_to=day.file.parent,
         speed=day.speed,
         fault=fault,
@@ -280,7 +288,7 @@ def _planned(day: _Day) -> Scenario:
     day.progress("planning the second path")
     file, plan = day.folder / REQUEST, day.folder / PLAN
     write_yaml(file, request_data(day.scenario, day.file.parent))
-    said = Console(file=io.StringIO())
+    said = PlainConsole(file=io.StringIO())
     feasible = plan_path(
         file,
         folder=plan,

@@ -40,8 +40,8 @@ OUTPUTS = {
 def rehearse_into(
     out: Path,
     scenario: Scenario,
-    file: Path,
     *,
+    file: Path,
     speed: float,
     fault: str | None,
     command: str,
@@ -60,8 +60,8 @@ def rehearse_into(
         try:
             day = rehearse(
                 delivered,
-                file,
-                beside,
+                file=file,
+                folder=beside,
                 speed=speed,
                 fault=fault,
                 command=command,

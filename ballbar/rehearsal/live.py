@@ -131,7 +131,15 @@ class _Follower:
     def path(self, folder: Path, seconds: float, lost: int, last: Data | None) -> LivePath:
         """The path that was followed."""
         alarms, states = tuple(self.alarms.values()), tuple(self.states)
-        return LivePath(folder, seconds, lost, alarms, states, last, self.cause)
+        return LivePath(
+            folder=folder,
+            seconds=seconds,
+            lost=lost,
+            alarms=alarms,
+            states=states,
+            last=last,
+            cause=self.cause,
+        )
 
 
 def as_recorded(scenario: Scenario) -> Scenario:
@@ -167,9 +175,9 @@ def check_fault(scenario: Scenario, fault: str | None) -> None:
 
 def record_live(
     simulated: Path,
-    folder: Path,
     scenario: Scenario,
     *,
+    folder: Path,
     relative_to: Path,
     speed: float,
     fault: str | None = None,

@@ -35,7 +35,7 @@ def a_day(scenario: Scenario) -> Rehearsal:
     found = {"mean": 1e-5, "rms": 1e-5, "max": 3e-5, "rms_without_scale": 1e-5}
     identified = {"tcp_sigma_m": 2e-5, "true_tcp_error_m": found}
     states = tuple({"recorded_s": t, "tcp_sigma_m": 1e-3 / t} for t in (10.0, 20.0, 40.0))
-    path = LivePath(Path("path1"), 40.0, 0, (), states, None)
+    path = LivePath(Path("path1"), 40.0, lost=0, alarms=(), states=states, last=None)
     held = HeldTargets(*(np.linspace(0.5, 1.0, 50) * size for size in (3e-3, 2e-5, 1e-5)))
     return Rehearsal(
         scenario=scenario,
@@ -76,7 +76,8 @@ def test_the_chain_is_plain_data_and_a_missed_limit_makes_it_unacceptable() -> N
 
 def test_an_alarm_counts_as_noticed_once_the_fault_has_begun() -> None:
     alarms = tuple(Alarm(f"kind{t:.0f}", "sentence", t) for t in (30.0, 61.0, 62.0))
-    path = LivePath(Path(), 70.0, 0, alarms, (), None, Cause("slip", 60.0, 60.0))
+    slip = Cause("slip", 60.0, 60.0)
+    path = LivePath(Path(), 70.0, lost=0, alarms=alarms, states=(), last=None, cause=slip)
     assert path.noticed == alarms[1]
     assert replace(path, alarms=alarms[:1]).noticed is None
 
@@ -128,7 +129,7 @@ def test_a_rehearsal_that_breaks_off_leaves_what_was_there(
         rehearse_into(
             out,
             load_scenario(IRB),
-            scenario_file(IRB),
+            file=scenario_file(IRB),
             speed=10.0,
             fault=None,
             command="",
@@ -151,8 +152,8 @@ def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_inst
     live = {
         fault: record_live(
             simulated,
-            tmp_path / str(fault),
             scenario,
+            folder=tmp_path / str(fault),
             relative_to=file.parent,
             speed=20.0,
             fault=fault,
