@@ -37,6 +37,14 @@ def test_elastic_gears_are_asked_for_and_a_good_fit_ends_the_search() -> None:
     assert JOINT_ERRORS not in stages
 
 
+def test_two_recordings_that_ask_for_nothing_are_fitted_by_kinematics_and_the_rod_alone() -> None:
+    """With all corrections they took the rod's backlash for what the geometry does."""
+    result, stages = identified(minute_logs(seed=1), minute_logs(seed=2))
+    assert result.verdict.status is Status.GOOD
+    assert corrections(result) == ["rod_elongation"]
+    assert KNEES not in stages
+
+
 def test_gears_that_are_all_softer_put_the_masses_in_doubt_and_joint_errors_are_tried() -> None:
     result, stages = identified(minute_logs(compliance=1.6))
     assert result.verdict.status is Status.SUSPECT

@@ -10,6 +10,7 @@ from cell.geometry import Geometry, robot_frames
 from cell.statistics import rms
 from ident.robot.accuracy import accuracy_grid, tcp_error
 from ident.robot.tcp_uncertainty import SCALE, TcpUncertainty, scale_direction, tcp_uncertainty
+from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.six_axes import INDEX
 from tests.helpers.synthetic_recording import CELL
@@ -109,3 +110,11 @@ def test_a_doubt_adds_to_both_figures_and_to_the_directions(
     largest = doubted.directions[0]
     assert largest.rms == pytest.approx(0.5 * rms(doubt.error))
     assert sum(doubted.share(d) for d in doubted.directions) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_what_has_no_tolerance_is_exact_already() -> None:
+    """A telescoping bar whose file states none once made the covariance of all unknowns nan."""
+    values = np.diag([4.0, 9.0, 0.0, 1.0])
+    values[0, 3] = values[3, 0] = 1.0  # the unknown goes with the second of the held
+    tool = ToolCovariance(("ra2", "ra3"), np.zeros((0, 28)), values, held=("bd3", "ra6"))
+    np.testing.assert_allclose(tool.of_names, np.diag([3.0, 9.0]))
