@@ -55,4 +55,6 @@ class WatchBeside:
             self._process.kill()
             self._process.wait()
         self._reader.join(1.0)
+        if self._process.stdout is not None and not self._reader.is_alive():
+            self._process.stdout.close()
         return self.latest
