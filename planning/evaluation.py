@@ -246,9 +246,8 @@ def _too_strong(forces: Forces, limit: float, trajectory: Trajectory) -> list[Vi
 
 def _too_close(evaluator: Evaluator, trajectory: Trajectory) -> list[Violation]:
     limit = evaluator.limits.clearance_m
-    closest = nearest(
-        evaluator.clearance, trajectory.nominal, trajectory.q, trajectory.b, trajectory.t
-    )
+    motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    closest = nearest(evaluator.clearance, *motion, within=limit)
     if closest.distance >= limit:
         return []
     text = (
