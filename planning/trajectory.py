@@ -51,9 +51,9 @@ class Trajectory(Passage):
         length = self.t.size // self.runs
         return np.repeat(np.arange(self.runs) * length, length)
 
-    def of_runs(self, some: NDArray[np.intp]) -> Trajectory:
-        """Some of the runs, in this order."""
-        at = np.arange(self.t.size).reshape(self.runs, -1)[some].ravel()
+    def of_runs(self, some: NDArray[np.intp], *, every: int = 1) -> Trajectory:
+        """Some of the runs, in this order, and of their samples the first and every so many."""
+        at = np.arange(self.t.size).reshape(self.runs, -1)[some, ::every].ravel()
         parts = {name: getattr(self, name)[at] for name in _SAMPLED}
         return replace(self, runs=some.size, **parts)
 
