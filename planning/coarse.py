@@ -34,6 +34,7 @@ from planning.screen import UNREACHED, screen
 from planning.trajectory import Trajectory, trajectories_of_many
 from sim.path import Lissajous
 
+BATCH, KEPT = 128, 2  # random candidates of a draw, and those of them that may be starts
 STEP = 0.5  # [s] of the grid; force, clearance and prediction take every other sample
 
 
@@ -45,12 +46,13 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     """
     space, limits = space_of(evaluator.request), evaluator.limits
     around = evaluator.request.cell
-    out = SCREENED_OUT + screen(evaluator.cell, around, space, limits, genomes).excess
+    screened = screen(evaluator.cell, around, space, limits, genomes)
+    out = SCREENED_OUT + screened.excess
     passed = np.flatnonzero(out <= SCREENED_OUT)
     if not passed.size:
         return out
     shapes, positions = space.many(genomes[passed])
-    out[passed] = _of_screened(evaluator, shapes, positions)
+    out[passed] = _of_screened(evaluator, shapes, positions, screened.kept[passed])
     for k in np.argsort(out, kind="stable"):
         if out[k] >= best:
             break
@@ -61,11 +63,26 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     return out
 
 
-def _of_screened(evaluator: Evaluator, shapes: Lissajous, positions: Array) -> Array:
+def sample(evaluator: Evaluator, *, seed: int) -> tuple[Array, Array, int]:
+    """Of BATCH uniform draws from the search space the KEPT best that pass the screen.
+
+    Returns their genomes (K, S) [-], best first, their coarse objectives (K,), and the draws.
+    """
+    size = space_of(evaluator.request).size
+    genomes = np.random.default_rng(seed).random((BATCH, size))
+    values = objectives(evaluator, genomes)
+    best = np.argsort(values, kind="stable")[:KEPT]
+    best = best[values[best] < SCREENED_OUT]
+    return genomes[best], values[best], BATCH
+
+
+def _of_screened(
+    evaluator: Evaluator, shapes: Lissajous, positions: Array, kept: NDArray[np.bool_]
+) -> Array:
     """(M,) coarse objectives of candidates that passed the screen."""
     out = np.full(len(positions), INFEASIBLE + UNREACHED + UNEXAMINED)
     timing, m = evaluator.request.timing, len(positions)
-    moving = trajectories_of_many(evaluator.cell, shapes, positions, timing, step=STEP)
+    moving = trajectories_of_many(evaluator.cell, shapes, positions, timing, kept=kept, step=STEP)
     if moving is None:
         return out
     trajectory, which = moving

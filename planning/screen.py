@@ -36,6 +36,8 @@ class Screened:
 
     excess: Array  # (M,) of the best configuration of the arm; zero or less if limits are kept
     reason: NDArray[np.str_]  # (M,) the limit that is violated most
+    # (M, 4) configurations of an arm with closed form that keep the limits; of others all
+    kept: NDArray[np.bool_]
 
 
 REASONS = (
@@ -60,6 +62,7 @@ def screen(
         screened = Screened(
             np.where(over > 0.0, total, screened.excess),
             np.where(worse, f"cone of the {key}", screened.reason),
+            screened.kept,
         )
     return screened
 
@@ -91,7 +94,7 @@ def _screened_arm(
         np.where(total.min(axis=0) > 0.0, total.min(axis=0), at_best.max(axis=1)),
     )
     which = np.where(unreached > 0.0, 0, 1 + at_best.argmax(axis=1))
-    return Screened(np.asarray(excess), np.array(REASONS)[which])
+    return Screened(np.asarray(excess), np.array(REASONS)[which], (total <= 0.0).T)
 
 
 def _phases(count: int) -> Array:
@@ -139,7 +142,7 @@ def _screened_by_leading(
     excess, why = np.full(m, 1.1 * UNREACHED), np.full(m, names[0], dtype=names.dtype)
     for k in np.argsort(-each):  # the best configuration comes last
         excess[which[k]], why[which[k]] = each[k], reason[k]
-    return Screened(excess, why)
+    return Screened(excess, why, np.ones((m, 4), dtype=np.bool_))
 
 
 def tally(reasons: Counter[str]) -> str:

@@ -81,12 +81,19 @@ def trajectories(
 
 
 def trajectories_of_many(
-    cell: Cell, shapes: Lissajous, positions: Array, timing: PlanTiming, *, step: float
+    cell: Cell,
+    shapes: Lissajous,
+    positions: Array,
+    timing: PlanTiming,
+    *,
+    kept: NDArray[np.bool_],
+    step: float,
 ) -> tuple[Trajectory, NDArray[np.intp]] | None:
     """The trajectories of M candidates as runs, and the candidate (R,) of each; None for none.
 
-    shapes : Lissajous parameters (M, 5). positions : (M, 3) [m] of the ball-bar. Arms without
-    closed form are led along one candidate after the other.
+    shapes : Lissajous parameters (M, 5). positions : (M, 3) [m] of the ball-bar. kept : (M, 4)
+    configurations that count, of an arm with closed form; others are led along one candidate after
+    the other. step : [s] of the grid.
     """
     nominal = nominal_geometry(cell, np.zeros(3))
     t, closed = _grid(timing, step), has_closed_form(nominal.robot)
@@ -96,7 +103,8 @@ def trajectories_of_many(
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
     if closed:
         every = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
-        reached = np.flatnonzero(~np.isnan(every).any(axis=(1, 2)))
+        counted = np.flatnonzero(kept.T)
+        reached = counted[~np.isnan(every[counted]).any(axis=(1, 2))]
         which = reached % m
         q = centred(cell, np.unwrap(every[reached], axis=1))
     else:
