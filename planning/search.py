@@ -190,8 +190,9 @@ class _Search:
                 islands = [island for island in islands if not island.done]
                 if not islands or not time_left():
                     break
-            starts = starts[ENTRANTS:]
-            entrants = [*([progress.best] if progress.best else []), *starts[: ENTRANTS - 1]]
+            starts = starts[len(entrants) :]
+            entrants = neighbours(space, progress.best) if progress.best else []
+            entrants += starts[: ENTRANTS - len(entrants)]
 
 
 def _distinct_first(starts: list[Start]) -> list[Start]:
@@ -204,6 +205,19 @@ def _distinct_first(starts: list[Start]) -> list[Start]:
         (others if key in seen else distinct).append(start)
         seen.add(key)
     return distinct + others
+
+
+def neighbours(space: Space, start: Start) -> list[Start]:
+    """A start, and those that differ from it by one cycle of one angle."""
+    step = 1.0 / space.cycles
+    out = [start]
+    for k in range(*CYCLES.indices(start.genome.size)):
+        for changed in (start.genome[k] - step, start.genome[k] + step):
+            if 0.0 < changed < 1.0:
+                genome = start.genome.copy()
+                genome[k] = changed
+                out.append(replace(start, genome=genome, objective=INFEASIBLE))
+    return out
 
 
 class Island:
