@@ -81,40 +81,36 @@ def _of_screened(
 ) -> Array:
     """(M,) coarse objectives of candidates that passed the screen."""
     out = np.full(len(positions), INFEASIBLE + UNREACHED + UNEXAMINED)
-    timing, m = evaluator.request.timing, len(positions)
+    timing = evaluator.request.timing
     moving = trajectories_of_many(evaluator.cell, shapes, positions, timing, kept=kept, step=STEP)
     if moving is None:
         return out
     trajectory, which = moving
     excess = _of_motion(evaluator, trajectory)
-    best = _least(excess, which, m)
-    reached = np.flatnonzero(best >= 0)
-    runs = best[reached]
-    out[reached] = INFEASIBLE + UNEXAMINED + excess[runs]
-    close = excess[runs] < NEARLY
-    reached, runs = reached[close], runs[close]
-    if not runs.size:
-        return out
-    examined = trajectory.of_runs(runs, every=round(TIME_STEP / STEP))
-    forces = None
-    if evaluator.force_model is not None:
-        forces = predicted_forces(evaluator.force_model, examined)
-    beyond = excess[runs] + _of_surroundings(evaluator, examined, forces, positions[reached])
-    out[reached] = INFEASIBLE + beyond
-    runnable = np.flatnonzero(beyond <= 0.0)
-    if runnable.size:
-        out[reached[runnable]] = _predicted(evaluator, examined, forces, runnable)
+    np.minimum.at(out, which, INFEASIBLE + UNEXAMINED + excess)
+    waiting = excess < NEARLY
+    while waiting.any():  # one configuration after the other, of those that cannot be run yet
+        runs = np.flatnonzero(waiting)
+        runs = runs[np.unique(which[runs], return_index=True)[1]]
+        some = trajectory.of_runs(runs, every=round(TIME_STEP / STEP))
+        values = _examined(evaluator, some, excess[runs], positions[which[runs]])
+        out[which[runs]] = np.minimum(out[which[runs]], values)
+        waiting[runs] = False
+        waiting &= out[which] >= INFEASIBLE
     return out
 
 
-def _least(excess: Array, which: NDArray[np.intp], m: int) -> NDArray[np.intp]:
-    """(M,) the first run of least excess of each of M candidates; -1 where there is none.
-
-    excess, which : (R,) of the runs, and their candidates.
-    """
-    out = np.full(m, -1)
-    order = np.lexsort((np.arange(which.size), excess))[::-1]  # the least comes last and stays
-    out[which[order]] = order
+def _examined(
+    evaluator: Evaluator, trajectory: Trajectory, excess: Array, positions: Array
+) -> Array:
+    """(R,) coarse objectives of runs; excess : (R,) over the limits of motion."""
+    forces = None
+    if evaluator.force_model is not None:
+        forces = predicted_forces(evaluator.force_model, trajectory)
+    excess = excess + _of_surroundings(evaluator, trajectory, forces, positions)
+    out, runnable = INFEASIBLE + excess, np.flatnonzero(excess <= 0.0)
+    if runnable.size:
+        out[runnable] = _predicted(evaluator, trajectory, forces, runnable)
     return out
 
 

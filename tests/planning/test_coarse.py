@@ -1,0 +1,163 @@
+"""What a search compares: many candidates at once, on a coarse grid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cell.arrays import Array
+from cell.geometry import bar_frames, robot_frames
+from planning import search as searching
+from planning.candidate import Candidate, genome_of, rounded, space_of
+from planning.clearance import FAR, nearest, nearest_of_runs, segment_distance
+from planning.coarse import STEP, objectives
+from planning.coarse_crlb import coarse_predictor
+from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, evaluators, objective
+from planning.first import first_path
+from planning.force import predicted_forces
+from planning.plan import known_path
+from planning.request import load_request
+from planning.search import search
+from planning.trajectory import trajectories, trajectories_of_many
+from planning.workers import evaluating_processes
+from tests.helpers.simulated_recordings import SCENARIOS
+
+FREE = np.r_[0:15, 20:23]  # numbers of a genome that an island varies
+
+
+@pytest.fixture(scope="module")
+def evaluator() -> Evaluator:
+    return evaluators(load_request(SCENARIOS / "plans" / "irb2400.yaml"))["lund_600"]
+
+
+@pytest.fixture(scope="module")
+def genomes(evaluator: Evaluator) -> Array:
+    """The planned path, and others more and more unlike it and one within the limits."""
+    space, rng = space_of(evaluator.request), np.random.default_rng(3)
+    shape, position = known_path(SCENARIOS / "paths" / "irb2400_planned.yaml")
+    planned = genome_of(space, Candidate(shape, np.array(position)))
+    inside = planned.copy()
+    inside[5:10] *= 0.9  # amplitudes
+    out = np.array([planned, *[inside] * 23])
+    out[2:, FREE] += np.linspace(0.001, 0.03, 22)[:, None] * rng.standard_normal((22, FREE.size))
+    return out
+
+
+def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, genomes: Array) -> None:
+    coarse = objectives(evaluator, genomes)
+    full = np.array([objective(evaluator, genome) for genome in genomes])
+    assert (coarse < INFEASIBLE).tolist() == (full < INFEASIBLE).tolist()
+    assert ((coarse > SCREENED_OUT) == (full > SCREENED_OUT)).all()
+    runnable = full < INFEASIBLE
+    assert 4 <= runnable.sum() < len(genomes)
+    above = coarse[runnable] - full[runnable]
+    assert 0.0 < above.mean() < 0.15  # planning.coarse_crlb: 7 %
+    assert above.std() < 0.04  # 2.4 %
+
+
+def test_with_as_many_samples_the_coarse_prediction_is_the_full_one(
+    evaluator: Evaluator, genomes: Array
+) -> None:
+    """A tension that is free at each of 229 samples, or a spline through 240."""
+    fine = replace(evaluator, coarse=coarse_predictor(evaluator.predictor, samples=114))
+    full = objective(evaluator, genomes[0])
+    assert objectives(fine, genomes[:1])[0] == pytest.approx(full, abs=0.06)
+
+
+def test_a_candidate_counts_the_same_whoever_stands_beside_it(
+    evaluator: Evaluator, genomes: Array
+) -> None:
+    together = objectives(evaluator, genomes)
+    apart = np.concatenate([objectives(evaluator, genome[None]) for genome in genomes])
+    assert together == pytest.approx(apart, abs=1e-9)
+
+
+def test_runs_are_the_trajectories_of_their_candidates(
+    evaluator: Evaluator, genomes: Array
+) -> None:
+    space, timing = space_of(evaluator.request), evaluator.request.timing
+    shapes, positions = space.many(genomes[:3])
+    kept = np.ones((3, 4), dtype=np.bool_)
+    model = evaluator.force_model
+    assert model is not None
+    many = trajectories_of_many(evaluator.cell, shapes, positions, timing, kept=kept, step=STEP)
+    assert many is not None
+    runs, which = many
+    tension = predicted_forces(model, runs).tension
+    for k in range(3):
+        candidate = space.candidate(genomes[k])
+        alone = trajectories(evaluator.cell, candidate, timing, step=STEP)
+        own = np.flatnonzero(which == k)
+        assert own.size == len(alone)
+        for run, trajectory in zip(own, alone, strict=True):
+            part = runs.of_runs(np.array([run]))
+            for name in ("t", "b", "q", "speed", "acceleration", "tip", "tip_speed"):
+                assert getattr(part, name) == pytest.approx(getattr(trajectory, name), abs=1e-9)
+            force = predicted_forces(model, trajectory).tension
+            assert tension.reshape(*force.shape[:1], runs.runs, -1)[:, run] == pytest.approx(force)
+
+
+def test_what_would_be_the_best_is_looked_at_on_the_fine_grid(
+    evaluator: Evaluator, genomes: Array
+) -> None:
+    """Of an evaluator whose fine grid alone sees a violation: no candidate becomes the best."""
+    runnable = genomes[objectives(evaluator, genomes) < INFEASIBLE][:3]
+    candidate = rounded(space_of(evaluator.request).candidate(runnable[0]))
+    assert not check(evaluator, candidate).violations
+    limits = evaluator.limits
+    trajectory = check(evaluator, candidate).trajectory
+    assert trajectory is not None
+    fine = trajectory.tip_speed.max()
+    coarse = trajectory.tip_speed[::5].max()  # every second of the 0.2 s
+    assert coarse <= fine
+    tight = replace(evaluator, limits=limits.model_copy(update={"tcp_speed_m_per_s": fine * 0.999}))
+    values = objectives(tight, runnable[:1], best=np.inf)
+    assert values[0] > INFEASIBLE
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_segments_are_no_farther_apart_than_any_of_their_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    p, u, q, v = rng.standard_normal((4, 3))
+    if seed % 3 == 0:
+        v = -0.5 * u  # parallel
+    s = np.linspace(-1.0, 1.0, 401)
+    points, others = p + s[:, None] * u, q + s[:, None] * v
+    brute = np.linalg.norm(points[:, None] - others, axis=2).min()
+    (distance,) = segment_distance(*(w[:, None] for w in (p, u, q, v)))
+    assert distance <= brute + 1e-12
+    size = float(np.linalg.norm(u) + np.linalg.norm(v))
+    assert distance == pytest.approx(brute, abs=0.01 * size)  # points 0.005 of it apart
+
+
+def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array) -> None:
+    space, of = space_of(evaluator.request), evaluator.clearance
+    alone = [
+        trajectories(evaluator.cell, space.candidate(genome), evaluator.request.timing)[0]
+        for genome in genomes[:2]
+    ]
+    frames = [(robot_frames(t.nominal, t.q[::5]), bar_frames(t.nominal, t.b[::5])) for t in alone]
+    for (robot, bar), t in zip(frames, alone, strict=True):
+        (found,) = nearest_of_runs(of, robot, bar, t.t[::5], within=FAR)
+        assert found == nearest(of, t.nominal, t.q, t.b, t.t)
+
+
+@pytest.mark.slow
+def test_a_search_does_not_depend_on_the_number_of_processes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(searching, "DRAWS", 16)
+    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    start, _ = first_path(evaluators(requested))
+    ends = []
+    for count in (1, 2):
+        with evaluating_processes(requested, count) as pool:
+            found = search(requested, pool, seconds=600.0, evaluations=300, first=[start], hints=[])
+        assert found.best is not None
+        ends.append((found.evaluated, found.best.objective, found.best.genome.tolist()))
+    assert ends[0] == ends[1]
