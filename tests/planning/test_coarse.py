@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.clearance import FAR, nearest, nearest_of_runs, segment_distance
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
-from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, evaluators, objective
+from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
 from planning.first import first_path
 from planning.force import predicted_forces
 from planning.plan import known_path
@@ -24,6 +25,7 @@ from planning.request import load_request
 from planning.search import search
 from planning.trajectory import trajectories, trajectories_of_many
 from planning.workers import evaluating_processes
+from sim.path import Lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 
 FREE = np.r_[0:15, 20:23]  # numbers of a genome that an island varies
@@ -36,15 +38,28 @@ def evaluator() -> Evaluator:
 
 @pytest.fixture(scope="module")
 def genomes(evaluator: Evaluator) -> Array:
-    """The planned path, and others more and more unlike it and one within the limits."""
+    """The planned path, random ones that can be run, and ones beside them."""
     space, rng = space_of(evaluator.request), np.random.default_rng(3)
     shape, position = known_path(SCENARIOS / "paths" / "irb2400_planned.yaml")
-    planned = genome_of(space, Candidate(shape, np.array(position)))
-    inside = planned.copy()
-    inside[5:10] *= 0.9  # amplitudes
-    out = np.array([planned, *[inside] * 23])
-    out[2:, FREE] += np.linspace(0.001, 0.03, 22)[:, None] * rng.standard_normal((22, FREE.size))
-    return out
+    paths = [Candidate(shape, np.array(position)), *(random_path(k) for k in range(13))]
+    runnable = np.array([genome_of(space, path) for path in paths])
+    beside = runnable.copy()
+    beside[:, FREE] += 0.02 * rng.standard_normal((len(beside), FREE.size))
+    return np.concatenate((runnable, beside))
+
+
+def random_path(k: int) -> Candidate:
+    """The k-th of the study's random paths."""
+    with (
+        SCENARIOS.parent / "docs" / "studies" / "planned_paths_random_irb2400.csv"
+    ).open() as file:
+        row = list(csv.DictReader(file))[k]
+    keys = ("centre_deg", "amplitude_deg", "cycles", "phase_deg")
+    centre, amplitude, cycles, phase = (
+        np.array([float(row[f"{key}_b{j}"]) for j in range(1, 6)]) for key in keys
+    )
+    shape = Lissajous(np.radians(centre), np.radians(amplitude), cycles, np.radians(phase))
+    return Candidate(shape, np.array([float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]))
 
 
 def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, genomes: Array) -> None:
@@ -53,10 +68,10 @@ def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, geno
     assert (coarse < INFEASIBLE).tolist() == (full < INFEASIBLE).tolist()
     assert ((coarse > SCREENED_OUT) == (full > SCREENED_OUT)).all()
     runnable = full < INFEASIBLE
-    assert 4 <= runnable.sum() < len(genomes)
+    assert 14 <= runnable.sum() < len(genomes)
     above = coarse[runnable] - full[runnable]
-    assert 0.0 < above.mean() < 0.15  # planning.coarse_crlb: 7 %
-    assert above.std() < 0.04  # 2.4 %
+    assert 0.0 < above.mean() < 0.2  # planning.coarse_crlb: 0.13
+    assert np.corrcoef(coarse[runnable], full[runnable])[0, 1] > 0.99
 
 
 def test_with_as_many_samples_the_coarse_prediction_is_the_full_one(
@@ -104,19 +119,20 @@ def test_runs_are_the_trajectories_of_their_candidates(
 def test_what_would_be_the_best_is_looked_at_on_the_fine_grid(
     evaluator: Evaluator, genomes: Array
 ) -> None:
-    """Of an evaluator whose fine grid alone sees a violation: no candidate becomes the best."""
-    runnable = genomes[objectives(evaluator, genomes) < INFEASIBLE][:3]
-    candidate = rounded(space_of(evaluator.request).candidate(runnable[0]))
-    assert not check(evaluator, candidate).violations
-    limits = evaluator.limits
-    trajectory = check(evaluator, candidate).trajectory
-    assert trajectory is not None
-    fine = trajectory.tip_speed.max()
-    coarse = trajectory.tip_speed[::5].max()  # every second of the 0.2 s
-    assert coarse <= fine
-    tight = replace(evaluator, limits=limits.model_copy(update={"tcp_speed_m_per_s": fine * 0.999}))
-    values = objectives(tight, runnable[:1], best=np.inf)
-    assert values[0] > INFEASIBLE
+    """The tool is fastest between two samples of the coarse grid, where it passes the limit."""
+    space, timing = space_of(evaluator.request), evaluator.request.timing
+    fastest = []
+    for genome in genomes[:14]:
+        candidate = rounded(space.candidate(genome))
+        grids = (trajectories(evaluator.cell, candidate, timing, step=s)[0] for s in (0.2, STEP))
+        fastest.append([float(grid.tip_speed.max()) for grid in grids])
+    fine, coarse = np.array(fastest).T
+    k = int((fine / coarse).argmax())
+    between = {"tcp_speed_m_per_s": 0.5 * (fine[k] + coarse[k])}
+    tight = replace(evaluator, limits=evaluator.limits.model_copy(update=between))
+    some = genomes[k : k + 1]
+    assert objectives(tight, some)[0] < INFEASIBLE
+    assert INFEASIBLE < objectives(tight, some, best=np.inf)[0] < INFEASIBLE + 0.1
 
 
 @given(st.integers(0, 10_000))
