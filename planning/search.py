@@ -30,7 +30,7 @@ RANDOM_SHARE = 0.2  # of the time, at most, for random candidates
 DRAWS = 128  # batches of random candidates: enough for the starts of a race
 AHEAD = 16  # batches that are under way at a time, however many processes there are
 # Islands of a race: half of them continue after each round, until two are left.
-ENTRANTS, FINALISTS = 16, 2
+ENTRANTS, FINALISTS = 24, 2
 ROUND = 10  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
 CHUNK = 6  # candidates that a process evaluates at a time
@@ -164,8 +164,8 @@ class _Search:
     def race(self, starts: list[Start], until: float, evaluations: int) -> None:
         """Races of islands until a monotonic time [s] or a number of evaluations.
 
-        Each race takes the next starts and, from the second on, the best so far. After each round
-        the worse half of its islands ends.
+        Each race takes the next starts and, from the second on, the best so far and its neighbours.
+        After each round the worse half of its islands ends.
         """
         progress, space = self.progress, space_of(self._request)
         last = progress.evaluated + evaluations
@@ -190,8 +190,9 @@ class _Search:
                 islands = [island for island in islands if not island.done]
                 if not islands or not time_left():
                     break
-            starts = starts[ENTRANTS:]
-            entrants = [*([progress.best] if progress.best else []), *starts[: ENTRANTS - 1]]
+            starts = starts[len(entrants) :]
+            entrants = neighbours(space, progress.best) if progress.best else []
+            entrants += starts[: ENTRANTS - len(entrants)]
 
 
 def _distinct_first(starts: list[Start]) -> list[Start]:
@@ -204,6 +205,19 @@ def _distinct_first(starts: list[Start]) -> list[Start]:
         (others if key in seen else distinct).append(start)
         seen.add(key)
     return distinct + others
+
+
+def neighbours(space: Space, start: Start) -> list[Start]:
+    """A start, and those that differ from it by one cycle of one angle."""
+    step = 1.0 / space.cycles
+    out = [start]
+    for k in range(*CYCLES.indices(start.genome.size)):
+        for changed in (start.genome[k] - step, start.genome[k] + step):
+            if 0.0 < changed < 1.0:
+                genome = start.genome.copy()
+                genome[k] = changed
+                out.append(replace(start, genome=genome, objective=INFEASIBLE))
+    return out
 
 
 class Island:

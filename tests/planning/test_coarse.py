@@ -22,7 +22,7 @@ from planning.first import first_path
 from planning.force import predicted_forces
 from planning.plan import known_path
 from planning.request import load_request
-from planning.search import search
+from planning.search import Start, neighbours, search
 from planning.trajectory import trajectories, trajectories_of_many
 from planning.workers import evaluating_processes
 from sim.path import Lissajous
@@ -161,6 +161,20 @@ def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array)
     for (robot, bar), t in zip(frames, alone, strict=True):
         (found,) = nearest_of_runs(of, robot, bar, t.t[::5], within=FAR)
         assert found == nearest(of, t.nominal, t.q, t.b, t.t)
+
+
+def test_neighbours_of_a_path_have_one_cycle_more_or_less(evaluator: Evaluator) -> None:
+    space = space_of(evaluator.request)
+    genome = np.full(space.size, 0.5)
+    genome[15:20] = (0.1, 0.3, 0.5, 0.7, 0.9)  # 1 to 5 cycles of 5
+    cycles = space.candidate(genome).shape.cycles
+    changes = [
+        space.candidate(start.genome).shape.cycles - cycles
+        for start in neighbours(space, Start("lund_600", genome, 3.0))
+    ]
+    assert not changes[0].any()
+    assert len(changes) == 1 + 8  # the first has no fewer, the last no more
+    assert all(np.abs(change).sum() == 1.0 for change in changes[1:])
 
 
 @pytest.mark.slow
