@@ -52,7 +52,7 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     if not passed.size:
         return out
     shapes, positions = space.many(genomes[passed])
-    out[passed] = _of_screened(evaluator, shapes, positions, screened.kept[passed])
+    out[passed] = _of_screened(evaluator, shapes, positions, screened.allowed[passed])
     for k in np.argsort(out, kind="stable"):
         if out[k] >= best:
             break
@@ -77,12 +77,14 @@ def sample(evaluator: Evaluator, *, seed: int) -> tuple[Array, Array, int]:
 
 
 def _of_screened(
-    evaluator: Evaluator, shapes: Lissajous, positions: Array, kept: NDArray[np.bool_]
+    evaluator: Evaluator, shapes: Lissajous, positions: Array, allowed: NDArray[np.bool_]
 ) -> Array:
     """(M,) coarse objectives of candidates that passed the screen."""
     out = np.full(len(positions), INFEASIBLE + UNREACHED + UNEXAMINED)
     timing = evaluator.request.timing
-    moving = trajectories_of_many(evaluator.cell, shapes, positions, timing, kept=kept, step=STEP)
+    moving = trajectories_of_many(
+        evaluator.cell, shapes, positions, timing, allowed=allowed, step=STEP
+    )
     if moving is None:
         return out
     trajectory, which = moving

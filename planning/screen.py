@@ -37,7 +37,7 @@ class Screened:
     excess: Array  # (M,) of the best configuration of the arm; zero or less if limits are kept
     reason: NDArray[np.str_]  # (M,) the limit that is violated most
     # (M, 4) configurations of an arm with closed form that keep the limits; of others all
-    kept: NDArray[np.bool_]
+    allowed: NDArray[np.bool_]
 
 
 REASONS = (
@@ -62,7 +62,7 @@ def screen(
         screened = Screened(
             np.where(over > 0.0, total, screened.excess),
             np.where(worse, f"cone of the {key}", screened.reason),
-            screened.kept,
+            screened.allowed,
         )
     return screened
 

@@ -87,12 +87,12 @@ def trajectories_of_many(
     positions: Array,
     timing: PlanTiming,
     *,
-    kept: NDArray[np.bool_],
+    allowed: NDArray[np.bool_],
     step: float,
 ) -> tuple[Trajectory, NDArray[np.intp]] | None:
     """The trajectories of M candidates as runs, and the candidate (R,) of each; None for none.
 
-    shapes : Lissajous parameters (M, 5). positions : (M, 3) [m] of the ball-bar. kept : (M, 4)
+    shapes : Lissajous parameters (M, 5). positions : (M, 3) [m] of the ball-bar. allowed : (M, 4)
     configurations that count, of an arm with closed form; others are led along one candidate after
     the other. step : [s] of the grid.
     """
@@ -104,7 +104,7 @@ def trajectories_of_many(
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
     if closed:
         every = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
-        counted = np.flatnonzero(kept.T)
+        counted = np.flatnonzero(allowed.T)
         reached = counted[~np.isnan(every[counted]).any(axis=(1, 2))]
         which = reached % m
         q = centred(cell, np.unwrap(every[reached], axis=1))

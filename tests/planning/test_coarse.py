@@ -96,10 +96,12 @@ def test_runs_are_the_trajectories_of_their_candidates(
 ) -> None:
     space, timing = space_of(evaluator.request), evaluator.request.timing
     shapes, positions = space.many(genomes[:3])
-    kept = np.ones((3, 4), dtype=np.bool_)
+    allowed = np.ones((3, 4), dtype=np.bool_)
     model = evaluator.force_model
     assert model is not None
-    many = trajectories_of_many(evaluator.cell, shapes, positions, timing, kept=kept, step=STEP)
+    many = trajectories_of_many(
+        evaluator.cell, shapes, positions, timing, allowed=allowed, step=STEP
+    )
     assert many is not None
     runs, which = many
     tension = predicted_forces(model, runs).tension
