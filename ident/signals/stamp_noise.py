@@ -22,6 +22,7 @@ SIGNIFICANT = 10.0  # standard errors
 # Of the mean variance of the channels' own noise: less hardly matters, and stays with the channels
 NOTABLE = 0.5
 CLIPPED = 5.0  # standard deviations: a few outliers decide nothing
+_BLOCK = 1 << 18  # rows at a time, of a log of hours
 _PASSES = 8  # in which the channels' own noise shrinks to what it is
 
 
@@ -31,36 +32,49 @@ def stamp_noise(residual: Array, speed: Array) -> tuple[float, Array]:
     residual : (N, C) [rad] of the spline. speed : (N, C) [rad/s]. Without notable noise of the
     stamps: 0, and the rms of the residual.
     """
-    noise = np.sqrt(np.mean(residual * residual, axis=0))
-    sigma = robust_sigma(residual)
+    blocks = [slice(k, k + _BLOCK) for k in range(0, len(residual), _BLOCK)]
+    noise = np.sqrt(sum((residual[b] * residual[b]).sum(axis=0) for b in blocks) / len(residual))
+    sigma = np.concatenate([robust_sigma(channel[:, None]) for channel in residual.T])
     if residual.shape[1] < 2 or not (sigma > 0.0).all():
         return 0.0, noise
-    variance, error = _variance(np.clip(residual / sigma, -CLIPPED, CLIPPED), speed / sigma)
-    if variance < SIGNIFICANT * error:
+    parts = (
+        _sums(np.clip(residual[b] / sigma, -CLIPPED, CLIPPED), speed[b] / sigma) for b in blocks
+    )
+    shown, weight = np.sum(list(parts), axis=0)
+    variance = shown / weight if weight > 0.0 else 0.0
+    if weight <= 0.0 or variance < SIGNIFICANT * np.sqrt(2.0 / weight):
         return 0.0, noise
     own = noise
     for _ in range(_PASSES):
-        power = (speed / own) ** 2
-        total = power.sum(axis=1, keepdims=True)
-        share = power / np.where(total > 0.0, total, 1.0)
-        late = (residual * speed / own**2).sum(axis=1, keepdims=True)
-        rest = residual - speed * late / np.where(total > 0.0, total, 1.0)
-        own = np.sqrt((rest * rest).sum(axis=0) / np.maximum(1.0, (1.0 - share).sum(axis=0)))
+        power, freedom = np.sum([_rest(residual[b], speed[b], own) for b in blocks], axis=0)
+        own = np.sqrt(power / np.maximum(1.0, freedom))
         if not (own > 0.0).all():
             return 0.0, noise
-    if variance * np.mean(speed * speed / own**2) < NOTABLE:
+    share = sum((speed[b] * speed[b] / own**2).sum() for b in blocks) / speed.size
+    if variance * share < NOTABLE:
         return 0.0, noise
     return float(np.sqrt(variance)), np.minimum(own, noise)
 
 
-def _variance(residual: Array, speed: Array) -> tuple[float, float]:
-    """[s^2] variance of the stamps, and its standard error where it is none.
+def _sums(residual: Array, speed: Array) -> tuple[float, float]:
+    """Sums above and below the fraction that is the variance of the stamps [s^2].
 
-    residual : (N, C) in units of the noise. speed : (N, C) [1/s] likewise.
+    residual : (n, C) in units of the noise. speed : (n, C) [1/s] likewise.
     """
     products, squares = residual * speed, speed * speed
     shown = (products.sum(axis=1) ** 2 - (products**2).sum(axis=1)).sum()
     weight = (squares.sum(axis=1) ** 2 - (squares**2).sum(axis=1)).sum()
-    if weight <= 0.0:
-        return 0.0, 1.0
-    return float(shown / weight), float(np.sqrt(2.0 / weight))
+    return float(shown), float(weight)
+
+
+def _rest(residual: Array, speed: Array, own: Array) -> tuple[Array, Array]:
+    """(C,) [rad^2] sum of squares of what late stamps leave, and (C,) its degrees of freedom.
+
+    residual : (n, C) [rad]. speed : (n, C) [rad/s]. own : (C,) [rad] noise of the channels.
+    """
+    power = (speed / own) ** 2
+    total = power.sum(axis=1, keepdims=True)
+    share = power / np.where(total > 0.0, total, 1.0)
+    late = (residual * speed / own**2).sum(axis=1, keepdims=True)
+    rest = residual - speed * late / np.where(total > 0.0, total, 1.0)
+    return (rest * rest).sum(axis=0), (1.0 - share).sum(axis=0)
