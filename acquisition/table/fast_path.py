@@ -1,7 +1,7 @@
 """Device tables without any fault, by pyarrow, which reads them as fast as pandas does.
 
-Whatever is not plain (a torn or blank line, quotes, another encoding, a cell that is no number, a
-last line without line end) makes this reader give nothing, and acquisition.table.table, which knows
+Whatever is not plain (a torn or blank line, quotes, another encoding, a cell that is no number)
+makes this reader give nothing, and acquisition.table.table, which knows
 what to do with it, reads the file from its first byte. So there is one place that repairs and
 refuses, and clean files do not pay for it. pyarrow is as strict with numbers as that place but for
 hexadecimal integers; both round to the nearest float64.
@@ -17,8 +17,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
+from acquisition.report import Finding
 from acquisition.table.header import PREAMBLE, Header, Kind, Layout, read_header
-from acquisition.table.text import LONGEST_LINE, Content, LogText, text_of
+from acquisition.table.text import LONGEST_LINE, Content, LogText, text_of, unterminated
 from cell.errors import LogError
 
 FINE = 4e6  # a float64 below it resolves 1e-9
@@ -29,10 +30,11 @@ _PART = 1 << 23  # bytes of the file held at a time
 
 def clean_columns(
     source: BinaryIO, file: str, layout: Layout
-) -> tuple[Header, dict[str, NDArray[Any]]] | None:
-    """Header and wanted columns of a table of whose bytes none is out of place; None for others.
+) -> tuple[Header, dict[str, NDArray[Any]], tuple[Finding, ...]] | None:
+    """Header, wanted columns and findings of a table whose bytes are in place; None for others.
 
-    source : the file, which is read in parts, so that a log of hours is never held as text.
+    source : the file, which is read in parts, so that a log of hours is never held as text. A last
+        line that was cut off is dropped.
     """
     head = _head(source, file)
     if head is None or layout.decimal == "comma":
@@ -44,16 +46,22 @@ def clean_columns(
     if header.separator == " " or header.glued:
         return None
     columns = _columns(source, header)
-    return None if columns is None else (header, columns)
+    if columns is None:
+        return None
+    rest = source.read()
+    if not _plain_unread(rest) or b"\r" in rest:
+        return None
+    line = header.row + len(next(iter(columns.values()))) + 1
+    return header, columns, (*([unterminated(file, line)] if rest else []), *header.findings)
 
 
 def _head(source: BinaryIO, file: str) -> LogText | None:
-    """The lines among which the header is looked for, if they and the file's end are plain."""
+    """The lines among which the header is looked for, if they are plain."""
     source.seek(0)
     lines = [source.readline(LONGEST_LINE) for _ in range(PREAMBLE + 2)]
     first = b"".join(lines)
-    source.seek(-1, 2)
-    if source.read() != b"\n" or not first.isascii() or max(map(len, lines)) == LONGEST_LINE:
+    first = first[: first.rfind(b"\n") + 1]
+    if not first.isascii() or max(map(len, lines)) == LONGEST_LINE:
         return None
     try:
         head = text_of(Content(first), file)
@@ -63,7 +71,7 @@ def _head(source: BinaryIO, file: str) -> LogText | None:
 
 
 def _columns(source: BinaryIO, header: Header) -> dict[str, NDArray[Any]] | None:
-    """The wanted columns of the rows below the header."""
+    """The wanted columns of the whole rows below the header; what follows them is left unread."""
     source.seek(0)
     before = b"".join(source.readline() for _ in range(header.row))
     if _unread(header) and not _plain_unread(before):
@@ -75,7 +83,7 @@ def _columns(source: BinaryIO, header: Header) -> dict[str, NDArray[Any]] | None
         name: np.empty(total, dtype=np.int64 if _TYPES[kind] == pa.int64() else np.float64)
         for name, kind in header.columns.items()
     }
-    row = 0
+    row, end = 0, begin
     for part in _parts(source):
         table = _parsed(part, header)
         if table is None:
@@ -83,12 +91,14 @@ def _columns(source: BinaryIO, header: Header) -> dict[str, NDArray[Any]] | None
         for values, position in zip(columns.values(), header.positions, strict=True):
             _put(values[row : row + table.num_rows], table[f"f{position}"])
         row += table.num_rows
+        end += len(part)
+    source.seek(end)
     plain = bool(row) and all(_plain(columns[name], kind) for name, kind in header.columns.items())
     return columns if plain else None
 
 
 def _parts(source: BinaryIO) -> Iterator[bytes]:
-    """Whole lines of a file that ends with one, up to a line that is too long."""
+    """Whole lines of a file, up to a line that is too long."""
     rest = b""
     while part := source.read(_PART):
         end = part.rfind(b"\n") + 1

@@ -124,10 +124,10 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
         if clean is None:
             source.seek(0)
             return text_table(text_of(Content(source.read(), unpacking), file), layout)
-    header, columns = clean
+    header, columns, findings = clean
     rows = len(next(iter(columns.values())))
     line = np.arange(header.row + 1, header.row + 1 + rows, dtype=np.int64)
-    findings = (*unpacking, *header.findings)
+    findings = (*unpacking, *findings)
     table = Table(columns, (file,), np.zeros(rows, dtype=np.int64), line, findings=findings)
     return table, Form("utf-8", SEPARATORS[header.separator], "point", rows)
 

@@ -131,9 +131,7 @@ def text_of(content: Content, file: str) -> LogText:
         raise LogError(f"{file}: the file holds nothing but NUL bytes. Copy it again.")
     lines = _split_lines(text)
     if lines.pop():
-        sentence = "the last line has no line end, so it may be cut inside a number; dropped."
-        line = [len(lines) + 1]
-        findings.append(finding("unterminated last line", "repaired", file, sentence, lines=line))
+        findings.append(unterminated(file, len(lines) + 1))
     _refuse_long(lines, file)
     number = np.arange(1, len(lines) + 1, dtype=np.int64)
     if not all(lines) or any(map(str.isspace, lines)):
@@ -155,6 +153,12 @@ def _refuse_long(lines: list[str], file: str) -> None:
             f"{file}:{number}: a line of {longest} characters, and logs have lines of at most "
             f"{LONGEST_LINE}. Is this the file that the logger wrote? Copy it again."
         )
+
+
+def unterminated(file: str, line: int) -> Finding:
+    """The finding for a last line that was cut off."""
+    sentence = "the last line has no line end, so it may be cut inside a number; dropped."
+    return finding("unterminated last line", "repaired", file, sentence, lines=[line])
 
 
 def read_bytes(path: Path, file: str) -> Content:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import acquisition.table.fast_path
 import acquisition.table.table
 from acquisition.table.fast_path import clean_columns
 from acquisition.table.header import Layout
@@ -96,6 +97,7 @@ def files(count: int) -> Iterator[tuple[bytes, Layout]]:
 def test_what_is_read_at_once_is_what_is_read_line_by_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(acquisition.table.fast_path, "_PART", 64)  # of a few rows
     path, clean = tmp_path / "log.csv", 0
     for raw, layout in files(600):
         path.write_bytes(raw)
@@ -116,7 +118,15 @@ def test_a_clean_log_is_read_at_once() -> None:
         "b1": [-7, 3],
         "b2": [4294967295, 0],
     }
-    assert [entry.kind for entry in read[0].findings] == ["column not used"]
+    assert [entry.kind for entry in read[2]] == ["column not used"]
+
+
+def test_a_last_line_that_was_cut_off_is_dropped_at_once() -> None:
+    raw = b"time;b1;b2\n100000000000000001;1;2\n100000000000000002;3;4\n1000000000"
+    read = clean_columns(BytesIO(raw), "log.csv", BAR)
+    assert read is not None
+    assert read[1]["b2"].tolist() == [2, 4]
+    assert [(entry.kind, entry.lines) for entry in read[2]] == [("unterminated last line", (4,))]
 
 
 @pytest.mark.parametrize(
