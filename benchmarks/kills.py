@@ -192,7 +192,7 @@ class Bench:
                 refused = self._again(arguments, sound, out)
         else:
             half = "" if code in (0, 1) else " ".join(half_written(after_it, sound))
-            refused = self._again(arguments, sound, out)
+            refused = self._again(arguments, sound, out) if out.is_dir() else ""
         return Kill(name, number.name, round(after, 3), code, half, refused, traceback, alive)
 
     def _again(self, arguments: list[str], sound: Undisturbed, out: Path) -> str:

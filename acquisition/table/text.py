@@ -34,6 +34,7 @@ _UNPACKED_FREE = 50_000_000  # bytes that every packed file may unpack to
 _UNPACKED_RATIO = 15  # of bytes unpacked to packed, beyond that
 LONGEST_LINE = 100_000  # bytes; a thousand names take half of it
 _LARGE = 10_000_000  # characters of a text whose rows are a time stamp and a value at least,
+_QUOTES = 0.6  # of the characters; "0","0" has half
 _SHORTEST_ROW = 10  # characters on average; each row takes 60 bytes beside its text
 _PACKED: dict[str, Callable[[BinaryIO], Any]] = {
     ".gz": gzip.open,
@@ -119,8 +120,12 @@ def text_of(content: Content, file: str) -> LogText:
         sentence = f"read as {decoded.encoding}."
         findings.append(finding("encoding", "repaired", file, sentence, count=1))
     text = decoded.text.rstrip("\0")
-    if len(text) > _LARGE and len(text) < _SHORTEST_ROW * (text.count("\n") + text.count("\r")):
-        raise LogError(f"{file}: hardly more than line ends. Copy it again from the logger.")
+    if len(text) > _LARGE:
+        ends = text.count("\n") + text.count("\r")
+        if len(text) < _SHORTEST_ROW * ends or _QUOTES * len(text) < text.count('"'):
+            raise LogError(
+                f"{file}: hardly more than line ends or quotes. Copy it again from the logger."
+            )
     if stripped := (len(decoded.text) - len(text)) * decoded.width:
         first, last = decoded.size - stripped, decoded.size - 1
         sentence = f"bytes {first} to {last} are NUL (power loss); left out."
