@@ -130,7 +130,7 @@ def read_recording(folder: Path) -> Recording:
         instrument = load_instrument(description.instrument or "", relative_to=folder)
         length_log, imported["length"] = _read_length(folder, sources.length, instrument)
     if sources.force is not None:
-        force_log, imported["force"] = _read_force(folder, sources.force)
+        force_log, imported["force"] = read_force(folder, sources.force)
     if sources.tracker is not None:
         tracker_log, imported["tracker"] = _read_tracker(folder, sources.tracker, robot, robot_log)
     logs = imported.values()
@@ -311,7 +311,8 @@ def _read_length(
     return log, used.imported
 
 
-def _read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]:
+def read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]:
+    """The log of a force sensor of a recording, and what was found in its files."""
     dialect = dialect_of(folder, "force", declared)
     source = LogSource(folder, "force", declared, dialect, force_layout(declared, dialect))
     tables, summaries = read_files(source)

@@ -1,4 +1,4 @@
-"""Sixty files and descriptions made to hang, to fill the memory, to break out or to be shown.
+"""Files and descriptions made to hang, to fill the memory, to break out or to be shown: 66.
 
     python -m benchmarks.attacks [NAME ...]                  # docs/studies/attacks.csv
 
@@ -33,6 +33,7 @@ import numpy as np
 import yaml
 
 from cell.egm_file import FILE_START
+from tests.helpers.command_line import SHORT
 from tests.helpers.container_files import db3, json_lines, mcap, mpe, scope
 from tests.helpers.device_logs import robot_lines, write
 
@@ -250,7 +251,7 @@ def attacks() -> dict[str, Attack]:
         "gzip of noise": robot_file(b"\x1f\x8b" + noise, ".csv.gz"),
         # containers
         "scope export of 300 MB of one line": robot_file(
-            lambda: b"Starttime of export\t" + b"1\t" * (150 * MB), ".csv", "twincat-scope"
+            lambda: b"Starttime of export\t" + b"1\t" * (150 * MB), ".csv", "kuka-rsi"
         ),
         "scope export cut in its head": robot_file(scope().content[:300], dialect="abb-motor"),
         "JSON nested 100 000 deep": robot_file(b"{" * 1 + b"[" * 100_000, ".jsonl", "comau-json"),
@@ -325,10 +326,12 @@ def attacks() -> dict[str, Attack]:
         "plan request of laughs": other_file(
             "plan", "p.yaml", _laughs().encode(), "--out", "DIR/out"
         ),
-        "program of 100 MB": other_file("correct", "a.mod", lambda: b"MoveL " * (17 * MB), "DIR"),
+        "program of 100 MB": other_file(
+            "correct", "a.mod", lambda: b"MoveL " * (17 * MB), "--with", "DIR"
+        ),
         "scenario of 10^9 s": other_file(
             "run", "s.yaml",
-            b"name: s\npath: {kind: lissajous, duration_s: 1000000000}\n", "--out", "DIR/out",
+            SHORT.replace("duration_s: 40", "duration_s: 1e9").encode(), "--out", "DIR/out",
         ),
     }  # fmt: skip
 
