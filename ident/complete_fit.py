@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import correction_named, corrections_on_evidence
+from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.fit import Fit, fit, thinned
@@ -97,7 +97,7 @@ def fit_complete(
     )
     most = len(faults) + MAX_FOUND
     result = run.first([*chosen, *tried], faults)
-    while len(faults) < most and (fault := find_step_fault(result)) is not None:
+    while len(faults) < most and (fault := run.step_fault(result, faults)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         # before it can pass for noise
         repaired = run.first([*chosen, *tried], (*faults, fault))
@@ -108,7 +108,7 @@ def fit_complete(
     chosen += needed
     pose = recast(result, chosen) if tried else None
     result = with_noise(result, listener, pose)
-    while len(faults) < most and (fault := find_step_fault(result)) is not None:
+    while len(faults) < most and (fault := run.step_fault(result, faults)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
         result = with_noise(run.first(chosen, faults), listener)
@@ -151,6 +151,21 @@ class _Run:
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
+
+    def step_fault(self, result: Fit, faults: tuple[StepFault, ...]) -> StepFault | None:
+        """The surest step fault that a fit shows, if its recording shows one by itself, too.
+
+        What shows only beside the others is no step: they are of another machine. faults : those
+        that are in the fit.
+        """
+        fault = find_step_fault(result)
+        if fault is None or len(self.recordings) == 1:
+            return fault
+        k = fault.recording
+        own = tuple(replace(other, recording=0) for other in faults if other.recording == k)
+        alone = replace(self, recordings=[self.recordings[k]])
+        by_itself = alone.first([c for c in present(result) if belongs_to_machine(c)], own)
+        return fault if find_step_fault(by_itself) is not None else None
 
 
 def refit(result: Fit, extras: Sequence[Correction], listener: Listener = SILENT) -> Fit:

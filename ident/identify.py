@@ -79,6 +79,7 @@ from ident.verdict import (
     implausible,
     judge,
     masses_in_doubt,
+    noise_status,
 )
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
@@ -172,12 +173,20 @@ def _is_other_machine(recording: RecordingFit) -> bool:
     return bool(strange) or not recording.fit.converged
 
 
+def _is_misfit(recording: RecordingFit) -> bool:
+    """Whether the `dh` fit of four encoders is sure to be judged a misfit, before it is judged."""
+    several = len(recording.samples.encoders) >= COMPLETE_ENCODERS
+    judged = not (_is_other_machine(recording) or recording.start.ambiguous)
+    return several and judged and noise_status(recording.fit.chi2_per_dof) is Status.MISFIT
+
+
 def _fitted(
     cell: Cell, single: Sequence[RecordingFit], options: FitOptions, listener: Listener
 ) -> Identification:
     """The result of the model that the options name, or that the data ask for."""
     automatic = options.model == "auto" and options.corrections is None
-    if len(single) == 1 and (options.model == "dh" or automatic):
+    without_corrections = automatic and not _is_misfit(single[0])
+    if len(single) == 1 and (options.model == "dh" or without_corrections):
         simple = _result(cell, single, single[0].fit, options)
         if options.model == "dh":
             return simple

@@ -222,12 +222,6 @@ def _wrong(
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
         )
-    if evidence.lengths_apart > CONTRADICTION:
-        return Status.MISFIT, (
-            "Misfit: the lengths that the files state as known contradict each other by "
-            f"{evidence.lengths_apart:.1f} standard deviations. Measure the rod and the plate "
-            "again, or state how well they are known."
-        )
     if evidence.disagreement:
         return Status.MISFIT, f"Misfit: {evidence.disagreement}."
     if recording.held_out is not None and recording.held_out > UNLIKE_OTHERS:
@@ -235,6 +229,12 @@ def _wrong(
             f"Misfit: the machine of the other recordings leaves {recording.held_out:.1f} times "
             "what noise and its uncertainty explain. Identify each recording by itself, and "
             "compare the results."
+        )
+    if evidence.lengths_apart > CONTRADICTION:
+        return Status.MISFIT, (
+            "Misfit: the lengths that the files state as known contradict each other by "
+            f"{evidence.lengths_apart:.1f} standard deviations. Measure the rod and the plate "
+            "again, or state how well they are known."
         )
     if evidence.unphysical and evidence.converged:
         return Status.MISFIT, (

@@ -40,6 +40,7 @@ SHORTEST = 50
 # the share of distances that are one of two, how often the rarer comes at least, and how many of
 # these may end a line. Where rows are lost at random every second or third ends one.
 COARSE, TWO, FEW, ENDING = 0.01, 0.95, 10, 0.2
+BETWEEN = 0.3  # steps: further from all of them lies no stamp of a clock that shows its steps
 _FLAT = 1e-9  # steps
 
 
@@ -67,7 +68,7 @@ def spread(table: Table, declared: bool | None = None) -> Table:
         for part in np.split(np.arange(stamps.size), cuts)
         for line in _lines(shown, int(part[0]), int(part[-1]) + 1)
     )
-    most = stamps.size if declared else int(2 + cuts.size + ENDING * rarer)
+    most = stamps.size if declared else int(1 + cuts.size + ENDING * rarer)
     lines = list(islice(every, most))
     if next(every, None):
         return table
@@ -122,9 +123,13 @@ def _step(table: Table) -> int:
             f"{table.location(0)}: all rows have the same stamp. Log the time at which they were "
             "taken."
         )
-    # Where rows share stamps, the clock shows each of its steps.
-    coarse = int(np.median(forward)) if (steps == 0).any() else 0
-    return max(coarse, int(np.gcd.reduce(forward)))
+    exact = int(np.gcd.reduce(forward))
+    if not (steps == 0).any():
+        return exact
+    # Where rows share stamps, the clock shows each of its steps, and nothing between two of them.
+    coarse = int(np.median(forward))
+    counts = forward / coarse
+    return coarse if (np.abs(counts - np.rint(counts)) < BETWEEN).all() else exact
 
 
 def _lines(shown: Array, first: int, stop: int) -> Iterator[tuple[int, int]]:

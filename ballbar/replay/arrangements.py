@@ -18,10 +18,10 @@ from rerun.chunk import Chunk, RrdReader
 
 from ballbar import figure_style
 from ballbar.replay.blueprint import blueprint, cell_view, parameter_view, whole_range
+from ballbar.replay.colours import BACKGROUND, Colour, on_dark, shades
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
-    BACKGROUND,
     CELL,
     CLOCK,
     CLOCK_IDENTIFIED,
@@ -45,9 +45,6 @@ from ballbar.replay.entities import (
     TIMELINE,
     TOOL_FROM_RESULT,
     TOOL_FROM_TRUTH,
-    Colour,
-    on_dark,
-    shades,
 )
 from ballbar.replay.parameters import common_ends, log_axes, log_values, read_table
 from cell.errors import InputError

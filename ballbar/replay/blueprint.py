@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import rerun.blueprint as rrb
 
+from ballbar.replay.colours import BACKGROUND
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
-    BACKGROUND,
     BEFORE,
     CELL,
     CLOCK,
@@ -148,13 +148,13 @@ def _recording(shown: Shown) -> rrb.Container:
     texts = _texts(shown.root)
     if TCP_BEFORE in shown.plots:  # the arrows are against the truth
         legend = rrb.TextDocumentView(origin=f"{shown.root}{LEGEND}", name="Arrows")
-        left = rrb.Vertical(scene, legend, texts, row_shares=[12, 2, 6])
+        left = rrb.Vertical(scene, legend, texts, row_shares=[11, 3, 6])
     else:
         left = rrb.Vertical(scene, texts, row_shares=[13, 7])
     time_axis = rrb.TimeAxis(view_range=shown.time_range)
     lanes = rrb.StateTimelineView(origin=f"{shown.root}{LANES}", name="Events", time_view=time_axis)
     rows = (_residuals(shown), lanes, _angles(shown), _more(shown))
-    right = rrb.Vertical(*rows, row_shares=[5, 4, 5, 5])
+    right = rrb.Vertical(*rows, row_shares=[5, 5, 5, 5])
     return rrb.Horizontal(left, right, column_shares=[11, 9], name=shown.name)
 
 

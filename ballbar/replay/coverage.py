@@ -7,7 +7,8 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from ballbar import figure_style
-from ballbar.replay.entities import COVERAGE_SHARE, COVERED, Branch, at, on_dark
+from ballbar.replay.colours import on_dark
+from ballbar.replay.entities import COVERAGE_SHARE, COVERED, Branch, at
 from ballbar.replay.motion import CellMotion
 from ballbar.sphere_coverage import PATCHES, coverage
 from cell.geometry import Geometry

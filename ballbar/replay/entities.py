@@ -1,4 +1,4 @@
-"""What lies where in a replay file: entity paths, timelines and colours.
+"""What lies where in a replay file: entity paths and timelines.
 
 Entities of a recording stand below its root, which is empty for a single recording and `/NAME`
 where several were fitted together. What the recordings share, `/notes` and `/parameters`, has no
@@ -13,7 +13,6 @@ from typing import Any
 
 import rerun as rr
 
-from ballbar import figure_style
 from cell.arrays import Array
 
 TIMELINE = "robot_time"  # [s] robot's clock, from the first row of its log
@@ -56,27 +55,6 @@ COST = "/identify/chi_square_per_sample_log10"
 TOOL_FROM_RESULT = "/identify/tool_um_log10/from_result"
 TOOL_FROM_TRUTH = "/identify/tool_um_log10/from_truth"
 STAGE = "/identify/stage"
-
-Colour = tuple[int, int, int]
-
-
-def on_dark(colour: str, white: float = 0.25) -> Colour:
-    """A colour of `figure_style` mixed with a share of white, for the viewer's dark background."""
-    red, green, blue = (round(c + white * (255 - c)) for c in figure_style.rgb(colour))
-    return red, green, blue
-
-
-def shades(colour: str) -> list[Colour]:
-    """Three shades of a colour, of the components x, y, z."""
-    return [on_dark(colour, white) for white in (0.1, 0.35, 0.6)]
-
-
-BEFORE_COLOUR, AFTER_COLOUR = on_dark(figure_style.BEFORE), on_dark(figure_style.AFTER)
-TRUE_COLOUR = on_dark(figure_style.GREEN)
-WARNING_COLOUR = on_dark(figure_style.RED)
-LINES = [on_dark(colour) for colour in figure_style.LINES]  # of curves in one plot
-STEEL: Colour = (178, 184, 192)
-BACKGROUND: Colour = (30, 34, 42)  # of scenes
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from acquisition.flags import EXCLUDED
-from ballbar.replay.entities import EVENT_LOG, LANES, Branch, Colour, at
+from ballbar.replay.colours import Colour
+from ballbar.replay.entities import EVENT_LOG, LANES, Branch, at
 from ballbar.replay.motion import GAP_PERIODS, CellMotion, on_robot_clock
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS

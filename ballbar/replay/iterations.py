@@ -17,22 +17,17 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR, LINES, STEEL, TRUE_COLOUR, Colour
 from ballbar.replay.entities import (
-    AFTER_COLOUR,
-    BEFORE_COLOUR,
     CLOSURE_ANGLE,
     CLOSURE_ERROR,
     CLOSURE_POSITION,
     COST,
     ITERATION,
-    LINES,
     STAGE,
-    STEEL,
     TOOL_FROM_RESULT,
     TOOL_FROM_TRUTH,
-    TRUE_COLOUR,
     Branch,
-    Colour,
 )
 from ballbar.replay.motion import base_alignment, cell_motion, logged_joints, rms_norm
 from ballbar.replay.scene import log_poses, magnification, spaced

@@ -48,6 +48,16 @@ class CellMotion:
         """(N, 3) [m] identified tool position, robot base frame."""
         return self.robot.tip.T
 
+    @property
+    def frames(self) -> list[tuple[Frames, int]]:
+        """Chain and frame that each body moves with: base, links and plate, then the ball-bar's.
+
+        Frame 0 stands. Frame 0 of the robot is its base, the last one is that of link and plate.
+        """
+        last = len(self.robot.x) - 1
+        rows = [(self.robot, row) for row in (*range(last + 1), last)]
+        return [*rows, *((self.bar, row) for row in range(len(self.bar.x)))]
+
 
 @dataclass(frozen=True, eq=False)
 class TrueTool:

@@ -15,14 +15,8 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from ballbar.replay.blueprint import rounded_up
-from ballbar.replay.entities import (
-    AFTER_COLOUR,
-    BEFORE_COLOUR,
-    PARAMETER_AXES,
-    PARAMETER_TABLE,
-    PARAMETER_VALUES,
-    Colour,
-)
+from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR, Colour
+from ballbar.replay.entities import PARAMETER_AXES, PARAMETER_TABLE, PARAMETER_VALUES
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, UM
 from cell.arrays import Array

@@ -16,16 +16,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ballbar.replay.blueprint import blueprint
-from ballbar.replay.entities import (
-    AFTER_COLOUR,
-    BACKGROUND,
-    BEFORE_COLOUR,
-    CELL,
-    LEGEND,
-    NOTES,
-    STEEL,
-    Colour,
-)
+from ballbar.replay.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEEL, Colour
+from ballbar.replay.entities import CELL, LEGEND, NOTES
 from ballbar.replay.scene import log_legend, magnification, spaced
 from ballbar.replay.shapes import PAINT
 from ballbar.result.pose_run import PoseRun

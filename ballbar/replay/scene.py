@@ -8,21 +8,19 @@ import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
+from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR, STEEL
 from ballbar.replay.entities import (
-    AFTER_COLOUR,
     BAR_BODIES,
-    BEFORE_COLOUR,
     CELL,
     IDENTIFIED_ERROR,
     LEGEND,
     NOMINAL_ERROR,
     PATH_SO_FAR,
-    STEEL,
     Branch,
     at,
 )
 from ballbar.replay.motion import CellMotion, TrueTool
-from ballbar.replay.shapes import Mesh, ball, bar_shapes, plate_shape, robot_shapes
+from ballbar.replay.shapes import Mesh, ball, cell_shapes
 from ballbar.units import MM, UM
 from cell.arrays import Array
 from cell.chain import Frames
@@ -42,7 +40,7 @@ def log_mechanism(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMo
 
 def log_shapes(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
     """What does not change: the bodies' shapes, the poses of the two that stand, the sphere."""
-    shapes = [*robot_shapes(cell), plate_shape(cell), *bar_shapes(cell, geometry)]
+    shapes = cell_shapes(cell, geometry)
     for (entity, frames, row), shape in zip(_bodies(motion), shapes, strict=True):
         stream.log(f"{entity}/shape", _mesh(shape), static=True)
         if row == 0:
@@ -75,11 +73,12 @@ def quat_xyzw(rotation: Array) -> Array:
 
 def _bodies(motion: CellMotion) -> list[tuple[str, Frames, int]]:
     """Every body of the mechanism, its chain and the frame that it moves with; frame 0 stands."""
-    last = len(motion.robot.x) - 1
-    names = ("base", *(f"link{i + 1}" for i in range(last)))
-    links = [(f"{CELL}/robot/{name}", motion.robot, i) for i, name in enumerate(names)]
-    bar = [(f"{CELL}/ballbar/{name}", motion.bar, i) for i, name in enumerate(BAR_BODIES)]
-    return [*links, (f"{CELL}/plate", motion.robot, last), *bar]
+    links = [f"robot/link{i}" for i in range(1, len(motion.robot.x))]
+    names = ["robot/base", *links, "plate", *(f"ballbar/{name}" for name in BAR_BODIES)]
+    return [
+        (f"{CELL}/{name}", frames, row)
+        for name, (frames, row) in zip(names, motion.frames, strict=True)
+    ]
 
 
 def _mesh(shape: Mesh, *, opacity: int = 255) -> rr.Mesh3D:
@@ -144,7 +143,7 @@ def log_truth(stream: Branch, truth: TrueTool, t: Array, geometry: Geometry) -> 
 
 def log_legend(stream: Branch | rr.RecordingStream, lines: Sequence[str]) -> None:
     """What the arrows mean, as a page beside the scene: legible in every theme, and never on it."""
-    page = rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)
+    page = rr.TextDocument("  \n".join(lines), media_type=rr.MediaType.MARKDOWN)
     stream.log(LEGEND, page, static=True)
 
 

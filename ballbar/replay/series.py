@@ -13,12 +13,19 @@ import numpy as np
 import rerun as rr
 
 from ballbar import figure_style
+from ballbar.replay.colours import (
+    AFTER_COLOUR,
+    BEFORE_COLOUR,
+    LINES,
+    TRUE_COLOUR,
+    WARNING_COLOUR,
+    Colour,
+    shades,
+)
 from ballbar.replay.entities import (
     AFTER,
-    AFTER_COLOUR,
     ANGLE,
     BEFORE,
-    BEFORE_COLOUR,
     CLOCK_ERROR,
     CLOCK_IDENTIFIED,
     CLOCK_TRUE,
@@ -26,18 +33,13 @@ from ballbar.replay.entities import (
     FORCE_IDENTIFIED,
     FORCE_TRUE,
     JOINTS,
-    LINES,
     POSITION,
     STRAIN_IDENTIFIED,
     STRAIN_TRUE,
     TCP_AFTER,
     TCP_BEFORE,
-    TRUE_COLOUR,
-    WARNING_COLOUR,
     Branch,
-    Colour,
     at,
-    shades,
 )
 from ballbar.replay.motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
 from ballbar.result.run_data import FittedRecording

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.replay.entities import STEEL, Colour
+from ballbar.replay.colours import STEEL, Colour
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Cell
@@ -199,6 +199,11 @@ def bar_shapes(cell: Cell, geometry: Geometry) -> tuple[Mesh, ...]:
         _cross(),
         _universal_shaft(cell.plate.tool_offset),
     )
+
+
+def cell_shapes(cell: Cell, geometry: Geometry) -> list[Mesh]:
+    """Every body's shape, in the order of `CellMotion.frames`; geometry : as of `bar_shapes`."""
+    return [*robot_shapes(cell), plate_shape(cell), *bar_shapes(cell, geometry)]
 
 
 def _base(height: float, width: float) -> Mesh:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -211,15 +210,13 @@ def _extremes(x: Array, y: Array) -> NDArray[np.intp]:
     """Indices of the least and the largest y of each column, in order; all of a short curve."""
     if x.size < 2 or x.size <= 2.0 * (x[-1] - x[0]) / COLUMN or (np.diff(x) < 0.0).any():
         return np.arange(x.size)
-    starts = np.flatnonzero(np.diff(np.floor(x / COLUMN), prepend=-1.0))
-    rows = set()
-    for first, end in pairwise([*starts.tolist(), x.size]):
-        part = y[first:end]
-        if np.isnan(part).all():
-            rows.add(first)
-        else:
-            rows |= {first + int(np.nanargmin(part)), first + int(np.nanargmax(part))}
-    return np.array(sorted(rows), dtype=np.intp)
+    begins = np.diff(np.floor(x / COLUMN), prepend=-1.0) != 0.0
+    starts, column = np.flatnonzero(begins), np.cumsum(begins)
+
+    def least(values: Array) -> NDArray[np.intp]:
+        return np.lexsort((np.where(np.isnan(values), np.inf, values), column))[starts]
+
+    return np.unique(np.concatenate((least(y), least(-y))))
 
 
 def _pieces(x: Array, y: Array) -> Iterator[str]:

@@ -17,10 +17,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from ballbar.report.log_figures import log_section
 from ballbar.report.machine import machine_section
+from ballbar.report.matplotlib_figures import (
+    SphereFigures,
+    cell_figure,
+    correlation_figure,
+    sphere_figures,
+)
 from ballbar.report.numbers import significant
 from ballbar.report.provenance import provenance
 from ballbar.report.recording import recording_sections, residual_section
-from ballbar.report.sphere_figures import SphereFigures, correlation_figure, sphere_figures
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import TcpSection, tcp_section, tcp_view
 from ballbar.result.run_data import RunData
@@ -39,15 +44,18 @@ class BegunParts:
     diagnosis: Callable[[], DiagnosisSection]
     tcp: Callable[[], TcpSection]
     spheres: list[Callable[[], SphereFigures]]  # of each recording
+    cells: list[Callable[[], str]]  # likewise
     correlations: Callable[[], str]
 
 
 def begin_parts(data: RunData, begin: Begin = partial) -> BegunParts:
     """Begins maps and predictions of a report; begin : meanwhile (ballbar.report.process)."""
+    cell = data.identification.robot.cell
     return BegunParts(
         diagnosis=begin(_diagnosis, data),
         tcp=begin(tcp_section, data),
         spheres=[begin(sphere_figures, fitted) for fitted in data.recordings],
+        cells=[begin(cell_figure, cell, fitted) for fitted in data.recordings],
         correlations=begin(correlation_figure, data.identification.robot),
     )
 
@@ -81,7 +89,7 @@ def render_report(data: RunData, parts: BegunParts, *, command: str, written: da
         diagnosis=diagnosed,
         machine=machine,
         correlations=parts.correlations(),
-        recordings=recording_sections(data, residuals, logs),
+        recordings=recording_sections(data, residuals, logs, [cell() for cell in parts.cells]),
         provenance=origin,
     )
 

@@ -12,7 +12,7 @@ def reporting_process(*, replay: bool) -> AbstractContextManager[Begin]:
 
     replay : whether it writes a replay, too.
     """
-    report = ("page", "sphere", "diagnosis")
+    report = ("page", "sphere", "cell_picture", "diagnosis")
     modules = [f"ballbar.report.{name}" for name in report]
     modules += ["matplotlib.backends.backend_svg"]
     return second_process(*modules, *(["ballbar.replay.write"] if replay else []))

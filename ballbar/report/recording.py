@@ -12,10 +12,10 @@ from ballbar.replay.motion import rms_norm
 from ballbar.report import residual_figures as figures
 from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
 from ballbar.report.log_figures import LogSection
+from ballbar.report.matplotlib_figures import SphereFigures
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
-from ballbar.report.sphere_figures import SphereFigures
 from ballbar.report.tracker import TrackerSection, tracker_section
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
@@ -78,6 +78,8 @@ class RecordingSection:
     number: int  # from 1, for anchors
     name: str  # empty for a single recording
     description: RecordingFile
+    picture: str  # of the cell
+    overview: dict[str, str]
     encoders: tuple[int, ...]
     residuals: ResidualSection
     groups: list[ParameterGroup]
@@ -96,13 +98,14 @@ class RecordingSection:
 
 
 def recording_sections(
-    data: RunData, residuals: Sequence[ResidualSection], logs: Sequence[LogSection]
+    data: RunData,
+    residuals: Sequence[ResidualSection],
+    logs: Sequence[LogSection],
+    pictures: Sequence[str],
 ) -> list[RecordingSection]:
     """A section for each recording that was fitted, with the parts of each that hold figures."""
-    return [
-        _section(data, number, *parts)
-        for number, parts in enumerate(zip(data.recordings, residuals, logs, strict=True), start=1)
-    ]
+    every = zip(data.recordings, residuals, logs, pictures, strict=True)
+    return [_section(data, number, *parts) for number, parts in enumerate(every, start=1)]
 
 
 def _section(
@@ -111,6 +114,7 @@ def _section(
     fitted: FittedRecording,
     residuals: ResidualSection,
     logs: LogSection,
+    picture: str,
 ) -> RecordingSection:
     estimate, recording, comparison = fitted.estimate, fitted.recording, data.comparison
     tension_figure = ""
@@ -122,6 +126,8 @@ def _section(
         number=number,
         name=fitted.name if data.several else "",
         description=recording.description,
+        picture=picture,
+        overview=dict(zip(OVERVIEW, overview_cells(fitted), strict=True)),
         encoders=estimate.encoders,
         residuals=residuals,
         groups=parameter_groups(estimate, comparison),

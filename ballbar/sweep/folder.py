@@ -41,7 +41,7 @@ MAX_CHANGED = 10  # keys that differ, named at once
 class SweepFolder:
     """Folder of one sweep's results."""
 
-    path: Path  # absolute
+    path: Path
     plan: Plan
 
     @property
@@ -145,7 +145,7 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
 
     Raises InputError when it holds something else or another plan, or another process works in it.
     """
-    folder = SweepFolder(path.absolute(), plan)
+    folder = SweepFolder(path, plan)
     written = (_PLAN, folder.table.name, folder.csv.name)
     with claimed_folder(path, {_FILES, _CHUNKS, *written}, "a sweep"):
         if folder.started and not folder.checked:

@@ -7,7 +7,7 @@ unlimited variance.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
@@ -22,7 +22,6 @@ from ident.estimator.whitening import cholesky, covariance, solve_lower
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
 UNMEASURED_SIGMA = 1.0  # [rad] of a joint without encoder: a twelfth of all turns, no knowledge
 ROD_SIGMA_RANGE = 1e-8, 1e-3  # [m] from nothing to a rod that is no constraint any more
-_EVALUATIONS = 160  # of the simplex: four components to 5 % take about a hundred
 
 
 def rod_deviation(fit: Fit) -> float:
@@ -55,39 +54,52 @@ def excess_noise(fit: Fit) -> ExcessNoise:
     """The four variance components of the residuals of a fit."""
     data = sum(r.size for r in fit.linear.residuals)
     share = np.sqrt(data / max(1, fit.degrees))
-    points = fit.linear.evaluations
-    uncertain = [fit.model.backlash_uncertainty(fit.x, point) for point in points]
-
-    def deviance(logs: Array) -> float:
-        excess = _components(logs)
-        return sum(
-            _deviance(point, share, excess, u) for point, u in zip(points, uncertain, strict=True)
+    likelihoods = [
+        _Likelihood.of(
+            point, fit.model.backlash_uncertainty(fit.x, point), share * point.closure.error
         )
+        for point in fit.linear.evaluations
+    ]
+
+    def deviance(logs: Array) -> tuple[float, Array]:
+        variances = np.exp(logs)
+        values, slopes = zip(*(each.deviance(variances) for each in likelihoods), strict=True)
+        return sum(values), variances * np.sum(slopes, axis=0)
 
     e = fit.excess
-    start = np.log(np.clip([e.gear, e.wrist, e.bar, e.rod], 1e-6, HIGHEST))
-    simplex = np.vstack((start, start + 1.5 * np.eye(4)))
-    optimum = minimize(
-        deviance,
-        start,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": _EVALUATIONS},
-    )
-    return _components(optimum.x)
+    start = np.square(np.clip([e.gear, e.wrist, e.bar, e.rod], 1e-6, HIGHEST))
+    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(HIGHEST)))] * len(start)
+    optimum = minimize(deviance, np.log(start), jac=True, method="L-BFGS-B", bounds=bounds)
+    return ExcessNoise(*(float(sigma) for sigma in np.exp(0.5 * optimum.x)))
 
 
-def _components(logs: Array) -> ExcessNoise:
-    values = np.exp(np.clip(logs, np.log(LOWEST), np.log(HIGHEST)))
-    return ExcessNoise(*(float(v) for v in values))
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Of the four components, for the loop-closure errors of one recording's N samples."""
 
+    error: Array  # (6, N) [m, rad]
+    logged: Array  # (6, 6, N) covariance without the components
+    per_variance: Array  # (4, 6, 6, N) what each component adds for a variance of one
 
-def _deviance(
-    point: Evaluation, share: float, excess: ExcessNoise, uncertain: Array | float
-) -> float:
-    """-2 log likelihood of one recording's loop-closure error times `share`."""
-    spread = covariance(noise_columns(point, excess, uncertain))
-    for column in point.unmeasured_columns * UNMEASURED_SIGMA:
-        spread += column[:, None] * column[None]
-    factor = cholesky(spread)
-    white = solve_lower(factor, point.closure.error * share)
-    return float((white * white).sum() + 2.0 * sum(np.log(factor[i, i]).sum() for i in range(6)))
+    @classmethod
+    def of(cls, point: Evaluation, uncertain: Array | float, error: Array) -> _Likelihood:
+        """uncertain : as of `noise_columns`."""
+        logged = covariance(noise_columns(point, ExcessNoise(), uncertain))
+        for column in point.unmeasured_columns * UNMEASURED_SIGMA:
+            logged += column[:, None] * column[None]
+        silent = covariance(noise_columns(point, ExcessNoise()))
+        units = [ExcessNoise(**{field.name: 1.0}) for field in fields(ExcessNoise)]
+        added = [covariance(noise_columns(point, unit)) - silent for unit in units]
+        return cls(error, logged, np.array(added))
+
+    def deviance(self, variances: Array) -> tuple[float, Array]:
+        """-2 log likelihood of four variances, and its derivatives (4,)."""
+        spread = self.logged + np.tensordot(variances, self.per_variance, axes=1)
+        factor = cholesky(spread)
+        identity = np.broadcast_to(np.eye(6)[:, :, None], spread.shape)
+        rows = solve_lower(factor, identity)  # rows[i] is column i of the inverse factor
+        white = (rows * self.error[:, None]).sum(axis=0)
+        weighted = (rows * white).sum(axis=1)
+        slope = np.einsum("ikn,jkn->ijn", rows, rows) - weighted[:, None] * weighted
+        value = (white * white).sum() + 2.0 * sum(np.log(factor[i, i]).sum() for i in range(6))
+        return float(value), np.tensordot(self.per_variance, slope, axes=3)

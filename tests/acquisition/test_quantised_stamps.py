@@ -125,6 +125,22 @@ def test_stamps_that_are_exact_or_of_uneven_rows_stay_as_they_are(log: str) -> N
     assert spread(stamped_rows) is stamped_rows
 
 
+@pytest.mark.parametrize("kind", ["late", "lost", "late, lost and written twice"])
+@pytest.mark.parametrize("events", [10, 20, 60])
+def test_exact_stamps_stay_whatever_chance_does_to_some_rows(kind: str, events: int) -> None:
+    """With ten of them three in ten logs passed for coarse, with rows written twice every one."""
+    for seed in range(10):
+        chance = rng(seed)
+        distances = np.full(12_000, 0.010)
+        rows = chance.choice(distances.size, events, replace=False)
+        distances[rows] = 0.020 if kind == "lost" else 0.015
+        if "twice" in kind:
+            distances[rows[: events // 5]] = 0.020
+            distances[chance.choice(distances.size, 1 + events // 8, replace=False)] = 0.0
+        stamped_rows = table(7.0031 + np.cumsum(distances), 0.001)
+        assert spread(stamped_rows) is stamped_rows, seed
+
+
 def test_coarse_stamps_that_are_declared_exact_stay_as_they_are() -> None:
     coarse = table(7.0031 + COMMON * 0.004032 * np.arange(ROWS), 0.001)
     assert spread(coarse, declared=False) is coarse

@@ -5,6 +5,7 @@ What the recordings share stands once, what belongs to a recording once for each
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import io
 import re
@@ -15,11 +16,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from rich.console import Console
 
 from acquisition.recording import read_recording
 from ballbar.replay.notes import replay_notes
+from ballbar.replay.shapes import PAINT, PLATE_BLUE
 from ballbar.report import figures as report_figures
+from ballbar.report.cell_picture import cell_picture
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
 from ballbar.report.page import begin_parts, render_report, write_report
 from ballbar.report.provenance import without_folders
@@ -270,6 +274,22 @@ def test_inner_links_lead_somewhere(page: str) -> None:
     assert set(re.findall(r"url\(#([^)]*)\)", page)) <= names
 
 
+def test_the_cell_is_painted_with_robot_plate_and_path(run: RunData) -> None:
+    element = cell_picture(run.identification.robot.cell, run.recordings[0])
+    content = re.fullmatch(r'<img alt="" src="data:image/png;base64,([^"]+)">', element)
+    assert content is not None
+    pixels = imread(io.BytesIO(base64.b64decode(content[1])), format="png")
+    solid = pixels[pixels[:, :, 3] == 1.0][:, :3]
+    paint, plate = (np.array(c, dtype=float) for c in (PAINT, PLATE_BLUE))
+    shares = [
+        np.mean(solid @ colour / np.linalg.norm(solid, axis=1) > 0.999 * np.linalg.norm(colour))
+        for colour in (paint, plate)
+    ]
+    assert shares[0] > 0.3, "the robot is the largest body"
+    assert shares[1] > 0.005, "nothing hides the plate"
+    assert 0.1 < solid.shape[0] / pixels[:, :, 0].size < 0.6, "the cell fills its picture"
+
+
 @pytest.mark.slow
 def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
@@ -287,7 +307,7 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
     result = replace(run.identification, verdict=verdict)
     data = replace(_with(run, recording=hostile), name=evil, identification=result)
     parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
-    assert "img" not in parsed.tags
+    assert parsed.tags.count("img") == 1, "our own picture of the cell, and none of the text's"
     assert parsed.tags.count("script") == 1
     assert parsed.text.count("onerror=alert(1)") >= 6
 

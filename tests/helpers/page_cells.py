@@ -29,6 +29,6 @@ class Cells(HTMLParser):
             self.rows[-1][-1] += data.strip()
 
     def row(self, first: str) -> list[str]:
-        """The one row whose first cell is `first`."""
-        (found,) = [row for row in self.rows if row and row[0] == first]
+        """The one row of more than two cells whose first is `first`."""
+        (found,) = [row for row in self.rows if len(row) > 2 and row[0] == first]
         return found

@@ -138,6 +138,22 @@ def test_a_slip_that_only_the_residual_shows_is_found_and_sized() -> None:
     assert result.chi2_per_dof == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.parametrize("by_itself", [True, False])
+def test_a_slip_in_one_of_two_recordings_shows_in_it_by_itself(
+    by_itself: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What shows only beside the other recording is no slip: their machines differ."""
+    found = complete_fit.find_step_fault
+    monkeypatch.setattr(
+        complete_fit,
+        "find_step_fault",
+        lambda fit: found(fit) if by_itself or len(fit.model.recordings) > 1 else None,
+    )
+    recordings = [fitted(seed=1), fitted(slip=(1, 22.0, 4e-4))]
+    faults = fit_complete(CELL, recordings, (), OPTIONS).step_faults
+    assert [(fault.recording, fault.joint) for fault in faults] == [(1, 1)] * by_itself
+
+
 def test_a_step_that_does_not_explain_the_residual_is_not_taken(
     rippled: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:

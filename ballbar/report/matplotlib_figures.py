@@ -1,10 +1,11 @@
-"""The maps of ballbar.report.sphere, by functions that import Matplotlib only when they draw."""
+"""Maps and pictures of the report, by functions that import Matplotlib only when they draw."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from ballbar.result.run_data import FittedRecording
+from cell.descriptions import Cell
 from ident.estimator.uncertainty import correlated_groups
 from ident.result import RobotEstimate
 
@@ -31,6 +32,13 @@ def sphere_figures(fitted: FittedRecording) -> SphereFigures:
             )
         )
     )
+
+
+def cell_figure(cell: Cell, fitted: FittedRecording) -> str:
+    """The identified cell in the middle of a recording."""
+    from ballbar.report.cell_picture import cell_picture  # noqa: PLC0415  imports Matplotlib
+
+    return cell_picture(cell, fitted)
 
 
 def correlation_figure(robot: RobotEstimate) -> str:
