@@ -28,13 +28,14 @@ from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
 from ident.options import FitOptions
 from planning.candidate import Candidate, rounded, space_of
+from planning.coarse import BATCH
 from planning.crlb import predict
-from planning.evaluation import Evaluator, evaluators, tcp_rms
+from planning.evaluation import Evaluator, check, evaluators, tcp_rms
 from planning.files import path_data
 from planning.force import predicted_forces
 from planning.limits import violations
 from planning.request import load_request
-from planning.sample import sample
+from planning.screen import screen
 from planning.trajectory import trajectories
 from sim.path_files import load_lissajous
 from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded
@@ -49,13 +50,16 @@ STUDIES = ROOT / "docs" / "studies"
 def random_paths(robot: str) -> list[dict[str, object]]:
     """RANDOM feasible random paths: predicted TCP sigma, numbers of the path, ball-bar pose."""
     evaluator = _evaluator(robot)
-    seed = evaluator.request.seed + 1000
-    samples = sample(evaluator, seed=seed, seconds=3600.0, count=RANDOM)
-    space = space_of(evaluator.request)
-    paths = [rounded(space.candidate(genome)) for genome in samples.genomes]
+    space, around = space_of(evaluator.request), evaluator.request.cell
+    rng, paths = np.random.default_rng(evaluator.request.seed + 1000), list[Candidate]()
+    while len(paths) < RANDOM:
+        genomes = rng.random((BATCH, space.size))
+        screened = screen(evaluator.cell, around, space, evaluator.limits, genomes)
+        some = [space.candidate(genome) for genome in genomes[screened.excess <= 0.0]]
+        paths += [rounded(c) for c in some if not check(evaluator, c).violations]
     return [
         {"random_path": k + 1, "tcp_sigma_um": predicted_at(evaluator, path) * 1e6} | _numbers(path)
-        for k, path in enumerate(paths)
+        for k, path in enumerate(paths[:RANDOM])
     ]
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.geometry import BAR_ROWS
@@ -49,11 +50,8 @@ class Space:
 
     def candidate(self, genome: Array) -> Candidate:
         """The candidate of a genome (S,) [-], each number folded into 0 to 1."""
-        shape, position = self.many(genome[None])
-        return Candidate(
-            Lissajous(shape.centre[0], shape.amplitude[0], shape.cycles[0], shape.phase[0]),
-            position[0],
-        )
+        shapes, positions = self.many(genome[None])
+        return Candidate(shape_of(shapes, 0), positions[0])
 
     def many(self, genomes: Array) -> tuple[Lissajous, Array]:
         """Lissajous parameters (M, 5) and positions (M, 3) [m] of genomes (M, S) [-]."""
@@ -70,6 +68,18 @@ class Space:
         whole = 1.0 + np.floor(np.clip(cycles, 0.0, 1.0 - 1e-9) * self.cycles)
         position = self.lower + (self.upper - self.lower) * genomes[:, 4 * BAR_ROWS :]
         return Lissajous(centre, share * room, whole, 2.0 * np.pi * phase), position
+
+
+def shape_of(shapes: Lissajous, k: int | NDArray[np.intp]) -> Lissajous:
+    """The k-th of Lissajous parameters (M, 5), or several of them."""
+    return Lissajous(shapes.centre[k], shapes.amplitude[k], shapes.cycles[k], shapes.phase[k])
+
+
+def angles_of(shapes: Lissajous, s: Array, share: float = 1.0) -> Array:
+    """(M, N, 5) [rad] of M shapes at phases s (N,), their motion scaled by a share of 1."""
+    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
+    swing = share * shapes.amplitude
+    return np.asarray(shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn))
 
 
 def genome_of(space: Space, candidate: Candidate) -> Array:

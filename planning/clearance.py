@@ -1,7 +1,8 @@
 """Distances between robot, plate, rod and their surroundings as capsules and boxes.
 
 MuJoCo's `mj_geomDistance` measures them. The bodies connect frames of the kinematic chains, so
-nothing is simulated; MuJoCo only gets their poses. Radii are assumed shares of the upper arm's
+nothing is simulated; MuJoCo only gets their poses, and only of pairs that lower bounds leave in
+question. Radii are assumed shares of the upper arm's
 length, since neither maker publishes hulls. Neighbours touch and are not compared. Of an arm
 without parallel axes 2 and 3 and spherical wrist the capsules run along d and a of its DH rows, as
 in planning.poses.bodies: links that stand beside them, as the upper arm of a UR, are not seen.
@@ -9,7 +10,7 @@ in planning.poses.bodies: links that stand beside them, as the upper arm of a UR
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -70,6 +71,7 @@ ON_FLOOR = ("column", "pedestal")
 
 LINK, LINK_OF_WRIST, WRIST_ROWS = 0.045, 0.03, 3  # radii, shares of the chain's length; rows
 SHORT = 1e-6  # [m] a row that has no body of its own
+PARALLEL = 1e-12  # squared sine below which two axes are parallel
 TOUCHING = 0.05  # [m] along the chain beyond both radii up to which bodies always are near
 
 
@@ -164,43 +166,121 @@ def _compared(body: str, other: str) -> bool:
     return body not in ON_FLOOR if other == "floor" else body != "column"
 
 
-def nearest(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array) -> Nearest:
+def nearest(
+    of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, within: float = FAR
+) -> Nearest:
     """The smallest distance along a motion, every TIME_STEP seconds.
 
-    q, b : (N, 6), (N, 5) [rad] joint angles at times t (N,) [s].
+    q, b : (N, 6), (N, 5) [rad] joint angles at times t (N,) [s]. within : [m] beyond which
+    distances are not distinguished.
     """
-    best = Nearest(FAR, "nothing", 0.0)
-    for at, i, j, distance in _distances(of, geometry, q, b, t, TIME_STEP):
-        if distance < best.distance:
-            best = Nearest(distance, f"{of.names[i]} and {of.names[j]}", at)
-    return best
+    rows = _every(TIME_STEP, t)
+    robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
+    return nearest_of_runs(of, robot, bar, t[rows], within=within)[0]
+
+
+def nearest_of_runs(
+    of: Clearance, robot: Frames, bar: Frames, t: Array, *, within: float
+) -> list[Nearest]:
+    """The smallest distance along each of several motions of equal length, one after the other.
+
+    robot, bar : frames at N instants of all. t : (T,) [s] those of one motion.
+    """
+    placed = _placed(of, robot, bar)
+    bounds = _lower_bounds(of, *placed).reshape(len(of.pairs), -1, t.size)
+    distances = _exact(of, *placed)
+    out = []
+    for run in range(bounds.shape[1]):
+        of_run, best = bounds[:, run], Nearest(within, "nothing", 0.0)
+        close = np.argwhere(of_run < within)
+        for pair, k in close[np.argsort(of_run[tuple(close.T)], kind="stable")]:
+            if of_run[pair, k] >= best.distance:
+                break
+            distance = distances(of.pairs[pair], run * t.size + int(k))
+            if distance < best.distance:
+                i, j = of.pairs[pair]
+                best = Nearest(distance, f"{of.names[i]} and {of.names[j]}", float(t[k]))
+        out.append(best)
+    return out
 
 
 def distances_along(
     of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, step: float
 ) -> Array:
     """(K,) [m] smallest distance every `step` seconds; FAR where nothing is closer."""
-    smallest: dict[float, float] = {}
-    for at, _, _, distance in _distances(of, geometry, q, b, t, step):
-        smallest[at] = min(smallest.get(at, FAR), distance)
-    return np.array(list(smallest.values()))
-
-
-def _distances(
-    of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, step: float
-) -> Iterator[tuple[float, int, int, float]]:
-    """Time [s], two geoms and their distance [m], of all pairs every `step` seconds."""
-    rows = slice(None, None, max(1, round(step / float(t[1] - t[0]))))
+    rows = _every(step, t)
     robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
-    half, centres, turned = _placed(of, robot, bar)
+    instants = nearest_of_runs(of, robot, bar, t[:1], within=FAR)
+    return np.array([instant.distance for instant in instants])
+
+
+def _every(step: float, t: Array) -> slice:
+    """Rows of times (N,) [s] about every `step` seconds."""
+    return slice(None, None, max(1, round(step / float(t[1] - t[0]))))
+
+
+def _exact(
+    of: Clearance, half: Array, centres: Array, turned: Array
+) -> Callable[[tuple[int, int], int], float]:
+    """MuJoCo's distance [m] of a pair of geoms at an instant; arguments as `_placed` gives."""
     bodies = centres.shape[1]
     data = mujoco.MjData(of.model)
     mujoco.mj_kinematics(of.model, data)  # places floor and boxes
-    for k, at in enumerate(t[rows]):
+
+    def distance(pair: tuple[int, int], k: int) -> float:
         of.model.geom_size[: bodies - 1, 1] = half[k]
         data.geom_xpos[:bodies], data.geom_xmat[:bodies] = centres[k], turned[k]
-        for i, j in of.pairs:
-            yield float(at), i, j, float(mujoco.mj_geomDistance(of.model, data, i, j, FAR, None))
+        return float(mujoco.mj_geomDistance(of.model, data, *pair, FAR, None))
+
+    return distance
+
+
+def _lower_bounds(of: Clearance, half: Array, centres: Array, turned: Array) -> Array:
+    """(pairs, N) [m] below the distances of all pairs at N instants; arguments as `_placed` gives.
+
+    Of two capsules the distance itself. The plate stands in a capsule along its length, a box that
+    stands in the cell has its distance from a body's centre less the body's extent.
+    """
+    bodies, of_plate = centres.shape[1], of.model.geom_size[centres.shape[1] - 1]
+    radius = np.append(of.model.geom_size[: bodies - 1, 0], np.hypot(*of_plate[1:]))
+    axis = turned.reshape(*centres.shape, 3)[..., 2].copy()
+    axis[:, -1] = turned[:, -1].reshape(-1, 3, 3)[..., 0]  # of the plate
+    length = np.column_stack((half, np.full(len(half), of_plate[0])))
+    reach = axis * length[..., None]
+    pairs = np.array(of.pairs)
+    moving = pairs[:, 1] < bodies
+    out = np.empty((len(pairs), len(half)))
+    i, j = pairs[moving].T
+    at, toward = (values.transpose(1, 2, 0) for values in (centres, reach))  # (bodies, 3, N)
+    between = segment_distance(*(v.swapaxes(0, 1) for v in (at[i], toward[i], at[j], toward[j])))
+    out[moving] = between - (radius[i] + radius[j])[:, None]
+    for k in np.flatnonzero(~moving):
+        i, j = of.pairs[k]
+        if of.names[j] == "floor":
+            out[k] = centres[:, i, 2] - np.abs(reach[:, i, 2]) - radius[i] - of.floor
+            continue
+        beyond = np.abs(centres[:, i] - of.model.geom_pos[j]) - of.model.geom_size[j]
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        out[k] = outside + np.minimum(beyond.max(axis=1), 0.0) - length[:, i] - radius[i]
+    return out
+
+
+def segment_distance(p: Array, u: Array, q: Array, v: Array) -> Array:
+    """(...) [m] distance of segments from p - u to p + u and from q - v to q + v, all (3, ...) [m].
+
+    Ericson 2005, sec. 5.1.9.
+    """
+    r = p - q
+    a, e, b = (u * u).sum(axis=0), (v * v).sum(axis=0), (u * v).sum(axis=0)
+    c, f = (u * r).sum(axis=0), (v * r).sum(axis=0)
+    a, e = np.maximum(a, SHORT**2), np.maximum(e, SHORT**2)
+    slanted = a * e - b * b
+    parallel = slanted < PARALLEL * a * e
+    s = np.where(parallel, 0.0, (b * f - c * e) / np.where(parallel, 1.0, slanted))
+    t = np.clip((b * np.clip(s, -1.0, 1.0) + f) / e, -1.0, 1.0)
+    s = np.clip((b * t - c) / a, -1.0, 1.0)
+    apart = r + s * u - t * v
+    return np.asarray(np.sqrt((apart * apart).sum(axis=0)))
 
 
 def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:

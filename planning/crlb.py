@@ -202,7 +202,7 @@ def predict(
     tension : (N,) [N] of the rod at the trajectory's times. previous : prediction of the same
         trajectory with another tension, whose loads per newton are reused.
     """
-    samples = _samples(on, trajectory)
+    samples = samples_along(on, trajectory)
     begin = RecordingStart(
         samples.encoders,
         trajectory.nominal,
@@ -217,8 +217,7 @@ def predict(
     model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
     bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
     points = previous.points if previous else ()
-    excess = ExcessNoise(*(on.dilution * sigma for sigma in astuple(_excess(on))))
-    linear = normal_equations(model, x, [bar], excess, previous=points)
+    linear = normal_equations(model, x, [bar], excess_noise(on), previous=points)
     return Prediction(
         layout=layout,
         model=model,
@@ -245,19 +244,17 @@ def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[Pr
     return tuple(out)
 
 
-def _excess(on: Predictor) -> ExcessNoise:
-    if on.excess is not None:
-        return on.excess
-    sensors = on.sensors
-    return ExcessNoise(
-        sensors.robot_sigma_rad,
-        2.0 * sensors.robot_sigma_rad,
-        sensors.encoder_sigma_rad,
-        FIRST_EXCESS.rod if sensors.length_sigma_m is None else sensors.length_sigma_m,
+def excess_noise(on: Predictor) -> ExcessNoise:
+    """Excess noise of a computed sample."""
+    s = on.sensors
+    length = FIRST_EXCESS.rod if s.length_sigma_m is None else s.length_sigma_m
+    fitted = on.excess or ExcessNoise(
+        s.robot_sigma_rad, 2.0 * s.robot_sigma_rad, s.encoder_sigma_rad, length
     )
+    return ExcessNoise(*(on.dilution * sigma for sigma in astuple(fitted)))
 
 
-def _samples(on: Predictor, trajectory: Passage) -> Samples:
+def samples_along(on: Predictor, trajectory: Passage) -> Samples:
     """The samples of a noise-free run along a trajectory, with the noise of the sensors."""
     s, f = on.sensors, on.dilution
     fitted = [j - 1 for j in on.encoders]

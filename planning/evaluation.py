@@ -24,6 +24,7 @@ from ident.robot.accuracy import aligned_columns
 from ident.robot.unloaded_robot import UnloadedRobot
 from planning.candidate import Candidate, Space, space_of
 from planning.clearance import Clearance, clearance, nearest
+from planning.coarse_crlb import CoarsePredictor, coarse_predictor
 from planning.crlb import (
     Prediction,
     Predictor,
@@ -37,13 +38,14 @@ from planning.force import ForceModel, Forces, force_model, predicted_forces
 from planning.known import Known
 from planning.limits import Violation, leaning, violations
 from planning.request import PlanLimits, PlanRequest, tightened
-from planning.screen import Screened, screen
+from planning.screen import UNREACHED, Screened, screen
 from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from sim.plant.description import servo_gains
 
 NEARLY = 0.5  # excess of the motion's limits up to which forces and clearance are computed
 UNEXAMINED = 10.0  # added to the excess otherwise: more than forces and clearance come to
+UNIT_CLEARANCE = 0.1  # [m] a gross violation; only guides a search
 ROBOTS = 2  # of planning.force, whose tension enters an evaluation; the report takes all of them
 # In a search one robot counts: random paths then rank as with all robots at a correlation of 0.982
 # instead of 0.988 with two, which take half as long again.
@@ -69,6 +71,7 @@ class Evaluator:
     stroke_model: StrokeModel | None  # None where the length is not sensed
     clearance: Clearance
     gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
+    coarse: CoarsePredictor  # of many candidates at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +138,7 @@ def evaluator_of(
         stroke_model=stroke_model(cell, seed=request.seed),
         clearance=clearance(cell, request.cell),
         gram=_gram(on),
+        coarse=coarse_predictor(on),
     )
 
 
@@ -232,7 +236,7 @@ def check(evaluator: Evaluator, candidate: Candidate) -> Evaluation:
             return outcome
         if best is None or outcome.excess < best.excess:
             best = outcome
-    unreached = Violation("reach", 10.0, "the robot does not reach all of it")
+    unreached = Violation("reach", UNREACHED, "the robot does not reach all of it")
     return best or Evaluation(candidate, (unreached,), examined=False)
 
 
@@ -246,31 +250,31 @@ def _too_strong(forces: Forces, limit: float, trajectory: Trajectory) -> list[Vi
 
 def _too_close(evaluator: Evaluator, trajectory: Trajectory) -> list[Violation]:
     limit = evaluator.limits.clearance_m
-    closest = nearest(
-        evaluator.clearance, trajectory.nominal, trajectory.q, trajectory.b, trajectory.t
-    )
+    motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    closest = nearest(evaluator.clearance, *motion, within=limit)
     if closest.distance >= limit:
         return []
     text = (
         f"{closest.pair} {closest.distance * 1e3:.0f} mm apart at t = {closest.t:.1f} s, "
         f"limit {limit * 1e3:g}"
     )
-    return [Violation("clearance_m", (limit - closest.distance) / 0.1, text)]
+    return [Violation("clearance_m", (limit - closest.distance) / UNIT_CLEARANCE, text)]
 
 
 def tcp_rms(evaluator: Evaluator, prediction: Prediction) -> float:
     """[m] root mean square of `Prediction.tcp_sigma` over the grid, without the covariance."""
-    return _rms(evaluator, prediction.normal, prediction.layout)
+    return rms_of_normal(evaluator, prediction.normal, prediction.layout)
 
 
 def tcp_rms_before(evaluator: Evaluator) -> float:
     """[m] likewise before any path: by the priors, and by what results say."""
     on = evaluator.predictor
     layout, _ = planned_unknowns(on, nominal_geometry(on.cell, np.zeros(3)), ())
-    return _rms(evaluator, before(on, layout), layout)
+    return rms_of_normal(evaluator, before(on, layout), layout)
 
 
-def _rms(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
+def rms_of_normal(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
+    """[m] likewise of an information matrix (P, P)."""
     moved, s = moving(layout), 1.0 / np.sqrt(np.diag(normal))
     columns = np.zeros((s.size, moved.size))
     columns[moved, np.arange(moved.size)] = s[moved]

@@ -10,9 +10,9 @@ import numpy as np
 from cell.arrays import Array
 from cell.errors import InputError
 from planning.candidate import Space, folded, space_of
+from planning.coarse import BATCH
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, objective
 from planning.evolution import evolution
-from planning.sample import BATCH
 from planning.screen import screen, tally
 from planning.search import Start, free_numbers
 

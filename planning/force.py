@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.bodies import carried_bodies
@@ -62,11 +63,12 @@ def force_model(cell: Cell, masses: MassModel, gains: ServoGains, *, seed: int) 
 
 
 def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
-    """Tension of the rod along a trajectory."""
+    """Tension of the rod along a trajectory; each of its runs begins without force."""
     geometry, cell, q, b = trajectory.nominal, model.cell, trajectory.q, trajectory.b
     carried = loads(model.masses, geometry, q, b, trajectory.speed, trajectory.acceleration)
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
-    gap = _gaps(model, geometry, robot, bar, on_ballbar(model.masses, bar, b)[1])
+    wrench = on_ballbar(model.masses, bar, b)[1]
+    gap = _gaps(model, geometry, robot, bar, wrench, first=trajectory.first)
     per_newton = carried.gear_per_newton
     weight = joint_torques(robot, carried_bodies(cell), q, gravity=cell.robot.gravity)
     gear, servo = (
@@ -81,12 +83,18 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
 
 
 def _gaps(
-    model: ForceModel, geometry: Geometry, robot: Frames, bar: Frames, wrench: Array
+    model: ForceModel,
+    geometry: Geometry,
+    robot: Frames,
+    bar: Frames,
+    wrench: Array,
+    *,
+    first: NDArray[np.intp],
 ) -> Array:
     """(DRAWS, N) [m] distance along the rod between tool and rod's end of the drawn robots.
 
-    wrench : (6, N) on the ball-bar per newton of tension. The base was set without force at the
-        first target, which removes the gap along the rod there.
+    wrench : (6, N) on the ball-bar per newton of tension. first : (N,) index of the first target
+        of each run, at which the base was set without force: there the gap along the rod is none.
     """
     levers = []
     for parameter in map(parameter_named, THESIS_3_1):
@@ -95,7 +103,7 @@ def _gaps(
         levers.append(away * (wrench * moved).sum(axis=0))
     gap = model.errors.T @ np.stack(levers)
     rod = bar.z[2]
-    return np.asarray(gap - gap[:, :1] * (rod * rod[:, :1]).sum(axis=0))
+    return np.asarray(gap - gap[:, first] * (rod * rod[:, first]).sum(axis=0))
 
 
 def _friction(cell: Cell, speed: Array) -> Array:

@@ -6,6 +6,7 @@ guides a search to where all limits are kept; the sentence informs a person.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,102 +35,153 @@ class Violation:
     sentence: str
 
 
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """How far a motion is beyond one limit at every sample."""
+
+    limit: str
+    excess: Array  # (N,) zero or less where the limit is kept; 1 is gross
+    text: Callable[[int], str]  # what was reached at a sample, and the limit
+
+    def worst(self, t: Array) -> Violation:
+        """The largest excess of one trajectory at times t (N,) [s]."""
+        k = int(self.excess.argmax())
+        return Violation(self.limit, float(self.excess[k]), f"{self.text(k)} (t = {t[k]:.1f} s)")
+
+
 def violations(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
     """All limits of motion that a trajectory violates, worst first.
 
     planning.evaluation adds those of force, clearance and cups.
     """
-    every = [*_axis_ranges(cell, limits, trajectory), *_axis_rates(cell, limits, trajectory)]
-    if has_closed_form(trajectory.nominal.robot):
-        wrist = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")
-        every += [*_singular_angle(*wrist, trajectory), *_reach(limits, trajectory)]
-    else:
-        every += _singular_value(limits, trajectory)
-    if cell.ballbar.stroke is None:
-        for name, j in BAR_SINGULAR:
-            angle = (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
-            every += _singular_angle(*angle, trajectory)
-        every += _cables(limits, trajectory)
+    every = [m.worst(trajectory.t) for m in measures(cell, limits, trajectory)]
+    every += _cables(limits, trajectory) if cell.ballbar.stroke is None else []
     return sorted((v for v in every if v.excess > 0.0), key=lambda v: -v.excess)
 
 
-def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
-    axes = joints_to_axes(cell.robot, trajectory.q)
-    margin = np.radians(limits.axis_margin_deg)
-    over = np.maximum(cell.robot.axis_lower + margin - axes, axes - cell.robot.axis_upper + margin)
-    out = []
-    for axis in range(cell.robot.joints):
-        k = int(over[:, axis].argmax())
-        low, high = np.degrees([cell.robot.axis_lower[axis], cell.robot.axis_upper[axis]])
-        text = (
-            f"axis {axis + 1} at {np.degrees(axes[k, axis]):.0f} deg, "
-            f"range {low:.0f} to {high:.0f} less {limits.axis_margin_deg:g}"
-        )
-        out.append(_over("axis_margin_deg", over[k, axis] / UNIT_ANGLE, text, trajectory.t[k]))
+def measures(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+    """Every limit of motion sample by sample, but the range of the cables, which is of a whole
+    run.
+    """
+    out = [*_axis_ranges(cell, limits, trajectory), *_axis_rates(cell, limits, trajectory)]
+    if has_closed_form(trajectory.nominal.robot):
+        wrist = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")
+        out += [*_singular_angle(*wrist, trajectory), *_reach(limits, trajectory)]
+    else:
+        out += _singular_value(limits, trajectory)
+    if cell.ballbar.stroke is None:
+        for name, j in BAR_SINGULAR:
+            angle = (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
+            out += _singular_angle(*angle, trajectory)
     return out
 
 
-def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
+def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+    axes = joints_to_axes(cell.robot, trajectory.q)
+    margin = np.radians(limits.axis_margin_deg)
+    over = np.maximum(cell.robot.axis_lower + margin - axes, axes - cell.robot.axis_upper + margin)
+    low, high = np.degrees(cell.robot.axis_lower), np.degrees(cell.robot.axis_upper)
+
+    def of_axis(axis: int) -> Measure:
+        return Measure(
+            "axis_margin_deg",
+            over[:, axis] / UNIT_ANGLE,
+            lambda k: (
+                f"axis {axis + 1} at {np.degrees(axes[k, axis]):.0f} deg, "
+                f"range {low[axis]:.0f} to {high[axis]:.0f} less {limits.axis_margin_deg:g}"
+            ),
+        )
+
+    return [of_axis(axis) for axis in range(cell.robot.joints)]
+
+
+def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
     to_axis = cell.robot.joint_to_axis
     allowed = limits.axis_speed_share * cell.robot.axis_speed_max
     fastest = np.full(cell.robot.joints, limits.axis_acceleration_deg_per_s2)  # [deg/s^2]
     speed = np.abs(trajectory.speed @ to_axis) / allowed
     acceleration = np.abs(trajectory.acceleration @ to_axis) / np.radians(fastest)
-    out = []
-    for key, ratio, unit, top in (
-        ("axis_speed_share", speed, "deg/s", np.degrees(allowed)),
-        ("axis_acceleration_deg_per_s2", acceleration, "deg/s^2", fastest),
-    ):
-        k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))
-        text = f"axis {axis + 1} at {ratio[k, axis] * top[axis]:.0f} {unit}, limit {top[axis]:.0f}"
-        out.append(_over(key, ratio[k, axis] - 1.0, text, trajectory.t[k]))
-    k = int(trajectory.tip_speed.argmax())
     limit = limits.tcp_speed_m_per_s
-    text = f"tool at {trajectory.tip_speed[k]:.2f} m/s, limit {limit:g}"
-    excess = trajectory.tip_speed[k] / limit - 1.0
-    return [*out, _over("tcp_speed_m_per_s", excess, text, trajectory.t[k])]
+    return [
+        _rate("axis_speed_share", speed, "deg/s", np.degrees(allowed)),
+        _rate("axis_acceleration_deg_per_s2", acceleration, "deg/s^2", fastest),
+        Measure(
+            "tcp_speed_m_per_s",
+            trajectory.tip_speed / limit - 1.0,
+            lambda k: f"tool at {trajectory.tip_speed[k]:.2f} m/s, limit {limit:g}",
+        ),
+    ]
+
+
+def _rate(key: str, ratio: Array, unit: str, top: Array) -> Measure:
+    """Of rates over their limits, `ratio` (N, J) [-]; top : (J,) [unit] the limits."""
+
+    def text(k: int) -> str:
+        axis = int(ratio[k].argmax())
+        return f"axis {axis + 1} at {ratio[k, axis] * top[axis]:.0f} {unit}, limit {top[axis]:.0f}"
+
+    return Measure(key, ratio.max(axis=1) - 1.0, text)
 
 
 def _singular_angle(
     name: str, angle: Array, margin: float, key: str, trajectory: Trajectory
-) -> list[Violation]:
-    """Violations of a margin [deg] by an angle (N,) [rad] that is singular at half turns."""
-    away = from_singular(angle)
-    k = int(away.argmin())
-    text = f"{name} {np.degrees(away[k]):.0f} deg from its singularity, limit {margin:g}"
-    out = [_over(key, (np.radians(margin) - away[k]) / UNIT_ANGLE, text, trajectory.t[k])]
-    crossed = np.flatnonzero(np.sin(angle) * np.sin(angle[0]) < 0.0)
-    if crossed.size:
-        out.append(_over(key, 1.0, f"{name} passes its singularity", trajectory.t[crossed[0]]))
-    return out
+) -> list[Measure]:
+    """Of a margin [deg] of an angle (N,) [rad] that is singular at half turns."""
+    away, side = from_singular(angle), np.sin(angle)
+    return [
+        Measure(
+            key,
+            (np.radians(margin) - away) / UNIT_ANGLE,
+            lambda k: (
+                f"{name} {np.degrees(away[k]):.0f} deg from its singularity, limit {margin:g}"
+            ),
+        ),
+        _crossed(key, side, trajectory, f"{name} passes its singularity"),
+    ]
 
 
-def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
-    """Violations by an arm of any structure, whose singular postures have no angle of their own."""
-    chain, key = trajectory.nominal.robot, "singular_value"
+def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> Measure:
+    """Of a quantity (N,) that must keep the sign with which each run begins."""
+    return Measure(key, np.where(side * side[trajectory.first] < 0.0, 1.0, -1.0), lambda _: text)
+
+
+def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+    """Of an arm of any structure, whose singular postures have no angle of their own."""
+    chain, key, limit = trajectory.nominal.robot, "singular_value", limits.singular_value
     value = dexterity(chain, trajectory.q)
-    k, limit = int(value.argmin()), limits.singular_value
-    text = f"smallest singular value of the arm {value[k]:.3f}, limit {limit:g}"
-    out = [_over(key, (limit - value[k]) / UNIT_SINGULAR, text, trajectory.t[k])]
+    out = [
+        Measure(
+            key,
+            (limit - value) / UNIT_SINGULAR,
+            lambda k: f"smallest singular value of the arm {value[k]:.3f}, limit {limit:g}",
+        )
+    ]
     if chain.rows == 6:
         side = np.linalg.det(scaled_jacobian(chain, forward(chain, trajectory.q)))
-        crossed = np.flatnonzero(side * side[0] < 0.0)
-        if crossed.size:
-            text = "the arm passes a singular posture"
-            out.append(_over(key, 1.0, text, trajectory.t[crossed[0]]))
+        out.append(_crossed(key, side, trajectory, "the arm passes a singular posture"))
     return out
 
 
 def leaning(around: PlanCell, trajectory: Trajectory) -> list[Violation]:
     """Violations of the cones of a telescoping bar's two cups."""
-    out = []
-    for key, cup, angle in leans(around, trajectory.nominal, trajectory.b):
-        k = int(angle.argmax())
-        text = f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}"
-        excess = (angle[k] - np.radians(cup.cone_deg)) / UNIT_ANGLE
-        sentence = f"{text}, cone {cup.cone_deg:g}"
-        out.append(_over(f"{key}.cone_deg", excess, sentence, trajectory.t[k]))
-    return [v for v in out if v.excess > 0.0]
+    every = [m.worst(trajectory.t) for m in cones(around, trajectory)]
+    return [v for v in every if v.excess > 0.0]
+
+
+def cones(around: PlanCell, trajectory: Trajectory) -> list[Measure]:
+    """The cones of a telescoping bar's two cups, sample by sample."""
+
+    def of_cup(key: str, cup: Cup, angle: Array) -> Measure:
+        return Measure(
+            f"{key}.cone_deg",
+            (angle - np.radians(cup.cone_deg)) / UNIT_ANGLE,
+            lambda k: (
+                f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}, "
+                f"cone {cup.cone_deg:g}"
+            ),
+        )
+
+    return [of_cup(*lean) for lean in leans(around, trajectory.nominal, trajectory.b)]
 
 
 def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup, Array]]:
@@ -152,16 +204,20 @@ def from_singular(angle: Array) -> Array:
     return np.asarray(np.arcsin(np.abs(np.sin(angle))))
 
 
-def _reach(limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
+def _reach(limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
     elbow, shoulder = arm_margins(trajectory.nominal, trajectory.q)
-    k, s = int(elbow.argmin()), int(shoulder.argmin())
     angle, length = limits.elbow_margin_deg, limits.shoulder_margin_m
-    stretched = f"elbow {np.degrees(elbow[k]):.0f} deg from stretched, limit {angle:g}"
-    close = f"wrist {shoulder[s]:.2f} m from axis 1, limit {length:g}"
-    excess = (np.radians(angle) - elbow[k]) / UNIT_ANGLE
     return [
-        _over("elbow_margin_deg", excess, stretched, trajectory.t[k]),
-        _over("shoulder_margin_m", (length - shoulder[s]) / 0.3, close, trajectory.t[s]),
+        Measure(
+            "elbow_margin_deg",
+            (np.radians(angle) - elbow) / UNIT_ANGLE,
+            lambda k: f"elbow {np.degrees(elbow[k]):.0f} deg from stretched, limit {angle:g}",
+        ),
+        Measure(
+            "shoulder_margin_m",
+            (length - shoulder) / 0.3,
+            lambda k: f"wrist {shoulder[k]:.2f} m from axis 1, limit {length:g}",
+        ),
     ]
 
 
@@ -192,7 +248,3 @@ def _cables(limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
         )
         for j in range(BAR_ROWS)
     ]
-
-
-def _over(limit: str, excess: float, text: str, t: float) -> Violation:
-    return Violation(limit, float(excess), f"{text} (t = {t:.1f} s)")

@@ -161,7 +161,6 @@ def plans(
             progress = search(
                 request,
                 pool,
-                workers=workers,
                 seconds=seconds - since(),
                 evaluations=evaluations,
                 first=[first],

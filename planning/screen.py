@@ -18,7 +18,7 @@ from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
 from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import best_branches, dexterity, in_range, led
 from cell.robot_angles import joints_to_axes
-from planning.candidate import Space
+from planning.candidate import Space, angles_of, shape_of
 from planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular, leans
 from planning.request import PlanCell, PlanLimits
 from sim.path import Lissajous
@@ -36,6 +36,8 @@ class Screened:
 
     excess: Array  # (M,) of the best configuration of the arm; zero or less if limits are kept
     reason: NDArray[np.str_]  # (M,) the limit that is violated most
+    # (M, 4) configurations of an arm with closed form that keep the limits; of others all
+    allowed: NDArray[np.bool_]
 
 
 REASONS = (
@@ -52,7 +54,7 @@ def screen(
     shapes, positions = space.many(genomes)
     nominal = nominal_geometry(cell, np.zeros(3))
     screened = _screened_arm(cell, nominal, limits, shapes, positions)
-    b = _angles(shapes, PHASES).reshape(-1, BAR_ROWS)
+    b = angles_of(shapes, _phases(PHASES)).reshape(-1, BAR_ROWS)
     for key, cup, angle in leans(around, nominal, b):
         over = angle.reshape(-1, PHASES).max(axis=1) - np.radians(cup.cone_deg)
         total = np.maximum(screened.excess, 0.0) + np.maximum(over, 0.0)
@@ -60,6 +62,7 @@ def screen(
         screened = Screened(
             np.where(over > 0.0, total, screened.excess),
             np.where(worse, f"cone of the {key}", screened.reason),
+            screened.allowed,
         )
     return screened
 
@@ -91,22 +94,18 @@ def _screened_arm(
         np.where(total.min(axis=0) > 0.0, total.min(axis=0), at_best.max(axis=1)),
     )
     which = np.where(unreached > 0.0, 0, 1 + at_best.argmax(axis=1))
-    return Screened(np.asarray(excess), np.array(REASONS)[which])
+    return Screened(np.asarray(excess), np.array(REASONS)[which], (total <= 0.0).T)
 
 
-def _angles(shapes: Lissajous, phases: int, share: float = 1.0) -> Array:
-    """(M, S, 5) [rad] of M shapes at S phases, their motion scaled by a share of 1."""
-    s = np.arange(phases) / phases
-    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
-    swing = share * shapes.amplitude
-    return np.asarray(shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn))
+def _phases(count: int) -> Array:
+    return np.arange(count) / count
 
 
 def _poses(
     nominal: Geometry, shapes: Lissajous, positions: Array, phases: int, share: float = 1.0
 ) -> Array:
     """(M S, 4, 4) tool frames of M shapes at S phases, their motion scaled by a share of 1."""
-    b = _angles(shapes, phases, share)
+    b = angles_of(shapes, _phases(phases), share)
     poses = bar_frames(nominal, b.reshape(-1, BAR_ROWS)).poses()
     poses[:, :3, 3] += np.repeat(positions, phases, axis=0)
     return poses
@@ -119,9 +118,7 @@ def _screened_by_leading(
     robot, chain, m = cell.robot, nominal.robot, len(positions)
     starts = best_branches(robot, chain, _poses(nominal, shapes, positions, 1, 0.0), count=LED)
     branch, which = np.nonzero(~np.isnan(starts).any(axis=2))
-    some = Lissajous(
-        shapes.centre[which], shapes.amplitude[which], shapes.cycles[which], shapes.phase[which]
-    )
+    some = shape_of(shapes, which)
     begin = np.repeat(starts[branch, which], LED_PHASES, axis=0)
     q = led(chain, begin, lambda w: _poses(nominal, some, positions[which], LED_PHASES, w))
     lost = np.asarray(np.isnan(q).any(axis=1))
@@ -145,7 +142,7 @@ def _screened_by_leading(
     excess, why = np.full(m, 1.1 * UNREACHED), np.full(m, names[0], dtype=names.dtype)
     for k in np.argsort(-each):  # the best configuration comes last
         excess[which[k]], why[which[k]] = each[k], reason[k]
-    return Screened(excess, why)
+    return Screened(excess, why, np.ones((m, 4), dtype=np.bool_))
 
 
 def tally(reasons: Counter[str]) -> str:

@@ -9,11 +9,10 @@ Talwalkar, arXiv:1502.07943).
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import count
+from itertools import count, repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +22,19 @@ from cell.geometry import BAR_ROWS
 from planning.candidate import Space, folded, space_of
 from planning.evaluation import INFEASIBLE
 from planning.evolution import evolution
-from planning.force import DRAWS
+from planning.force import DRAWS as ROBOTS
 from planning.request import PlanRequest
-from planning.sample import Samples
-from planning.workers import worker_objective, worker_sample
+from planning.workers import worker_objective, worker_objectives, worker_sample
 
-SLICE = 1.5  # [s] of random candidates between two looks at the clock
-RANDOM_SHARE = 0.15  # of the time, at most, for random candidates
-STARTS = 80  # random candidates that can be run are enough
+RANDOM_SHARE = 0.2  # of the time, at most, for random candidates
+DRAWS = 128  # batches of random candidates: enough for the starts of a race
+AHEAD = 16  # batches that are under way at a time, however many processes there are
 # Islands of a race: half of them continue after each round, until two are left.
-ENTRANTS, FINALISTS = 8, 2
-ROUND = 12  # generations
+ENTRANTS, FINALISTS = 24, 2
+ROUND = 10  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
-INCUMBENTS = 24  # the last of them are evaluated with all robots
+CHUNK = 6  # candidates that a process evaluates at a time
+INCUMBENTS = 24  # the last of them are evaluated in full, with all robots
 STEP = 0.01  # of the natural logarithm of the TCP sigma
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
 CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)  # of a genome
@@ -57,8 +56,6 @@ class Progress:
     incumbents: list[Start] = field(default_factory=list)  # each was the best when it was found
     evaluated: int = 0
     feasible: int = 0
-    reasons: Counter[str] = field(default_factory=Counter)
-    nearest: tuple[float, str] = (np.inf, "")
     stopped: bool = False
 
     @property
@@ -81,25 +78,24 @@ def search(
     request: PlanRequest,
     pool: ProcessPoolExecutor,
     *,
-    workers: int,
     seconds: float,
     evaluations: int,
     first: list[Start],
     hints: list[Start],
     show: Callable[[Progress], None] = lambda _: None,
 ) -> Progress:
-    """Search for `seconds`, with about `evaluations` of CMA-ES; Ctrl-C ends it with the best so
-    far.
+    """Search with about `evaluations` of CMA-ES, for `seconds` at most; Ctrl-C ends it with the
+    best so far.
+
+    Where the time does not end it, the result depends on nothing but the request.
 
     first : candidates that can be run. hints : further starts of islands, feasible or not.
     """
     since = time.monotonic()
     running = _Search(request, pool, show)
-    starts = list(first)
-    for start in first:
-        running.progress.add(start)
     try:
-        starts += running.draw(workers, since + RANDOM_SHARE * seconds)
+        starts = running.evaluated(first)
+        starts += running.draw(since + RANDOM_SHARE * seconds)
         starts = hints + _distinct_first(sorted(starts, key=lambda s: s.objective))
         running.race(starts, since + seconds, evaluations)
     except KeyboardInterrupt:
@@ -113,7 +109,7 @@ def ranked(incumbents: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
     Those that follow one another differ by STEP or more.
     """
     last = incumbents[-INCUMBENTS:]
-    futures = [pool.submit(worker_objective, s.rod, s.genome, DRAWS) for s in last]
+    futures = [pool.submit(worker_objective, s.rod, s.genome, ROBOTS) for s in last]
     evaluated = [
         replace(start, objective=future.result())
         for start, future in zip(last, futures, strict=True)
@@ -134,38 +130,42 @@ class _Search:
         self.progress = Progress()
         self._request, self._pool, self._show = request, pool, show
 
-    def draw(self, workers: int, until: float) -> list[Start]:
-        """Random candidates that can be run, drawn until a monotonic time [s]."""
+    def evaluated(self, starts: list[Start]) -> list[Start]:
+        """Candidates that can be run, with the objectives that the search compares."""
+        futures = [
+            self._pool.submit(worker_objectives, s.rod, s.genome[None], np.inf) for s in starts
+        ]
+        out = [
+            replace(start, objective=float(future.result()[0]))
+            for start, future in zip(starts, futures, strict=True)
+        ]
+        for start in out:
+            self.progress.add(start)
+        return out
+
+    def draw(self, until: float) -> list[Start]:
+        """The best of DRAWS batches of random candidates, drawn until a monotonic time [s]."""
         starts: list[Start] = []
         rods = self._request.cell.rods
         seed = self._request.seed + 1  # the first feasible path was drawn with the seed itself
-        while time.monotonic() < until and len(starts) < STARTS:
-            jobs = [(rods[(seed + k) % len(rods)], seed + k) for k in range(workers)]
-            futures = [self._pool.submit(worker_sample, rod, s, SLICE) for rod, s in jobs]
-            seed += workers
+        for begin in range(0, DRAWS, AHEAD):
+            jobs = [(rods[k % len(rods)], seed + k) for k in range(begin, begin + AHEAD)]
+            futures = [self._pool.submit(worker_sample, *job) for job in jobs]
             for (rod, _), future in zip(jobs, futures, strict=True):
-                starts += self._add(rod, future.result())
+                genomes, objectives, tried = future.result()
+                self.progress.evaluated += tried
+                drawn = map(Start, repeat(rod), genomes, objectives.tolist())
+                starts += drawn
             self._show(self.progress)
-        return starts
-
-    def _add(self, rod: str, samples: Samples) -> list[Start]:
-        progress = self.progress
-        progress.evaluated += samples.tried
-        progress.reasons += samples.reasons
-        progress.nearest = min(progress.nearest, samples.nearest)
-        starts = [
-            Start(rod, genome, float(np.log(tcp * 1e6)))
-            for genome, tcp in zip(samples.genomes, samples.tcp, strict=True)
-        ]
-        for start in starts:
-            progress.add(start)
+            if time.monotonic() > until:
+                break
         return starts
 
     def race(self, starts: list[Start], until: float, evaluations: int) -> None:
         """Races of islands until a monotonic time [s] or a number of evaluations.
 
-        Each race takes the next starts and, from the second on, the best so far. After each round
-        the worse half of its islands ends.
+        Each race takes the next starts and, from the second on, the best so far and its neighbours.
+        After each round the worse half of its islands ends.
         """
         progress, space = self.progress, space_of(self._request)
         last = progress.evaluated + evaluations
@@ -178,9 +178,11 @@ class _Search:
             seed = self._request.seed + progress.evaluated
             islands = [Island(space, start, seed + k) for k, start in enumerate(entrants)]
             for generation in count(1):
-                pending = [island.submit(self._pool) for island in islands]
+                best = progress.best.objective if progress.best else np.inf
+                pending = [island.submit(self._pool, best) for island in islands]
                 for island, futures in zip(islands, pending, strict=True):
-                    island.update([future.result() for future in futures], progress)
+                    values = np.concatenate([future.result() for future in futures])
+                    island.update(values, progress)
                 self._show(progress)
                 if generation % ROUND == 0:
                     islands = sorted(islands, key=lambda island: island.best)
@@ -188,8 +190,9 @@ class _Search:
                 islands = [island for island in islands if not island.done]
                 if not islands or not time_left():
                     break
-            starts = starts[ENTRANTS:]
-            entrants = [*([progress.best] if progress.best else []), *starts[: ENTRANTS - 1]]
+            starts = starts[len(entrants) :]
+            entrants = neighbours(space, progress.best) if progress.best else []
+            entrants += starts[: ENTRANTS - len(entrants)]
 
 
 def _distinct_first(starts: list[Start]) -> list[Start]:
@@ -204,6 +207,19 @@ def _distinct_first(starts: list[Start]) -> list[Start]:
     return distinct + others
 
 
+def neighbours(space: Space, start: Start) -> list[Start]:
+    """A start, and those that differ from it by one cycle of one angle."""
+    step = 1.0 / space.cycles
+    out = [start]
+    for k in range(*CYCLES.indices(start.genome.size)):
+        for changed in (start.genome[k] - step, start.genome[k] + step):
+            if 0.0 < changed < 1.0:
+                genome = start.genome.copy()
+                genome[k] = changed
+                out.append(replace(start, genome=genome, objective=INFEASIBLE))
+    return out
+
+
 class Island:
     """One run of CMA-ES, from its start until it gains no more."""
 
@@ -215,21 +231,25 @@ class Island:
         self.best = start.objective
         self._lowest, self._stalled = np.inf, 0  # since the start; generations without a gain
 
-    def submit(self, pool: ProcessPoolExecutor) -> list[Future[float]]:
-        """Objectives of the next generation, computed by the workers."""
+    def submit(self, pool: ProcessPoolExecutor, best: float) -> list[Future[Array]]:
+        """Objectives of the next generation, computed by the workers; best : of the search."""
         self._points = self._search.ask()
-        return [pool.submit(worker_objective, self.rod, self._genome(x)) for x in self._points]
+        genomes = np.array([self._genome(x) for x in self._points])
+        chunks = [genomes[k : k + CHUNK] for k in range(0, len(genomes), CHUNK)]
+        return [pool.submit(worker_objectives, self.rod, chunk, best) for chunk in chunks]
 
-    def update(self, values: list[float], progress: Progress) -> None:
+    def update(self, values: Array, progress: Progress) -> None:
         """Take over the objectives of the generation."""
-        self._search.tell(self._points, values)
+        self._search.tell(self._points, values.tolist())
         progress.evaluated += len(values)
-        for x, value in zip(self._points, values, strict=True):
-            if value < INFEASIBLE:
-                progress.add(Start(self.rod, folded(self._genome(x)), value))
-        gained = min(values) < self._lowest - GAIN
+        for k in np.argsort(values, kind="stable"):  # the least was looked at closely
+            if values[k] < INFEASIBLE:
+                genome = folded(self._genome(self._points[k]))
+                progress.add(Start(self.rod, genome, float(values[k])))
+        least = float(values.min())
+        gained = least < self._lowest - GAIN
         self._stalled = 0 if gained else self._stalled + 1
-        self._lowest = min(self._lowest, *values)
+        self._lowest = min(self._lowest, least)
         self.best = min(self.best, self._lowest)
 
     @property

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry
-from cell.inverse import has_closed_form
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
+from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import in_range
 from cell.robot_angles import joints_to_axes
-from planning.candidate import Candidate
+from planning.candidate import Candidate, angles_of, shape_of
 from planning.request import PlanTiming
-from sim.path import branches_along, phase_over_time, tool_poses
+from sim.path import Lissajous, branches_along, phase_over_time, tool_poses
 
 STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
+DEGREE = 5  # of the spline that is differentiated; a cubic one is off by 9 % at steps of 0.5 s
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +34,32 @@ class Passage:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(Passage):
-    """One candidate over time, in one configuration of the arm."""
+    """One candidate over time, in one configuration of the arm; or several of equal duration.
+
+    The samples of several runs follow one another, N in all. `nominal` then has the ball-bar at
+    its base's origin, and whoever needs the place of each adds it.
+    """
 
     speed: Array  # (N, J) [rad/s]
     acceleration: Array  # (N, J) [rad/s^2]
     tip: Array  # (N, 3) [m]
     tip_speed: Array  # (N,) [m/s]
+    runs: int = 1
+
+    @property
+    def first(self) -> NDArray[np.intp]:
+        """(N,) index of the sample with which the run of each begins."""
+        length = self.t.size // self.runs
+        return np.repeat(np.arange(self.runs) * length, length)
+
+    def of_runs(self, some: NDArray[np.intp], *, every: int = 1) -> Trajectory:
+        """Some of the runs, in this order, and of their samples the first and every so many."""
+        at = np.arange(self.t.size).reshape(self.runs, -1)[some, ::every].ravel()
+        parts = {name: getattr(self, name)[at] for name in _SAMPLED}
+        return replace(self, runs=some.size, **parts)
+
+
+_SAMPLED = ("t", "b", "q", "speed", "acceleration", "tip", "tip_speed")
 
 
 def trajectories(
@@ -48,38 +70,95 @@ def trajectories(
     step : [s] of the grid.
     """
     nominal = nominal_geometry(cell, candidate.position)
-    t = np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
-    phase = phase_over_time(t, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops)
+    t = _grid(timing, step)
+    phase = _phase(t, timing)
     b = candidate.shape.angles(phase)
     tip = tool_poses(nominal, candidate.shape, phase)[:, :3, 3]
-    tip_speed = np.linalg.norm(CubicSpline(t, tip)(t, 1), axis=1)
-    out = []
     unique = has_closed_form(nominal.robot)
-    for branch in branches_along(cell.robot, nominal, candidate.shape, phase):
-        q = centred(cell, branch) if unique else in_range(cell.robot, branch)
-        spline = CubicSpline(t, q)
-        out.append(
-            Trajectory(
-                nominal=nominal,
-                t=t,
-                b=b,
-                q=q,
-                speed=np.asarray(spline(t, 1)),
-                acceleration=np.asarray(spline(t, 2)),
-                tip=tip,
-                tip_speed=tip_speed,
-            )
-        )
-    return out
+    return [
+        _moving(nominal, t, b, centred(cell, q) if unique else in_range(cell.robot, q), tip, runs=1)
+        for q in branches_along(cell.robot, nominal, candidate.shape, phase)
+    ]
+
+
+def trajectories_of_many(
+    cell: Cell,
+    shapes: Lissajous,
+    positions: Array,
+    timing: PlanTiming,
+    *,
+    allowed: NDArray[np.bool_],
+    step: float,
+) -> tuple[Trajectory, NDArray[np.intp]] | None:
+    """The trajectories of M candidates as runs, and the candidate (R,) of each; None for none.
+
+    shapes : Lissajous parameters (M, 5). positions : (M, 3) [m] of the ball-bar. allowed : (M, 4)
+    configurations that count, of an arm with closed form; others are led along one candidate after
+    the other. step : [s] of the grid.
+    """
+    nominal = nominal_geometry(cell, np.zeros(3))
+    t, closed = _grid(timing, step), has_closed_form(nominal.robot)
+    phase, m = _phase(t, timing), len(positions)
+    b = angles_of(shapes, phase).reshape(-1, BAR_ROWS)
+    poses = bar_frames(nominal, b).poses()
+    poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
+    if closed:
+        every = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
+        counted = np.flatnonzero(allowed.T)
+        reached = counted[~np.isnan(every[counted]).any(axis=(1, 2))]
+        which = reached % m
+        q = centred(cell, np.unwrap(every[reached], axis=1))
+    else:
+        led = [
+            branches_along(cell.robot, nominal_geometry(cell, at), shape_of(shapes, k), phase)
+            for k, at in enumerate(positions)
+        ]
+        which = np.repeat(np.arange(m), [len(branches) for branches in led])
+        q = np.array([in_range(cell.robot, branch) for branches in led for branch in branches])
+    if not which.size:
+        return None
+    at = (which[:, None] * t.size + np.arange(t.size)).ravel()
+    return _moving(nominal, t, b[at], q, poses[at, :3, 3], runs=which.size), which
+
+
+def _grid(timing: PlanTiming, step: float) -> Array:
+    return np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
+
+
+def _phase(t: Array, timing: PlanTiming) -> Array:
+    return phase_over_time(t, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops)
+
+
+def _moving(
+    nominal: Geometry, t: Array, b: Array, q: Array, tip: Array, *, runs: int
+) -> Trajectory:
+    """Runs with their derivatives. t : (T,) [s]. q : (T, J), or (R, T, J) [rad] of R runs."""
+    joints = q.shape[-1]
+    side_by_side = np.concatenate(
+        (q.reshape(runs, t.size, joints), tip.reshape(runs, t.size, 3)), axis=2
+    )
+    spline = make_interp_spline(t, side_by_side, k=DEGREE, axis=1)
+    rate, bend = spline(t, 1), spline(t, 2)
+    return Trajectory(
+        nominal=nominal,
+        t=np.tile(t, runs),
+        b=b,
+        q=q.reshape(-1, joints),
+        speed=rate[:, :, :joints].reshape(-1, joints),
+        acceleration=bend[:, :, :joints].reshape(-1, joints),
+        tip=tip,
+        tip_speed=np.linalg.norm(rate[:, :, joints:], axis=2).ravel(),
+        runs=runs,
+    )
 
 
 def centred(cell: Cell, q: Array) -> Array:
-    """(N, J) [rad] joint angles q (N, J) less the whole turns that bring each wrist axis nearest to
-    the centre of its range.
+    """(..., N, J) [rad] joint angles q (..., N, J) less the whole turns that bring each wrist axis
+    nearest to the centre of its range.
     """
-    axes = joints_to_axes(cell.robot, q)
+    axes = joints_to_axes(cell.robot, q.reshape(-1, q.shape[-1])).reshape(q.shape)
     centre = 0.5 * (cell.robot.axis_lower + cell.robot.axis_upper)
-    off = 0.5 * (axes.max(axis=0) + axes.min(axis=0)) - centre
+    off = 0.5 * (axes.max(axis=-2) + axes.min(axis=-2)) - centre
     turns = 2.0 * np.pi * np.round(off / (2.0 * np.pi))
-    turns[:3] = 0.0  # the arm's angles are unique
-    return np.asarray(q - turns @ cell.robot.controller_to_joint)
+    turns[..., :3] = 0.0  # the arm's angles are unique
+    return np.asarray(q - (turns @ cell.robot.controller_to_joint)[..., None, :])

@@ -7,10 +7,10 @@ from contextlib import AbstractContextManager
 
 from cell.arrays import Array
 from cell.processes import process_pool
+from planning.coarse import objectives, sample
 from planning.evaluation import SEARCH_ROBOTS, Evaluator, evaluators, objective
 from planning.known import Known
 from planning.request import PlanRequest
-from planning.sample import Samples, sample
 
 _evaluators: dict[str, Evaluator] = {}
 
@@ -18,7 +18,7 @@ _evaluators: dict[str, Evaluator] = {}
 def evaluating_processes(
     request: PlanRequest, count: int, known: Known | None = None
 ) -> AbstractContextManager[ProcessPoolExecutor]:
-    """A pool for `worker_objective` and `worker_sample`; known : as of `evaluators`."""
+    """A pool for the functions below; known : as of `evaluators`."""
     return process_pool(count, _build, request, known)
 
 
@@ -27,9 +27,14 @@ def worker_objective(rod: str, genome: Array, robots: int = SEARCH_ROBOTS) -> fl
     return objective(_evaluators[rod], genome, robots=robots)
 
 
-def worker_sample(rod: str, seed: int, seconds: float) -> Samples:
-    """`planning.sample.sample` in a worker."""
-    return sample(_evaluators[rod], seed=seed, seconds=seconds)
+def worker_objectives(rod: str, genomes: Array, best: float) -> Array:
+    """`planning.coarse.objectives` of genomes (M, S) [-] in a worker."""
+    return objectives(_evaluators[rod], genomes, best=best)
+
+
+def worker_sample(rod: str, seed: int) -> tuple[Array, Array, int]:
+    """`planning.coarse.sample` in a worker."""
+    return sample(_evaluators[rod], seed=seed)
 
 
 def _build(request: PlanRequest, known: Known | None) -> None:

@@ -31,7 +31,7 @@ def plan(
     seconds: Annotated[
         float,
         typer.Option(
-            help="Duration of the search; 0 takes the first feasible trajectory.", min=0.0
+            help="Longest duration of the search; 0 takes the first feasible trajectory.", min=0.0
         ),
     ] = 110.0,
     path: Annotated[

@@ -41,7 +41,7 @@ from planning.what_if import Answer, answers
 ATTEMPTS = 4  # trajectories of a search that are run in MuJoCo while limits are violated
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a drawn robot
 WIDTH = 120  # characters of a table in a pipe or file
-EVALUATIONS = 20_000  # of CMA-ES: some minutes on two idle cores
+EVALUATIONS = 20_000  # of CMA-ES: about a minute on two cores
 # A length has no Hayati angles in its model, and leaves base tilt and clock to the robot's errors.
 _HELD = ("rbeta", "otx", "oty", "offset", "skew")
 WORTHWHILE = 0.1  # of the TCP sigma that results state: less hardly shows in a robot

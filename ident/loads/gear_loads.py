@@ -11,9 +11,10 @@ and plate (mass model of the cell files) and `-w` at the tool.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.bodies import bar_bodies, carried_bodies
@@ -37,6 +38,10 @@ class Loads:
     # turns
     bearing: Array
     bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
+
+    def part(self, samples: NDArray[np.intp]) -> Loads:
+        """The loads at some of the samples."""
+        return Loads(*(getattr(self, field.name)[..., samples] for field in fields(self)))
 
     def gears(self, tension: Array) -> Array:
         """(J, N) [N m] at a rod tension (N,) [N]."""

@@ -56,7 +56,8 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
         )
     if not fit.converged:
         return Status.NOT_CONVERGED, (
-            f"Not converged after {fit.iterations} iterations: do not use these parameters."
+            f"Not converged after {fit.iterations} iterations: do not use these parameters. Check "
+            "the joint columns and the robot's file; measure more poses, spread over all joints."
         )
     if lost > LOST * result.table.size:
         return Status.SUSPECT, (
@@ -77,7 +78,7 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
     if validation.mean > OVERFITTED * fitted:
         return Status.SUSPECT, (
             f"Usable, with care: too few poses for so many parameters; fitted ones lie within "
-            f"{fitted * 1e3:.3f} mm, but {errors}."
+            f"{fitted * 1e3:.3f} mm, but {errors}. Measure more poses, spread over all joints."
         )
     return Status.GOOD, f"Good fit: {errors}."
 

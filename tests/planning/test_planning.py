@@ -448,7 +448,6 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
         found = search(
             requested,
             pool,
-            workers=2,
             seconds=30.0,
             evaluations=500,
             first=[start],
