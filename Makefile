@@ -1,5 +1,6 @@
 # make run : set up and run the main scenario        make test : set up and run the tests
 # make long : what takes longest of the tests
+# make audit : unsafe code (bandit), known vulnerabilities of the requirements (pip-audit)
 # make lowest : the quick tests with the lowest allowed version of every requirement
 PYTHON ?= python3
 BIN := .venv/bin
@@ -9,7 +10,7 @@ export OPENBLAS_NUM_THREADS := 1
 # the tests start many processes; compiled once
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test long quick lowest check docs clean
+.PHONY: run test long quick lowest check audit docs clean
 
 run: .venv/installed
 	$(BIN)/ballbar run scenarios/irb2400.yaml
@@ -35,6 +36,13 @@ check: .venv/installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# Tools of their own environment: what they need is no requirement of the project.
+audit:
+	$(PYTHON) -m venv .venv-audit
+	.venv-audit/bin/pip install --quiet --disable-pip-version-check bandit pip-audit
+	.venv-audit/bin/bandit -q -r cell sim acquisition ident planning ballbar --severity-level high
+	.venv-audit/bin/pip-audit -r constraints.txt --no-deps --disable-pip
+
 docs: .venv/installed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
@@ -45,4 +53,4 @@ docs: .venv/installed
 	touch $@
 
 clean:
-	rm -rf .venv .venv-lowest runs site
+	rm -rf .venv .venv-audit .venv-lowest runs site

@@ -87,7 +87,9 @@ def _signals(name: str, t: Array, angles: Array) -> Array:
             f"the {name} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} "
             "s in common. Log a longer run with both."
         )
-    speed = np.abs(speeds(t, angles)).sum(axis=1)
+    speed = np.zeros(t.size)
+    for of_channel in speeds(t, angles):
+        speed += np.abs(of_channel)
     moving = speed[speed > MOVING]
     if not moving.size:
         raise LogError(

@@ -9,6 +9,7 @@ is noise even if the log has no dwell.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ SIGMAS = 6.0
 # [rad/s] slower is standing: servos settle and creep; a path for calibration moves at 0.1 to 1
 # rad/s.
 CREEP = 5e-4
+_BLOCK = 4096  # rows at a time, for the processor's cache
 SHORTEST = 0.5  # [s] reversals of all channels at once look like a dwell for less
 
 
@@ -42,9 +44,11 @@ def find_dwells(t: Array, angles: Array) -> Dwells:
 
     t : (N,) [s], strictly increasing. angles : (N, C) [rad].
     """
-    sigma, speed = noise_sigma(t, angles), speeds(t, angles)
+    sigma = noise_sigma(t, angles)
     threshold = np.maximum(SIGMAS * sigma * np.sqrt(2.0 / _window(t)) / WINDOW, CREEP)
-    slow = (np.abs(speed) < threshold).all(axis=1)
+    slow = np.ones(t.size, dtype=bool)
+    for speed, least in zip(speeds(t, angles), threshold, strict=True):
+        slow &= np.abs(speed) < least
     edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
     intervals = np.stack((edges[::2], edges[1::2] - 1), axis=1)
     intervals = intervals[t[intervals[:, 1]] - t[intervals[:, 0]] >= SHORTEST]
@@ -54,20 +58,23 @@ def find_dwells(t: Array, angles: Array) -> Dwells:
     return Dwells(standing, intervals.astype(np.int64), sigma)
 
 
-def speeds(t: Array, angles: Array) -> Array:
-    """(N, C) [rad/s] mean speed over one WINDOW before and one after each sample.
+def speeds(t: Array, angles: Array) -> Iterator[Array]:
+    """(N,) [rad/s] mean speed of each channel over one WINDOW before and one after each sample.
 
-    t : (N,) [s]. angles : (N, C) [rad]. The speed is constant within a WINDOW of the ends.
+    t : (N,) [s]. angles : (N, C) [rad]. The speed is constant within a WINDOW of the ends. They
+    come one at a time, since a log of hours is large.
     """
     m = _window(t)
     if t.size < 2 * m + 1:
         raise ValueError(
             f"a log of {t.size} samples is shorter than {2 * WINDOW} s, too short for a speed"
         )
-    times, means = _box_means(t[:, None] - t[0], m), _box_means(angles - angles[0], m)
-    # Entry i belongs to sample i+m.
-    inner = (means[m + 1 :] - means[: -m - 1]) / (times[m + 1 :] - times[: -m - 1])
-    return np.pad(inner, ((m, m), (0, 0)), mode="edge")
+    times = _box_means(t - t[0], m)
+    apart = times[m + 1 :] - times[: -m - 1]
+    for angle in angles.T:
+        means = _box_means(angle - angle[0], m)
+        # Entry i belongs to sample i+m.
+        yield np.pad((means[m + 1 :] - means[: -m - 1]) / apart, m, mode="edge")
 
 
 def noise_sigma(t: Array, angles: Array) -> Array:
@@ -75,12 +82,16 @@ def noise_sigma(t: Array, angles: Array) -> Array:
 
     t : (N,) [s]. angles : (N, C) [rad].
     """
-    nodes = np.stack([t[i : t.size - 3 + i] for i in range(4)], axis=1)
-    gaps = nodes[:, :, None] - nodes[:, None, :] + np.eye(4)
-    weights = 1.0 / gaps.prod(axis=2)  # (N-3, 4) of the divided difference
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    difference = sum(weights[:, i, None] * angles[i : t.size - 3 + i] for i in range(4))
-    return robust_sigma(np.asarray(difference))
+    difference = np.empty((t.size - 3, angles.shape[1]), order="F")
+    for first in range(0, t.size - 3, _BLOCK):
+        rows = slice(first, min(first + _BLOCK, t.size - 3))
+        nodes = np.stack([t[i : t.size - 3 + i][rows] for i in range(4)], axis=1)
+        gaps = nodes[:, :, None] - nodes[:, None, :] + np.eye(4)
+        weights = 1.0 / gaps.prod(axis=2)  # (n, 4) of the divided difference
+        weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+        around = [angles[i : t.size - 3 + i][rows] for i in range(4)]
+        difference[rows] = sum(weights[:, i, None] * around[i] for i in range(4))
+    return np.concatenate([robust_sigma(channel[:, None]) for channel in difference.T])
 
 
 def _window(t: Array) -> int:
@@ -89,6 +100,6 @@ def _window(t: Array) -> int:
 
 
 def _box_means(values: Array, m: int) -> Array:
-    """(N-m+1, C) means of m neighbouring samples of values (N, C)."""
-    total = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)))
+    """(N-m+1,) means of m neighbouring samples of values (N,)."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
     return (total[m:] - total[:-m]) / m

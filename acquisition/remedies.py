@@ -21,6 +21,7 @@ REMEDIES = {
     "joints stand still": "Declare the columns of the joint angles in poses.yaml.",
     "length outside the range": "Leave these rows out, or correct the range in the instrument's "
     "file.",
+    "long log": "Nothing; to use every row, make several recordings and identify them together.",
     "logger restarted": "Start the logger once for each recording.",
     "lost messages": "Nothing, if they are few. Else lower the load of the network.",
     "missing messages": "Nothing, if they are few. Else record to a faster disk.",

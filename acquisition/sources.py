@@ -18,7 +18,6 @@ from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns, words
-from cell.arrays import Array
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError, UnfinishedLogError
 from cell.foreign_files import repeated
@@ -43,7 +42,6 @@ _DEVICES: dict[SourceName, str] = {
 class LogRows:
     """Every row of one source that was read, also those that no fit uses."""
 
-    t: Array  # (N,) [s] from the first row that is used
     flags: Flags  # (N,)
     segment: NDArray[np.uint16]  # (N,)
     used: Mask  # (N,) whether the row is in the log

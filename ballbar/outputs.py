@@ -13,6 +13,8 @@ from ballbar.result.run_data import RunData
 from cell.files import write_whole
 from cell.processes import Begin
 
+SENT_ROWS = 500_000  # of the robot's logs, half an hour at 250 Hz
+
 Progress = Callable[[str], None]
 
 
@@ -31,6 +33,8 @@ def write_outputs(
     """
     from ballbar.report.page import begin_parts, write_report  # noqa: PLC0415  imports Jinja
 
+    if sum(recording.robot_log.t.size for _, _, recording in data.read) > SENT_ROWS:
+        begin = partial  # a second process would hold the logs twice more
     parts = begin_parts(data, begin)
     written = begin(_replay, out / REPLAY, data) if replay else None
     reports = {name: recording for name, _, recording in data.read}

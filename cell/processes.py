@@ -41,6 +41,9 @@ def process_pool(
     )
     with one_thread_each():
         try:
+            with stop_signals_blocked():  # also while the processes still import
+                for _ in range(count):
+                    pool.submit(os.getpid)
             yield pool
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
@@ -48,6 +51,19 @@ def process_pool(
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def stop_signals_blocked() -> Iterator[None]:
+    """Processes started within receive neither Ctrl-C nor the SIGTERM of a batch system.
+
+    Both signals go to all processes of a group at once; who started them receives them and decides.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -71,9 +71,10 @@ def damaged_values(t: Array, values: Array, breaks: Mask) -> Mask:
     out = np.zeros(values.shape, dtype=bool)
     if t.size <= _JUDGES + 1:
         return out
-    firsts = np.flatnonzero(breaks | (np.arange(t.size) == 0))
+    firsts = np.union1d(0, np.flatnonzero(breaks))
     lasts = np.append(firsts[1:], t.size) - 1
-    log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * float(np.median(np.diff(t))))
+    period = float(np.median(np.diff(t), overwrite_input=True))
+    log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * period)
     notable = _notable(log)
     many = np.count_nonzero(notable.error) > max(_MANY, _MANY_OF * values.size)
     for apart in range(1 if many else _CLOSE + 1):  # single values, then pairs 1, 2, ... rows apart

@@ -45,7 +45,7 @@ STRETCHES_SHOWN = 3
 
 
 class _Runs(NamedTuple):
-    """Runs of equal values of one channel."""
+    """Runs of equal values of one channel, of two rows or more."""
 
     first: Rows  # (K,) row
     last: Rows  # (K,) row, in it
@@ -72,7 +72,9 @@ def with_frozen_motion_checked(
         step = np.diff(values)
         if words:
             step = (step + words // 2) % words - words // 2
-        frozen[name] = _frozen(t, scale * step.astype(np.float64))
+        step = step.astype(np.float64)  # of whole counts
+        step *= scale
+        frozen[name] = _frozen(t, step)
     return _remarked(table, frozen, "while the motion on both sides leads elsewhere")
 
 
@@ -85,8 +87,9 @@ def with_frozen_loads_checked(table: Table, moving: Mapping[str, str | None]) ->
     for name, other in moving.items():
         step = np.diff(table.columns[name])
         runs = _runs(step)
-        share = max(1.0, float((runs.length > 1).sum())) / runs.first.size
-        chance = runs.first.size * share ** (runs.length - 1.0)
+        every = 1 + np.count_nonzero(step)  # those of a single row too
+        share = max(1.0, float(runs.first.size)) / every
+        chance = every * share ** (runs.length - 1.0)
         runs = runs.take((runs.length >= SHORTEST) & (chance < CHANCE))
         runs = runs.take(_noisy_beside(step, runs))
         if other is not None and runs.first.size:
@@ -120,16 +123,15 @@ def _scatters(change: NDArray[Any], smallest: float) -> bool:
 
 
 def _runs(step: NDArray[Any]) -> _Runs:
-    """All runs of equal values, those of one row included; step : (N-1,) from row to row."""
-    edges = np.flatnonzero(step != 0)
-    first, last = np.concatenate(([0], edges + 1)), np.concatenate((edges, [step.size]))
-    return _Runs(first.astype(np.intp), last.astype(np.intp))
+    """The runs of equal values of two rows or more; step : (N-1,) from row to row."""
+    edges = np.flatnonzero(np.diff(step == 0, prepend=False, append=False))
+    return _Runs(edges[::2], edges[1::2])
 
 
 def _frozen(t: Array, step: Array) -> _Runs:
     """The runs of equal values in which a channel is frozen; step : (N-1,) [rad] row to row."""
     runs = _runs(step)
-    runs = runs.take((runs.length >= SHORTEST) & ~_held(runs))  # all runs, single rows too
+    runs = runs.take((runs.length >= SHORTEST) & ~_held(runs))
     if not runs.first.size or not step.any():
         return runs.take(np.zeros(runs.first.size, dtype=bool))
     smallest = max(OFF, GRAINS * _grain(step))
@@ -191,9 +193,10 @@ def _step_around(step: Array, first: int, last: int) -> float:
 
 def _held(runs: _Runs) -> Mask:
     """(K,) runs beside which another one follows directly that is nearly as long."""
-    length = np.concatenate(([1], runs.length, [1]))
-    beside = np.maximum(length[:-2], length[2:])
-    return np.asarray((beside > 1) & (runs.length <= HELD * beside))
+    apart = np.concatenate(([True], runs.first[1:] > runs.last[:-1] + 1, [True]))
+    length = np.concatenate(([0], runs.length, [0]))
+    beside = np.maximum(np.where(apart[:-1], 0, length[:-2]), np.where(apart[1:], 0, length[2:]))
+    return np.asarray(runs.length <= HELD * beside)
 
 
 def _grain(step: NDArray[Any]) -> float:

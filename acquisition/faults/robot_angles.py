@@ -13,7 +13,7 @@ Motor torques go with the angles to the gears' outputs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
@@ -29,7 +29,12 @@ from cell.descriptions import Robot
 from cell.dialect import AngleKind
 from cell.errors import LogError
 from cell.neighbours import Rows
-from cell.robot_angles import controller_to_joints, joints_to_axes, motors_to_joints
+from cell.robot_angles import (
+    controller_to_joints,
+    joints_to_axes,
+    joints_to_motors,
+    motors_to_joints,
+)
 
 Unit = Literal["rad", "deg"]
 
@@ -46,6 +51,7 @@ SENTINEL = 8.9e9  # controllers write 9E9 for an axis that is not there
 OUTLIER_ROWS = 5  # in a median over so many, two are outvoted
 # Of the rows: a bad number makes one or two rows too fast or too far, a wrong unit makes many.
 _MANY = 0.01
+_BLOCK = 4096  # rows at a time, as in cell.robot_angles
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,17 @@ class Reading:
             case "joints":
                 return np.asarray(angles, dtype=np.float64)
 
+    def logged(self, robot: Robot, joints: Array) -> Array:
+        """(N, J) logged angles of joint angles (N, J) [rad]; inverse of `joints`."""
+        match self.kind:
+            case "motors":
+                angles = joints_to_motors(robot, joints)
+            case "axes":
+                angles = joints_to_axes(robot, joints)
+            case "joints":
+                angles = joints
+        return np.rad2deg(angles) if self.unit == "deg" else angles
+
     def scales(self, robot: Robot, columns: Sequence[str]) -> dict[str, float]:
         """[rad] by which a unit of each column turns the joint that it turns most."""
         unit = np.vstack((np.zeros(robot.joints), np.eye(robot.joints)))
@@ -85,20 +102,46 @@ _READINGS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class RobotAngles:
-    """The angles of a robot's log, as logged and as the robot has them if the reading is right."""
+    """The angles of a robot's log as the robot has them if the reading is right."""
 
+    robot: Robot
     t: Array  # (N,) [s]
-    logged: Array  # (N, J) in the unit of the reading
     joints: Array  # (N, J) [rad] of the DH model
-    axes: Array  # (N, J) [rad] as the controller limits them
     reading: Reading
+
+    @property
+    def logged(self) -> Array:
+        """(N, J) in the unit of the reading."""
+        return self.reading.logged(self.robot, self.joints)
+
+    @property
+    def axes(self) -> Array:
+        """(N, J) [rad] as the controller limits them."""
+        return joints_to_axes(self.robot, self.joints)
+
+    def axes_step(self, later: Array, earlier: Array) -> Array:
+        """(N, J) [rad] by how much the axes differ between joint angles (N, J) [rad]."""
+        return joints_to_axes(self.robot, later) - joints_to_axes(self.robot, earlier)
+
+    def axis(self, k: int) -> Array:
+        """(N,) [rad] of one axis, from 0."""
+        parts = [joints_to_axes(self.robot, part)[:, k].copy() for part in _blocks(self.joints)]
+        return np.concatenate(parts)
+
+    def extremes(self) -> Array:
+        """(2, J) [rad] smallest and largest angle of each axis."""
+        ends = [
+            (axes.min(axis=0), axes.max(axis=0))
+            for axes in (joints_to_axes(self.robot, part) for part in _blocks(self.joints))
+        ]
+        lower, upper = np.stack(ends, axis=1)
+        return np.stack((lower.min(axis=0), upper.max(axis=0)))
 
     def take(self, rows: Rows) -> RobotAngles:
         """The chosen rows, in ascending order."""
         if rows.size == self.t.size:
             return self
-        logged, joints, axes = self.logged[rows], self.joints[rows], self.axes[rows]
-        return replace(self, t=self.t[rows], logged=logged, joints=joints, axes=axes)
+        return replace(self, t=self.t[rows], joints=self.joints[rows])
 
 
 class OtherAnglesError(LogError):
@@ -118,16 +161,24 @@ class OtherAnglesError(LogError):
         return f"{self.statement} {self.question}"
 
 
-def read_angles(
+def pop_angles_inplace(
     robot: Robot, table: Table, t: Array, columns: tuple[str, ...], reading: Reading
 ) -> RobotAngles:
     """The angles of a table whose rows were taken at t (N,) [s].
 
-    columns : those of the joints, in order.
+    columns : those of the joints, in order. The table loses them: a long log is not held twice.
     """
-    logged = np.stack([table.columns[name] for name in columns]).T  # column by column, as checks go
-    joints = reading.joints(robot, logged)
-    return RobotAngles(t, logged, joints, joints_to_axes(robot, joints), reading)
+    joints = np.empty((len(columns), len(table))).T  # column by column, as checks go
+    for k, name in enumerate(columns):
+        joints[:, k] = table.columns.pop(name)
+    for part in _blocks(joints):
+        part[:] = reading.joints(robot, part)
+    return RobotAngles(robot, t, joints, reading)
+
+
+def _blocks(angles: Array) -> Iterator[Array]:
+    """Views of angles (N, J), some rows each."""
+    return (angles[begin : begin + _BLOCK] for begin in range(0, len(angles), _BLOCK))
 
 
 def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None:
@@ -239,12 +290,13 @@ def _others_that_fit(robot: Robot, angles: RobotAngles) -> list[Reading]:
 
 def _fits(robot: Robot, t: Array, axes: Array) -> bool:
     """Whether axis angles (N, J) [rad] at t (N,) [s] stay about within limits and speeds."""
-    return within_reach(robot, axes) and not _overspeed(robot, t, axes).any()
+    far = _excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))) > FAR
+    return not (far.any() or _overspeed(robot, t, axes).any())
 
 
-def within_reach(robot: Robot, axes: Array) -> bool:
-    """Whether no axis angle of (N, J) [rad] is far beyond its limits."""
-    return not (_excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))) > FAR).any()
+def within_reach(angles: RobotAngles) -> bool:
+    """Whether no axis angle is far beyond its limits."""
+    return not (_excess(angles.robot, angles.extremes()) > FAR).any()
 
 
 def axis_speed_limits(robot: Robot) -> Array:
@@ -336,12 +388,11 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
     return table.flagged(behind, RowFlag.SENTINEL).take(~drop)
 
 
-def with_limits_checked(robot: Robot, table: Table, axes: Array) -> Table:
-    """The table with a finding for each axis a little beyond its limits; axes (N, J) [rad]."""
-    valid = usable(table.flags)
-    extremes = np.stack((axes.min(axis=0), axes.max(axis=0)))
-    for axis in np.flatnonzero(_excess(robot, extremes).any(axis=0)):
-        angle, lower, upper = axes[:, axis], robot.axis_lower[axis], robot.axis_upper[axis]
+def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
+    """The table with a finding for each axis a little beyond its limits."""
+    robot, valid = angles.robot, usable(table.flags)
+    for axis in np.flatnonzero(_excess(robot, angles.extremes()).any(axis=0)):
+        angle, lower, upper = angles.axis(int(axis)), robot.axis_lower[axis], robot.axis_upper[axis]
         rows = np.flatnonzero(valid & ((angle < lower) | (angle > upper)))
         if not rows.size:
             continue

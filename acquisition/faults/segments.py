@@ -89,13 +89,14 @@ def find_segments(
     reset : rows at which a counter was preset or jumped.
     Raises LogError for more segments than a log has.
     """
-    stamps = table.columns[STAMP].copy()
-    step = np.diff(stamps)
-    period = float(np.median(step[step > 0])) if (step > 0).any() else 1e6
+    stamps = table.columns[STAMP]
+    period = _period(stamps)
     pause = max(PAUSE * 1e9, GAP * period)
     reset = np.zeros(0, dtype=np.intp) if reset is None else reset
     boundary = table.begins.copy()
+    step = np.diff(stamps)
     boundary[1:] |= (step <= 0) | (step > pause)
+    del step  # of a log of hours
     boundary[reset] = True
     boundary[0] = False
     rows = np.flatnonzero(boundary)
@@ -115,17 +116,25 @@ def find_segments(
         period=period,
         pause=pause,
     )
-    parts = np.zeros(stamps.size, dtype=np.int64)
+    parts = np.zeros(stamps.size, dtype=np.int16)
     for row in rows:
         change = _boundary(log, stamps, int(row))
         parts[row:] += change.separates
-        stamps[row:] += change.shift
+        if change.shift:
+            stamps = np.concatenate((stamps[:row], stamps[row:] + change.shift))
         if change.kind:
             at = np.array([row])
             table = table.remarked(change.kind, change.severity, change.sentence, rows=at)
-    segment = np.cumsum(boundary).astype(np.uint16)
+    segment = np.cumsum(boundary, dtype=np.uint16)
     table, used = _longest(table, stamps, parts)
     return table, Segments(stamps, segment, used)
+
+
+def _period(stamps: Stamps) -> float:
+    """[ns] median distance of stamps (N,) [ns] that go on."""
+    step = np.diff(stamps)
+    forward = step[step > 0]
+    return float(np.median(forward, overwrite_input=True)) if forward.size else 1e6
 
 
 def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
@@ -190,12 +199,12 @@ def _goes_on(log: _Log, stamps: Stamps, row: int, before: int, behind: int) -> b
     return on and not (standing and (bool(log.begins[row]) or far_back))
 
 
-def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int64]) -> tuple[Table, Mask]:
+def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int16]) -> tuple[Table, Mask]:
     """The table with findings about unused parts, and (N,) the rows of the longest part.
 
     stamps : (N,) [ns]. parts : (N,) number of the part of each row.
     """
-    firsts = np.flatnonzero(np.diff(parts, prepend=-1))
+    firsts = np.flatnonzero(np.diff(parts, prepend=np.int16(-1)))
     lasts = np.append(firsts[1:], parts.size) - 1
     chosen = int(np.argmax(stamps[lasts] - stamps[firsts]))
     for k, (first, last) in enumerate(zip(firsts, lasts, strict=True)):

@@ -34,6 +34,7 @@ _REMEDY = "Copy the file again from the logger, or cut it before this message."
 # Decoded messages that are kept: a file that grows is read again and again, and 20 us a message are
 # three seconds for ten minutes. 17 minutes at 250 Hz, 200 MB.
 REMEMBERED = 1 << 18
+USUAL_MESSAGE = 500  # bytes; who sends longer ones shall not fill the memory
 _LONGEST_VARINT = 10  # bytes of a 64-bit varint
 
 
@@ -58,7 +59,6 @@ class Frames:
     torn: tuple[int, int] | None = None
 
 
-@lru_cache(maxsize=REMEMBERED)
 def decode(message: bytes) -> EgmFeedback:
     """The feedback in one EgmRobot message; absent fields are None, or empty.
 
@@ -70,6 +70,11 @@ def decode(message: bytes) -> EgmFeedback:
             f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}. "
             f"{_REMEDY}"
         )
+    return _remembered(message) if len(message) <= USUAL_MESSAGE else _decoded(message)
+
+
+def _decoded(message: bytes) -> EgmFeedback:
+    """The feedback in one message; raises as `decode`."""
     robot = _submessages(message)
     header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
     parts = _submessages(feedback)
@@ -78,6 +83,9 @@ def decode(message: bytes) -> EgmFeedback:
     if not all(math.isfinite(angle) for angle in joints):
         raise LogError(f"EGM message: joint angles {joints} are not finite. {_REMEDY}")
     return EgmFeedback(_uint32(numbers.get(1)), _uint32(numbers.get(2)), _time_ns(parts), joints)
+
+
+_remembered = lru_cache(maxsize=REMEMBERED)(_decoded)
 
 
 def read_frames(raw: bytes) -> Frames:
@@ -164,11 +172,11 @@ def _doubles(message: bytes) -> tuple[float, ...]:
 
 def _submessages(message: bytes) -> dict[int, bytes]:
     """Length-delimited fields by number; repeated ones are joined, as protobuf merges messages."""
-    parts: dict[int, bytes] = {}
+    parts: dict[int, list[bytes]] = {}
     for number, wire, value in _fields(message):
         if wire == _BYTES and isinstance(value, bytes):
-            parts[number] = parts.get(number, b"") + value
-    return parts
+            parts.setdefault(number, []).append(value)
+    return {number: b"".join(values) for number, values in parts.items()}
 
 
 def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:

@@ -29,6 +29,8 @@ _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
 _REORDERED = 10
 # Messages a poll: whoever sends faster than they are read must not keep a poll from ending.
 _MOST = 10_000
+_LONGEST_POLL = 0.1  # [s] likewise
+_LONGEST = 4096  # bytes of a message; a robot's have some hundred
 _AXES = 6
 
 
@@ -90,13 +92,16 @@ class EgmSource:
     def poll(self) -> Batch:
         messages, refused = self._held, 0
         self._held = []
+        until = time.monotonic() + _LONGEST_POLL
         for content, sender in islice(iter(self._receive, None), _MOST):
             read = _read(content) if self._sender in (None, sender) else None
             if read is None:
                 refused += 1
-                continue
-            self._sender = sender
-            messages.append((content, read))
+            else:
+                self._sender = sender
+                messages.append((content, read))
+            if time.monotonic() > until:
+                break
         if messages:
             self._heard = time.monotonic()
         elif self._last_seqno is not None and time.monotonic() - self._heard > SILENCE:
@@ -152,9 +157,10 @@ class EgmSource:
 
 def _read(content: bytes) -> EgmFeedback | None:
     """The message, or None if the datagram is none that a reader could use."""
+    if not 0 < len(content) <= _LONGEST:
+        return None
     try:
-        feedback = decode(content)
-        return feedback if content else None
+        return decode(content)
     except LogError:
         return None
 

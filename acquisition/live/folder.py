@@ -43,11 +43,14 @@ class RecordingFolder:
     """
 
     def __init__(self, path: Path, cell: CellNames) -> None:
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        left = [] if not path.exists() else _without_records(path)
+        if left is None:
             raise InputError(
                 f"{path}: exists already; nothing was written. A recording needs a folder that is "
                 "new or empty."
             )
+        for file in left:
+            file.unlink()
         (path / "raw").mkdir(parents=True, exist_ok=True)
         self.path = path
         self._cell = cell
@@ -108,3 +111,12 @@ class RecordingFolder:
                 "notes": notes,
             },
         )
+
+
+def _without_records(path: Path) -> list[Path] | None:
+    """Files of a recorder that ended before its first record; None where anything else is there."""
+    if not path.is_dir() or {entry.name for entry in path.iterdir()} - {"raw"}:
+        return None
+    files = list(path.glob("raw/*"))
+    empty = all(file.is_file() and not file.stat().st_size for file in files)
+    return files if empty else None

@@ -173,7 +173,10 @@ def seconds_from(stamps: Stamps, first: int | np.integer) -> Array:
 
     It is subtracted before anything becomes a float.
     """
-    return np.asarray((stamps - first) / 1_000_000_000, dtype=np.float64)
+    t = np.empty(stamps.size)
+    np.subtract(stamps, first, out=t, casting="unsafe")  # of integers, then made floats
+    t /= 1_000_000_000
+    return t
 
 
 def with_periods_checked(table: Table, t: Array, usual_s: tuple[float, float]) -> Table:
@@ -204,10 +207,13 @@ def _with_irregular(table: Table, step: Array, period: float, known: NDArray[np.
 
     The clock was set there, or a stamp is damaged. known : (N-1,) gaps and overruns.
     """
-    off = np.abs(step - period)
+    off = step - period
+    np.abs(off, out=off)
     if off.max() <= FINEST:
         return table
-    usual = float(np.quantile(off[~known], 0.95)) if (~known).any() else 0.0
+    regular = off[~known]
+    usual = float(np.quantile(regular, 0.95, overwrite_input=True)) if regular.size else 0.0
+    del regular  # of a log of hours
     odd = np.flatnonzero((off > max(IRREGULAR * usual, FINEST)) & ~known) + 1
     if not 0 < odd.size <= max(3.0, STRAY_LIMIT * off.size):
         return table

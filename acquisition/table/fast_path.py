@@ -1,7 +1,7 @@
 """Device tables without any fault, by pyarrow, which reads them as fast as pandas does.
 
-Whatever is not plain (a torn or blank line, quotes, another encoding, a cell that is no number, a
-last line without line end) makes this reader give nothing, and acquisition.table.table, which knows
+Whatever is not plain (a torn or blank line, quotes, another encoding, a cell that is no number)
+makes this reader give nothing, and acquisition.table.table, which knows
 what to do with it, reads the file from its first byte. So there is one place that repairs and
 refuses, and clean files do not pay for it. pyarrow is as strict with numbers as that place but for
 hexadecimal integers; both round to the nearest float64.
@@ -9,28 +9,34 @@ hexadecimal integers; both round to the nearest float64.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
+from acquisition.report import Finding
 from acquisition.table.header import PREAMBLE, Header, Kind, Layout, read_header
-from acquisition.table.text import Content, LogText, text_of
+from acquisition.table.text import LONGEST_LINE, Content, LogText, text_of, unterminated
 from cell.errors import LogError
 
 FINE = 4e6  # a float64 below it resolves 1e-9
 _TYPES = {"integer": pa.int64(), "text": pa.int64(), "decimal": pa.float64(), "float": pa.float64()}
-_BLOCK = 1 << 19  # bytes parsed at a time
+_BLOCK = 1 << 19  # bytes parsed at a time by one thread
+_PART = 1 << 23  # bytes of the file held at a time
 
 
 def clean_columns(
-    content: Content, file: str, layout: Layout
-) -> tuple[Header, dict[str, NDArray[Any]]] | None:
-    """Header and wanted columns of a table of whose bytes none is out of place; None for others."""
-    raw = content.raw
-    head = _head(raw, file)
+    source: BinaryIO, file: str, layout: Layout
+) -> tuple[Header, dict[str, NDArray[Any]], tuple[Finding, ...]] | None:
+    """Header, wanted columns and findings of a table whose bytes are in place; None for others.
+
+    source : the file, which is read in parts, so that a log of hours is never held as text. A last
+        line that was cut off is dropped.
+    """
+    head = _head(source, file)
     if head is None or layout.decimal == "comma":
         return None
     try:
@@ -39,14 +45,23 @@ def clean_columns(
         return None
     if header.separator == " " or header.glued:
         return None
-    columns = _columns(raw, _offset(raw, header.row), header)
-    return None if columns is None else (header, columns)
+    columns = _columns(source, header)
+    if columns is None:
+        return None
+    rest = source.read()
+    if not _plain_unread(rest) or b"\r" in rest:
+        return None
+    line = header.row + len(next(iter(columns.values()))) + 1
+    return header, columns, (*([unterminated(file, line)] if rest else []), *header.findings)
 
 
-def _head(raw: bytes, file: str) -> LogText | None:
-    """The lines among which the header is looked for, if they and the file's end are plain."""
-    first = raw[: _offset(raw, PREAMBLE + 2)]
-    if not raw.endswith(b"\n") or not first.isascii():
+def _head(source: BinaryIO, file: str) -> LogText | None:
+    """The lines among which the header is looked for, if they are plain."""
+    source.seek(0)
+    lines = [source.readline(LONGEST_LINE) for _ in range(PREAMBLE + 2)]
+    first = b"".join(lines)
+    first = first[: first.rfind(b"\n") + 1]
+    if not first.isascii() or max(map(len, lines)) == LONGEST_LINE:
         return None
     try:
         head = text_of(Content(first), file)
@@ -55,19 +70,51 @@ def _head(raw: bytes, file: str) -> LogText | None:
     return head if not head.findings and len(head.lines) == first.count(b"\n") else None
 
 
-def _offset(raw: bytes, line: int) -> int:
-    """Where a line begins, counted from 0; the size of the file if it has fewer."""
-    at = 0
-    for _ in range(line):
-        at = raw.find(b"\n", at) + 1
-        if not at:
-            return len(raw)
-    return at
+def _columns(source: BinaryIO, header: Header) -> dict[str, NDArray[Any]] | None:
+    """The wanted columns of the whole rows below the header; what follows them is left unread."""
+    source.seek(0)
+    before = b"".join(source.readline() for _ in range(header.row))
+    if _unread(header) and not _plain_unread(before):
+        return None
+    begin = source.tell()
+    total = sum(part.count(b"\n") for part in iter(lambda: source.read(_PART), b""))
+    source.seek(begin)
+    columns = {
+        name: np.empty(total, dtype=np.int64 if _TYPES[kind] == pa.int64() else np.float64)
+        for name, kind in header.columns.items()
+    }
+    row, end = 0, begin
+    for part in _parts(source):
+        table = _parsed(part, header)
+        if table is None:
+            return None
+        for values, position in zip(columns.values(), header.positions, strict=True):
+            _put(values[row : row + table.num_rows], table[f"f{position}"])
+        row += table.num_rows
+        end += len(part)
+    source.seek(end)
+    plain = bool(row) and all(_plain(columns[name], kind) for name, kind in header.columns.items())
+    return columns if plain else None
 
 
-def _columns(raw: bytes, begin: int, header: Header) -> dict[str, NDArray[Any]] | None:
-    """The wanted columns of the rows from byte `begin` on."""
-    if _passes_unseen(raw, begin, header):
+def _parts(source: BinaryIO) -> Iterator[bytes]:
+    """Whole lines of a file, up to a line that is too long."""
+    rest = b""
+    while part := source.read(_PART):
+        end = part.rfind(b"\n") + 1
+        if end:
+            yield rest + part[:end]
+            rest = part[end:]
+        else:
+            rest += part
+            if len(rest) > LONGEST_LINE:
+                yield rest  # parses as no row
+                return
+
+
+def _parsed(part: bytes, header: Header) -> pa.Table | None:
+    """The wanted columns of some lines, named f0, f1, ... by position; None if not plain."""
+    if _passes_unseen(part, header):
         return None
     fields = [f"f{k}" for k in range(len(header.names))]
     kinds = zip(header.positions, header.columns.values(), strict=True)
@@ -78,39 +125,40 @@ def _columns(raw: bytes, begin: int, header: Header) -> dict[str, NDArray[Any]] 
         column_types=types, include_columns=list(types), null_values=[], strings_can_be_null=False
     )
     try:
-        table = csv.read_csv(pa.BufferReader(pa.py_buffer(raw).slice(begin)), read, parse, convert)
+        table = csv.read_csv(pa.BufferReader(part), read, parse, convert)
     except pa.ArrowInvalid:
         return None
-    # A CR alone ends a row too.
-    if not table.num_rows or (b"\r" in raw and table.num_rows != raw.count(b"\n", begin)):
-        return None
-    columns = {
-        name: _values(table[fields[position]])
-        for name, position in zip(header.columns, header.positions, strict=True)
-    }
-    plain = all(_plain(columns[name], kind) for name, kind in header.columns.items())
-    return columns if plain else None
+    return table if table.num_rows == part.count(b"\n") else None  # a CR alone ends a row too
 
 
-def _values(column: pa.ChunkedArray) -> NDArray[Any]:
-    """(N,) the numbers of a column; pyarrow's own conversion imports pandas."""
-    dtype = np.int64 if column.type == pa.int64() else np.float64
-    chunks = column.chunks
-    return np.concatenate(
-        [np.frombuffer(part.buffers()[1], dtype, len(part), 8 * part.offset) for part in chunks]
-    )
+def _put(out: NDArray[Any], column: pa.ChunkedArray) -> None:
+    """Copies the numbers of a column to `out` (N,); pyarrow's own conversion imports pandas."""
+    row = 0
+    for part in column.chunks:
+        out[row : row + len(part)] = np.frombuffer(
+            part.buffers()[1], out.dtype, len(part), 8 * part.offset
+        )
+        row += len(part)
 
 
-def _passes_unseen(raw: bytes, begin: int, header: Header) -> bool:
-    """Whether the rows may hold what pyarrow takes though it is not plain.
+def _passes_unseen(part: bytes, header: Header) -> bool:
+    """Whether rows may hold what pyarrow takes though it is not plain.
 
     Hexadecimal integers, and anything in columns that are not read.
     """
     integers = {"integer", "text"} & set(header.columns.values())
-    if integers and (raw.find(b"x", begin) >= 0 or raw.find(b"X", begin) >= 0):
+    if integers and (b"x" in part or b"X" in part):
         return True
-    unread = len(header.names) > len(header.columns)
-    return unread and (b'"' in raw or b"\0" in raw or not raw.isascii())
+    return _unread(header) and not _plain_unread(part)
+
+
+def _unread(header: Header) -> bool:
+    """Whether there are columns that are not read."""
+    return len(header.names) > len(header.columns)
+
+
+def _plain_unread(part: bytes) -> bool:
+    return not (b'"' in part or b"\0" in part) and part.isascii()
 
 
 def _plain(column: NDArray[Any], kind: Kind) -> bool:

@@ -19,6 +19,7 @@ from cell import selectors
 from cell.errors import LogError
 
 Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float loses digits
+MOST_COLUMNS = 2000
 PREAMBLE = 200  # lines before a header, at most
 
 
@@ -131,6 +132,12 @@ def read_header(text: LogText, layout: Layout) -> Header:
 
 def _header_line(text: LogText, layout: Layout) -> tuple[int, str]:
     """Row of the line that is the header, or should be, and its separator."""
+    for row, line in enumerate(text.lines[: PREAMBLE + 1]):
+        if (columns := max(map(line.count, SEPARATORS))) > MOST_COLUMNS:
+            raise LogError(
+                f"{text.file}:{text.number[row]}: {columns + 1} fields; logs have at most "
+                f"{MOST_COLUMNS}. Is this the file that the logger wrote? Export fewer columns."
+            )
     best, most = (0, _separator(text.lines[0], layout)), -1
     for row, line in enumerate(text.lines[: PREAMBLE + 1]):
         separator = _separator(line, layout)

@@ -23,7 +23,7 @@ from acquisition.table.fast_path import FINE, clean_columns
 from acquisition.table.fields import SEPARATORS, split_fields
 from acquisition.table.header import Header, Kind, Layout, read_header
 from acquisition.table.rows import PlainRows, plain_rows
-from acquisition.table.text import LogText, read_filled, text_of
+from acquisition.table.text import Content, LogText, open_filled, text_of
 from cell.errors import LogError
 
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -119,14 +119,15 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
     file : the name that errors and findings give it.
     Raises LogError naming file, line and column if the table cannot be trusted.
     """
-    content = read_filled(path, file)
-    clean = clean_columns(content, file, layout)
-    if clean is None:
-        return text_table(text_of(content, file), layout)
-    header, columns = clean
+    with open_filled(path, file) as (source, unpacking):
+        clean = clean_columns(source, file, layout)
+        if clean is None:
+            source.seek(0)
+            return text_table(text_of(Content(source.read(), unpacking), file), layout)
+    header, columns, findings = clean
     rows = len(next(iter(columns.values())))
     line = np.arange(header.row + 1, header.row + 1 + rows, dtype=np.int64)
-    findings = (*content.findings, *header.findings)
+    findings = (*unpacking, *findings)
     table = Table(columns, (file,), np.zeros(rows, dtype=np.int64), line, findings=findings)
     return table, Form("utf-8", SEPARATORS[header.separator], "point", rows)
 

@@ -14,8 +14,10 @@ import gzip
 import lzma
 import os
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -24,13 +26,15 @@ from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
 from cell.errors import LogError, UnfinishedLogError
-from cell.foreign_files import open_regular, read_regular
+from cell.foreign_files import open_regular
 
 MOST_BYTES = 2_000_000_000  # of one file: fifty hours of a robot's log
 # A packed file may claim anything. Logs shrink to a third (gzip) or a sixth (xz).
 _UNPACKED_FREE = 50_000_000  # bytes that every packed file may unpack to
 _UNPACKED_RATIO = 15  # of bytes unpacked to packed, beyond that
+LONGEST_LINE = 100_000  # bytes; a thousand names take half of it
 _LARGE = 10_000_000  # characters of a text whose rows are a time stamp and a value at least,
+_QUOTES = 0.6  # of the characters; "0","0" has half
 _SHORTEST_ROW = 10  # characters on average; each row takes 60 bytes beside its text
 _PACKED: dict[str, Callable[[BinaryIO], Any]] = {
     ".gz": gzip.open,
@@ -87,15 +91,26 @@ def read_filled(path: Path, file: str) -> Content:
 
     Raises LogError if the file is missing, unreadable or empty.
     """
+    with open_filled(path, file) as (source, findings):
+        return Content(source.read(), findings)
+
+
+@contextmanager
+def open_filled(path: Path, file: str) -> Iterator[tuple[BinaryIO, tuple[Finding, ...]]]:
+    """A device file of at least one byte, open and unpacked, with what was found unpacking it.
+
+    Raises as `read_filled` does, also where reading fails inside the `with`.
+    """
     if not path.is_file():
         raise LogError(
             f"{file}: no such file (looked for {path}). "
             "Correct the name in recording.yaml, or copy the file there."
         )
-    content = read_bytes(path, file)
-    if not content.raw:
-        raise UnfinishedLogError(f"{file}: the file is empty. Copy it again from the logger.")
-    return content
+    with _opened(path, file) as (source, findings):
+        if not source.read(1):
+            raise UnfinishedLogError(f"{file}: the file is empty. Copy it again from the logger.")
+        source.seek(0)
+        yield source, findings
 
 
 def text_of(content: Content, file: str) -> LogText:
@@ -105,8 +120,12 @@ def text_of(content: Content, file: str) -> LogText:
         sentence = f"read as {decoded.encoding}."
         findings.append(finding("encoding", "repaired", file, sentence, count=1))
     text = decoded.text.rstrip("\0")
-    if len(text) > _LARGE and len(text) < _SHORTEST_ROW * (text.count("\n") + text.count("\r")):
-        raise LogError(f"{file}: hardly more than line ends. Copy it again from the logger.")
+    if len(text) > _LARGE:
+        ends = text.count("\n") + text.count("\r")
+        if len(text) < _SHORTEST_ROW * ends or _QUOTES * len(text) < text.count('"'):
+            raise LogError(
+                f"{file}: hardly more than line ends or quotes. Copy it again from the logger."
+            )
     if stripped := (len(decoded.text) - len(text)) * decoded.width:
         first, last = decoded.size - stripped, decoded.size - 1
         sentence = f"bytes {first} to {last} are NUL (power loss); left out."
@@ -117,9 +136,8 @@ def text_of(content: Content, file: str) -> LogText:
         raise LogError(f"{file}: the file holds nothing but NUL bytes. Copy it again.")
     lines = _split_lines(text)
     if lines.pop():
-        sentence = "the last line has no line end, so it may be cut inside a number; dropped."
-        line = [len(lines) + 1]
-        findings.append(finding("unterminated last line", "repaired", file, sentence, lines=line))
+        findings.append(unterminated(file, len(lines) + 1))
+    _refuse_long(lines, file)
     number = np.arange(1, len(lines) + 1, dtype=np.int64)
     if not all(lines) or any(map(str.isspace, lines)):
         filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
@@ -131,21 +149,47 @@ def text_of(content: Content, file: str) -> LogText:
     return LogText(file, decoded.encoding, lines, number, '"' in text, tuple(findings))
 
 
+def _refuse_long(lines: list[str], file: str) -> None:
+    """Raises LogError for a line that is longer than any of a log."""
+    longest = max(map(len, lines), default=0)
+    if longest > LONGEST_LINE:
+        number = 1 + next(k for k, line in enumerate(lines) if len(line) == longest)
+        raise LogError(
+            f"{file}:{number}: a line of {longest} characters, and logs have lines of at most "
+            f"{LONGEST_LINE}. Is this the file that the logger wrote? Copy it again."
+        )
+
+
+def unterminated(file: str, line: int) -> Finding:
+    """The finding for a last line that was cut off."""
+    sentence = "the last line has no line end, so it may be cut inside a number; dropped."
+    return finding("unterminated last line", "repaired", file, sentence, lines=[line])
+
+
 def read_bytes(path: Path, file: str) -> Content:
     """The content of a device file, unpacked; of a packed file that was cut off, what it holds.
 
     Raises LogError if it cannot be read or unpacked.
     """
+    with _opened(path, file) as (source, findings):
+        return Content(source.read(), findings)
+
+
+@contextmanager
+def _opened(path: Path, file: str) -> Iterator[tuple[BinaryIO, tuple[Finding, ...]]]:
+    """A device file, open and unpacked; raises LogError as `read_bytes` does."""
     suffix = path.suffix.lower()
     if suffix in (".zst", ".zip", ".7z", ".rar"):
         remedy = "Unpack it first, or use .gz, .bz2 or .xz."
         raise LogError(f"{file}: packed in a way that is not read here. {remedy}")
     try:
-        if suffix not in _PACKED:
-            return Content(read_regular(path, MOST_BYTES))
-        with open_regular(path, MOST_BYTES) as packed:
-            stored = os.fstat(packed.fileno()).st_size
-            return _unpacked(_PACKED[suffix](packed), file, stored)
+        with open_regular(path, MOST_BYTES) as source:
+            if suffix in _PACKED:
+                stored = os.fstat(source.fileno()).st_size
+                content = _unpacked(_PACKED[suffix](source), file, stored)
+                yield BytesIO(content.raw), content.findings
+            else:
+                yield source, ()
     except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
         raise LogError(
             f"{file}: is no {path.suffix} file, or damaged: {error}. Copy it again."

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sim.simulate import Simulation
 
 POSE_RATE = 30.0  # [Hz] smooth to the eye; the mechanism moves below 3 Hz
+POSES = 120_000  # of the mechanism, at most: 67 minutes at that rate
 GAP_PERIODS = 3.0  # as ident.signals.smooth_log: a longer stretch without rows is not bridged
 
 
@@ -92,8 +93,9 @@ def moving_cell(geometry: Geometry, t: Array, q: Array, b: Array) -> CellMotion:
 
 
 def thinning(t: Array) -> int:
-    """Step between the rows of a log, t (N,) [s], that gives about POSE_RATE."""
-    return max(1, round(1.0 / (POSE_RATE * float(np.median(np.diff(t))))))
+    """Step between the rows of a log, t (N,) [s], that gives about POSE_RATE, or POSES in all."""
+    smooth = round(1.0 / (POSE_RATE * float(np.median(np.diff(t)))))
+    return max(1, smooth, -(-t.size // POSES))
 
 
 def true_tool(simulation: Simulation, estimate: RecordingEstimate, t: Array) -> TrueTool:

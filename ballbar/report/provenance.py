@@ -90,8 +90,9 @@ def input_files(recording: Recording, folder: Path) -> list[InputFile]:
 
 def hashed(folder: Path, name: str) -> InputFile:
     """Size and SHA-256 of a file of `folder`. Raises OSError."""
-    content = (folder / name).read_bytes()
-    return InputFile(name, len(content), hashlib.sha256(content).hexdigest())
+    with (folder / name).open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return InputFile(name, file.tell(), digest)
 
 
 def without_folders(command: str) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -20,6 +19,7 @@ from functools import partial
 from ballbar.sweep.chunk import Row, Task, run_chunk, run_chunk_remotely
 from ballbar.sweep.version import DISTRIBUTION
 from cell.errors import InputError
+from cell.processes import stop_signals_blocked
 from cell.threads import one_thread_each
 
 CONNECT_TIMEOUT = 10.0  # [s] for a Dask scheduler to answer
@@ -56,7 +56,7 @@ def process_pool(count: int) -> Iterator[Callable[[Task], AbstractContextManager
 
         def submit(task: Task, runs: Sequence[int]) -> Future[list[Row]]:
             try:
-                with _stop_signals_blocked():  # the pool starts its processes in `submit`
+                with stop_signals_blocked():  # the pool starts its processes in `submit`
                     return pool.submit(run_chunk, task.text, runs, task.trial, task.top)
             except BrokenProcessPool as error:  # reported when the chunk's result is collected
                 broken: Future[list[Row]] = Future()
@@ -126,17 +126,3 @@ def _end_with_driver() -> None:
             os._exit(1)
 
     threading.Thread(target=wait_for_driver, daemon=True).start()
-
-
-@contextmanager
-def _stop_signals_blocked() -> Iterator[None]:
-    """Processes started within receive neither Ctrl-C nor the SIGTERM of a batch system.
-
-    Both signals go to all processes of a group at once; the driver receives them and lets its
-    workers finish their chunks.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

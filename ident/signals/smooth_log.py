@@ -257,9 +257,12 @@ def _standing_out(t: Array, fit: _Fit, smallest: float) -> NDArray[np.bool_]:
     """
     speed = np.asarray(fit.spline.derivative()(t[~fit.out.any(axis=1)]))
     scatter, own = stamp_noise(fit.residual, speed)
-    usual = np.hypot(own, scatter * speed) if scatter else np.ones(own.size)
-    sigma = usual * robust_sigma(fit.residual / usual)
-    return np.asarray(np.abs(fit.residual) > np.maximum(STANDING_OUT * sigma, smallest))
+    out = np.empty(fit.residual.shape, dtype=bool)
+    for c, left in enumerate(fit.residual.T):
+        usual = np.hypot(own[c], scatter * speed[:, c]) if scatter else np.ones(1)
+        sigma = usual * robust_sigma((left / usual)[:, None])
+        out[:, c] = np.abs(left) > np.maximum(STANDING_OUT * sigma, smallest)
+    return out
 
 
 def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -22,6 +22,7 @@ SIGNIFICANT = 10.0  # standard errors
 # Of the mean variance of the channels' own noise: less hardly matters, and stays with the channels
 NOTABLE = 0.5
 CLIPPED = 5.0  # standard deviations: a few outliers decide nothing
+_BLOCK = 1 << 18  # rows at a time, of a log of hours
 _PASSES = 8  # in which the channels' own noise shrinks to what it is
 
 
@@ -31,40 +32,50 @@ def stamp_noise(residual: Array, speed: Array) -> tuple[float, Array]:
     residual : (N, C) [rad] of the spline. speed : (N, C) [rad/s]. Without notable noise of the
     stamps: 0, and the rms of the residual.
     """
-    noise = np.sqrt(np.mean(residual * residual, axis=0))
-    sigma = robust_sigma(residual)
+    blocks = [slice(k, k + _BLOCK) for k in range(0, len(residual), _BLOCK)]
+    noise = np.sqrt(sum((residual[b] * residual[b]).sum(axis=0) for b in blocks) / len(residual))
+    sigma = np.concatenate([robust_sigma(channel[:, None]) for channel in residual.T])
     if residual.shape[1] < 2 or not (sigma > 0.0).all():
         return 0.0, noise
-    # channel first: sums over six numbers of a row take numpy many times as long
-    residual, speed = np.ascontiguousarray(residual.T), np.ascontiguousarray(speed.T)
-    scale = sigma[:, None]
-    variance, error = _variance(np.clip(residual / scale, -CLIPPED, CLIPPED), speed / scale)
-    if variance < SIGNIFICANT * error:
+    parts = [_sums(residual[b].T / sigma[:, None], speed[b].T / sigma[:, None]) for b in blocks]
+    shown, weight = np.sum(parts, axis=0)
+    variance = shown / weight if weight > 0.0 else 0.0
+    if weight <= 0.0 or variance < SIGNIFICANT * np.sqrt(2.0 / weight):
         return 0.0, noise
     own = noise
     for _ in range(_PASSES):
-        power = (speed / own[:, None]) ** 2
-        total = power.sum(axis=0)
-        total = np.where(total > 0.0, total, 1.0)
-        late = (residual * speed / own[:, None] ** 2).sum(axis=0) / total
-        rest = residual - speed * late
-        freedom = (1.0 - power / total).sum(axis=1)
-        own = np.sqrt((rest * rest).sum(axis=1) / np.maximum(1.0, freedom))
+        power, freedom = np.sum([_rest(residual[b].T, speed[b].T, own) for b in blocks], axis=0)
+        own = np.sqrt(power / np.maximum(1.0, freedom))
         if not (own > 0.0).all():
             return 0.0, noise
-    if variance * np.mean((speed / own[:, None]) ** 2) < NOTABLE:
+    share = sum(((speed[b] / own) ** 2).sum() for b in blocks) / speed.size
+    if variance * share < NOTABLE:
         return 0.0, noise
     return float(np.sqrt(variance)), np.minimum(own, noise)
 
 
-def _variance(residual: Array, speed: Array) -> tuple[float, float]:
-    """[s^2] variance of the stamps, and its standard error where it is none.
+def _sums(residual: Array, speed: Array) -> tuple[float, float]:
+    """Sums above and below the fraction that is the variance of the stamps [s^2].
 
-    residual : (C, N) in units of the noise. speed : (C, N) [1/s] likewise.
+    residual : (C, n) in units of the noise. speed : (C, n) [1/s] likewise. Channel first: sums over
+    six numbers of a row take numpy many times as long.
     """
-    products, squares = residual * speed, speed * speed
+    clipped, speed = np.clip(residual, -CLIPPED, CLIPPED), np.ascontiguousarray(speed)
+    products, squares = np.ascontiguousarray(clipped) * speed, speed * speed
     shown = (products.sum(axis=0) ** 2 - (products**2).sum(axis=0)).sum()
     weight = (squares.sum(axis=0) ** 2 - (squares**2).sum(axis=0)).sum()
-    if weight <= 0.0:
-        return 0.0, 1.0
-    return float(shown / weight), float(np.sqrt(2.0 / weight))
+    return float(shown), float(weight)
+
+
+def _rest(residual: Array, speed: Array, own: Array) -> tuple[Array, Array]:
+    """(C,) [rad^2] sum of squares of what late stamps leave, and (C,) its degrees of freedom.
+
+    residual : (C, n) [rad]. speed : (C, n) [rad/s]. own : (C,) [rad] noise of the channels.
+    """
+    residual, speed = np.ascontiguousarray(residual), np.ascontiguousarray(speed)
+    power = (speed / own[:, None]) ** 2
+    total = power.sum(axis=0)
+    total = np.where(total > 0.0, total, 1.0)
+    late = (residual * speed / own[:, None] ** 2).sum(axis=0) / total
+    rest = residual - speed * late
+    return (rest * rest).sum(axis=1), (1.0 - power / total).sum(axis=1)

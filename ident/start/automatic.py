@@ -38,7 +38,8 @@ from ident.start.lag_scan import Branch, Pair, PairScan, best_lags, scan_lags, s
 from ident.start.length_scan import best_lengths
 from ident.start.sphere import Sphere, sphere_candidates
 
-SCAN_STEP = 0.02  # [s] of the lags
+SCAN_STEP = 0.02  # [s] of the lags; more where a log is so long that its grid has SCAN_ROWS
+SCAN_ROWS = 200_000  # 67 minutes
 SPHERE_STEP = 0.1  # [s]
 LENGTH_ROWS = 6000  # of the grid on which a sensed length is compared, at most
 LAGS = 5  # kept of the scan
@@ -173,22 +174,23 @@ def _aligned(
     sphere: Sphere,
 ) -> Iterator[Hypothesis]:
     """Hypotheses of the best lags about one sphere."""
-    poses = _poses(robot, nominal, SCAN_STEP)
+    step = max(SCAN_STEP, _longest(robot, ballbar) / SCAN_ROWS)
+    poses = _poses(robot, nominal, step)
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     rod = tip - sphere.centre
     u = rod / np.linalg.norm(rod, axis=1, keepdims=True)
     v = np.einsum("nij,ni->nj", rotation, u)
-    readings = np.asarray(ballbar.spline(_grid(ballbar, SCAN_STEP)))
+    readings = np.asarray(ballbar.spline(_grid(ballbar, step)))
     column = {joint: readings[:, k] for k, joint in enumerate(encoders)}
     seen = dict(zip(_GIMBALS, (u, v * np.array([-1.0, 1.0, 1.0])), strict=True))
     pairs = {
-        pair: PairScan(Pair(column[pair[0]], column[pair[1]], rod_direction), SCAN_STEP)
+        pair: PairScan(Pair(column[pair[0]], column[pair[1]], rod_direction), step)
         for pair, rod_direction in seen.items()
         if set(pair) <= set(encoders)
     }
     scan = scan_lags(list(pairs.values()))
-    for index in best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / SCAN_STEP)):
-        offset = subsample(scan, index) * SCAN_STEP + robot.start - ballbar.start
+    for index in best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / step)):
+        offset = subsample(scan, index) * step + robot.start - ballbar.start
         for branches in product(*(pair.branches(index) for pair in pairs.values())):
             read: dict[int, tuple[int, float]] = {}
             for (turning, tilting), branch in zip(pairs, branches, strict=True):
@@ -209,8 +211,7 @@ def length_hypotheses(
 
     extension : of the rod [m]; other arguments as of `automatic_start`.
     """
-    longest = max(robot.end - robot.start, extension.end - extension.start)
-    step = max(SCAN_STEP, longest / LENGTH_ROWS)
+    step = max(SCAN_STEP, _longest(robot, extension) / LENGTH_ROWS)
     q = np.asarray(robot.spline(_grid(robot, step)))
     frames, table = robot_frames(nominal, q), nominal.table
     free = [name for name in table.robot if name not in fixed_names(table)]
@@ -345,6 +346,11 @@ def _differ(a: Candidate, b: Candidate) -> bool:
 def _with_base(nominal: Geometry, sphere: Sphere, offsets: dict[str, float]) -> Geometry:
     ox, oy, oz = (float(c) for c in sphere.centre)
     return nominal.replaced({"ox": ox, "oy": oy, "oz": oz} | offsets)
+
+
+def _longest(robot: SmoothLog, other: SmoothLog) -> float:
+    """[s] duration of the longer log."""
+    return max(robot.end - robot.start, other.end - other.start)
 
 
 def _grid(log: SmoothLog, step: float) -> Array:

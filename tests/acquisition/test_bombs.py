@@ -7,6 +7,7 @@ import gzip
 import io
 import lzma
 import os
+import time
 import tracemalloc
 import zipfile
 from collections.abc import Callable
@@ -17,6 +18,8 @@ import pytest
 from acquisition.formats.workbook import workbook_text
 from acquisition.poses import read_poses
 from acquisition.recording import read_recording
+from acquisition.table.header import Layout
+from acquisition.table.table import read_table
 from acquisition.table.text import Content, read_bytes, read_text
 from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
@@ -24,6 +27,7 @@ from cell.strict_yaml import load_yaml
 from tests.helpers.device_logs import ROBOT_FILES, put, write
 
 MEGABYTE = 1_000_000
+LAYOUT = Layout((",",), {"time": "decimal", "m1": "float"})
 
 
 @pytest.mark.parametrize(
@@ -55,9 +59,33 @@ def test_a_workbook_that_unpacks_without_end_is_refused() -> None:
 
 
 def test_a_file_of_line_ends_is_refused_before_it_is_split(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_bytes(b"\n" * 11 * MEGABYTE)
-    with pytest.raises(LogError, match=r"a\.csv: hardly more than line ends"):
-        read_text(tmp_path / "a.csv", "a.csv")
+    for pattern in (b"\n", b'"\n', b'"' * 40 + b"\n"):
+        (tmp_path / "a.csv").write_bytes(pattern * (11 * MEGABYTE // len(pattern)))
+        with pytest.raises(LogError, match=r"a\.csv: hardly more than line ends or quotes"):
+            read_text(tmp_path / "a.csv", "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"name," * MEGABYTE + b"\n1,2\n", r"a\.csv:1: a line of 5000000 characters"),
+        (b"time,m1\n1,2\n" + b"1" * MEGABYTE + b"\n", r"a\.csv:3: a line of 1000000 characters"),
+    ],
+)
+def test_a_line_that_is_longer_than_any_of_a_log_is_refused(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(LogError, match=words):
+        read_table(tmp_path / "a.csv", "a.csv", LAYOUT)
+
+
+def test_lines_of_nothing_but_separators_are_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes((b"," * 99_000 + b"\n") * 201)
+    begin = time.process_time()
+    with pytest.raises(LogError, match=r"a\.csv:1: 99001 fields; logs have at most 2000"):
+        read_table(tmp_path / "a.csv", "a.csv", LAYOUT)
+    assert time.process_time() - begin < 2.0
 
 
 def test_a_file_named_twice_is_refused(tmp_path: Path) -> None:

@@ -1,16 +1,17 @@
 """Clean tables are read at once, and never otherwise than line by line."""
 
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import acquisition.table.fast_path
 import acquisition.table.table
 from acquisition.table.fast_path import clean_columns
 from acquisition.table.header import Layout
 from acquisition.table.table import read_table
-from acquisition.table.text import Content
 from cell.errors import LogError
 
 BAR = Layout(
@@ -96,6 +97,7 @@ def files(count: int) -> Iterator[tuple[bytes, Layout]]:
 def test_what_is_read_at_once_is_what_is_read_line_by_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(acquisition.table.fast_path, "_PART", 64)  # of a few rows
     path, clean = tmp_path / "log.csv", 0
     for raw, layout in files(600):
         path.write_bytes(raw)
@@ -103,20 +105,28 @@ def test_what_is_read_at_once_is_what_is_read_line_by_line(
         with monkeypatch.context() as patch:
             patch.setattr(acquisition.table.table, "clean_columns", lambda *_: None)
             assert at_once == outcome(path, layout), raw
-        clean += clean_columns(Content(raw), "log.csv", layout) is not None
+        clean += clean_columns(BytesIO(raw), "log.csv", layout) is not None
     assert 60 < clean < 540  # both ways were taken
 
 
 def test_a_clean_log_is_read_at_once() -> None:
     raw = b"note;b2;time;b1\r\n1;4294967295;100000000000000001;-7\r\n2;0;100000000000000002;3\r\n"
-    read = clean_columns(Content(raw), "log.csv", BAR)
+    read = clean_columns(BytesIO(raw), "log.csv", BAR)
     assert read is not None
     assert {name: column.tolist() for name, column in read[1].items()} == {
         "time": [100000000000000001, 100000000000000002],
         "b1": [-7, 3],
         "b2": [4294967295, 0],
     }
-    assert [entry.kind for entry in read[0].findings] == ["column not used"]
+    assert [entry.kind for entry in read[2]] == ["column not used"]
+
+
+def test_a_last_line_that_was_cut_off_is_dropped_at_once() -> None:
+    raw = b"time;b1;b2\n100000000000000001;1;2\n100000000000000002;3;4\n1000000000"
+    read = clean_columns(BytesIO(raw), "log.csv", BAR)
+    assert read is not None
+    assert read[1]["b2"].tolist() == [2, 4]
+    assert [(entry.kind, entry.lines) for entry in read[2]] == [("unterminated last line", (4,))]
 
 
 @pytest.mark.parametrize(
@@ -134,5 +144,5 @@ def test_a_clean_log_is_read_at_once() -> None:
     ],
 )
 def test_a_row_that_is_not_plain_is_left_to_the_careful_reader(row: bytes) -> None:
-    content = Content(b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n")
-    assert clean_columns(content, "log.csv", BAR) is None
+    content = b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n"
+    assert clean_columns(BytesIO(content), "log.csv", BAR) is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import subprocess
 import sys
@@ -380,6 +381,12 @@ def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
         with urllib.request.urlopen(url, timeout=5.0) as answer:
             assert answer.status == 200
             assert b"wasm" in answer.read()
+        data_port = int(re.search(r"127.0.0.1%3A(\d+)%2Fproxy", url)[1])
+        for served in (port, data_port):
+            with socket.create_connection(("127.0.0.1", served), timeout=5.0):
+                pass
+            with pytest.raises(ConnectionRefusedError):  # as from any other machine
+                socket.create_connection(("127.0.0.2", served), timeout=5.0)
     assert server.poll() is not None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import time
@@ -65,3 +66,15 @@ def test_an_error_of_the_work_is_raised_where_its_result_is_needed() -> None:
         until_ready(begin)
         with pytest.raises(ZeroDivisionError):
             begin(divmod, 1, 0)()
+
+
+def test_ctrl_c_while_it_still_imports_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    """A process that was just starting printed a traceback of what it was importing."""
+    with second_process("json"):
+        (helper,) = multiprocessing.active_children()
+        for _ in range(20):
+            if helper.is_alive() and helper.pid is not None:
+                os.kill(helper.pid, signal.SIGINT)
+            time.sleep(0.02)
+        assert helper.is_alive()
+    assert capfd.readouterr().err == ""

@@ -216,5 +216,23 @@ def mpe(rows: int = ROWS, scale: float = 1.0) -> Written:
     )
 
 
+# ---- force sensor
+
+
+def force_torque(rows: int = ROWS) -> Written:
+    """A text log of six noisy loads, 1 ms."""
+    t = 0.001 * np.arange(rows)
+    noise = np.random.default_rng(5).normal(0.0, 0.1, (rows, 6))
+    loads = np.round(20.0 * np.sin(5.0 * t)[:, None] * np.arange(1, 7) + noise, 4)
+    names = ("fx", "fy", "fz", "tx", "ty", "tz")
+    lines = [",".join(("time", *names))]
+    lines += [
+        f"{s:.6f}," + ",".join(f"{load:.4f}" for load in row)
+        for s, row in zip(t.tolist(), loads.tolist(), strict=True)
+    ]
+    content = ("\n".join(lines) + "\n").encode()
+    return Written("force-torque", ".csv", content, {"time": t, **_named(names, loads)})
+
+
 def _named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:
     return dict(zip(names, values.T, strict=True))

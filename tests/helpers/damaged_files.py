@@ -13,13 +13,22 @@ from types import FrameType
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.recording import read_ballbar, read_robot
+from acquisition.recording import read_ballbar, read_force, read_robot
 from acquisition.report import Finding
 from cell.errors import InputError
 from cell.load import load_robot
 from cell.neighbours import SMALLEST
 from cell.recording import EncoderFitting, EncoderName, SourceFile
-from tests.helpers.container_files import Written, db3, egm, json_lines, mcap, mpe, scope
+from tests.helpers.container_files import (
+    Written,
+    db3,
+    egm,
+    force_torque,
+    json_lines,
+    mcap,
+    mpe,
+    scope,
+)
 
 LIMIT_S = 5
 ROBOT = load_robot("irb2400")
@@ -167,7 +176,7 @@ class Log:
     """What the recording's reader makes of a file."""
 
     t: NDArray[np.float64]  # (N,) [s]
-    angles: NDArray[np.float64]  # (N, C) [rad]
+    angles: NDArray[np.float64]  # (N, C) [rad]; of a force sensor [N, N m]
     findings: tuple[Finding, ...]
 
 
@@ -177,6 +186,9 @@ def read(folder: Path, name: str, dialect: str) -> Log:
     if dialect == "twincat-scope":
         bar, imported = read_ballbar(folder, source, ENCODERS, robot_moves=True)
         return Log(bar.t, bar.angles, imported.findings)
+    if dialect == "force-torque":
+        force, imported = read_force(folder, source)
+        return Log(force.t, force.wrench, imported.findings)
     robot, imported = read_robot(folder, source, ROBOT)
     return Log(robot.t, robot.q, imported.findings)
 
@@ -269,4 +281,5 @@ def families(folder: Path) -> dict[str, tuple[Written, tuple[Mutation, ...]]]:
         "rosbag .db3": (db3(folder), (*BYTES, other_unit(db3(folder, scale=more).content))),
         "rosbag .mcap": (mcap(), (*BYTES, other_unit(mcap(scale=more).content))),
         "abb-mpe": (mpe(), (*BYTES, other_unit(mpe(scale=less).content))),
+        "force-torque": (force_torque(), BYTES + TEXT),
     }
