@@ -45,8 +45,8 @@ def verify_folder(
     """Whether the calibration.yaml of recordings holds for the recording in a folder.
 
     Returns also what is to be said of the temperatures. Raises InputError for a result of still
-    poses or one without covariance, and for a recording that cannot be read or is of another robot,
-    ball-bar or plate; StartError when its logs do not fit together.
+    poses or one without covariance, for a recording of a sensed length, and for one that cannot be
+    read or is of another robot, ball-bar or plate; StartError when its logs do not fit together.
     """
     file = _existing(result)
     calibration = load_calibration(file)
@@ -56,6 +56,12 @@ def verify_folder(
     cell = load_measured_cell(
         content.robot, content.instrument, content.plate, relative_to=file.parent
     )
+    if recording.length_log is not None:
+        raise InputError(
+            f"{folder}: a length hardly tells its own clock, so one short recording of it cannot "
+            f"be held against a result. Take `ballbar identify --validate {folder} ...`, or ten "
+            "still poses."
+        )
     logs = logs_of(distinct_names([folder])[0], recording)
     outcome = verify_recording(calibration.machine(cell), logs, listener=listener)
     return outcome, temperature_remarks(content, recording.description.temperature_C)

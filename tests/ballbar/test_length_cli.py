@@ -58,3 +58,10 @@ def test_check_shows_the_length_log(identified: tuple[LengthRun, Path, str]) -> 
     assert code == 0
     assert "instrument drawwire_2m" in out
     assert "length log: " in out
+
+
+def test_a_length_is_not_verified_but_validated(identified: tuple[LengthRun, Path, str]) -> None:
+    out = identified[1]
+    code, _, err = ballbar("verify", out, out.parent / "wire")
+    assert code == 2
+    assert "Take `ballbar identify --validate" in err
