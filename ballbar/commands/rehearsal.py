@@ -50,11 +50,13 @@ def rehearse(
     to DIR (default runs/NAME-rehearsal). Exits with 1 when a limit under `accept` is not met, for
     an alarm without a fault, and for a fault that nothing notices.
     """
+    from ballbar.record.show import ads_reader
     from ballbar.rehearsal.files import chain, rehearse_into
     from ballbar.scenario import load_scenario
 
     settings = load_scenario(scenario, overrides=overrides or ())
-    _check_ads(needed=settings.cell.instrument is None)
+    if settings.cell.instrument is None:
+        ads_reader("a simulated PLC")
     if settings.identify.cost != "ml" or settings.identify.data != "files":
         raise InputError(f"{scenario}: a rehearsal identifies device logs with ml.")
     folder = out_dir or Path("runs") / f"{settings.name}-rehearsal"
@@ -84,15 +86,3 @@ def rehearse(
         out.print(f"  {word} {limit.what} {measured} (limit {allowed})")
     out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {day.took:.0f} s in all")
     raise typer.Exit(0 if day.acceptable else 1)
-
-
-def _check_ads(*, needed: bool) -> None:
-    if not needed:
-        return
-    try:
-        import pyads  # noqa: F401  an extra
-    except (ImportError, OSError):
-        raise InputError(
-            "a simulated PLC needs pyads, which is not installed or lacks its ADS library: pip "
-            "install 'ballbar-bench[ads]'."
-        ) from None

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -25,6 +26,9 @@ from cell.errors import InputError
 from cell.files import write_whole
 from cell.load import load_cell
 from cell.plc_ring import RING
+
+if TYPE_CHECKING:  # pyads is an extra
+    from acquisition.live.ads import AdsMemory
 
 PLC_PORT = 851  # of the first PLC project of TwinCAT 3
 
@@ -178,18 +182,27 @@ def _ads_memory(plc: str) -> Memory:
             f"--plc {plc}: an AMS address is NETID[:PORT][@HOST], such as 5.12.82.20.1.1 or "
             "5.12.82.20.1.1:851@192.168.1.20."
         )
+    reader = ads_reader(f"--plc {plc}")
+    return reader(match[1], int(match[2] or PLC_PORT), symbol=RING, host=match[3])
+
+
+def ads_reader(wanted: str) -> type[AdsMemory]:
+    """What reads the memory of a PLC; raises InputError where its library cannot be loaded.
+
+    wanted : what needs it, for the message.
+    """
     try:
         from acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
     except ImportError:
         raise InputError(
-            f"--plc {plc} needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
+            f"{wanted} needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
         ) from None
     except OSError as error:  # pyads loads the ADS library when it is imported
         raise InputError(
-            f"--plc {plc}: the ADS library of pyads cannot be loaded ({error}). On Windows it "
-            "comes with TwinCAT."
+            f"{wanted}: the ADS library of pyads cannot be loaded ({error}). On Windows it comes "
+            "with TwinCAT."
         ) from None
-    return AdsMemory(match[1], int(match[2] or PLC_PORT), symbol=RING, host=match[3])
+    return AdsMemory
 
 
 def _listen(egm: str) -> tuple[str, int]:

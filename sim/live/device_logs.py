@@ -21,7 +21,7 @@ from cell.recording import RecordingFile, load_recording_file
 WORD = 2**32  # of a counter
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class TextLog:
     """A device log as cells of text."""
 

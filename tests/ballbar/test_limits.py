@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ballbar.result.compare import Comparison
-from ballbar.result.limits import Limit, plant_limits, pose_limits, result_limits
+from ballbar.result.limits import Limit, corrected_limits, plant_limits, pose_limits, result_limits
 from ballbar.scenario import (
     SHIPPED,
     AcceptSettings,
@@ -50,6 +50,7 @@ TRUTH = cast(
     Truth, SimpleNamespace(closure_position=8e-8, rod_force_min=-110.0, rod_force_max=74.0)
 )
 HELD = cast(HeldOut, SimpleNamespace(normalised_innovation=1.1))
+CORRECTED = ("corrected_mean_mm", "corrected_max_mm")  # of rehearsals
 # What the run above comes to, in the unit of each key.
 SIZES: dict[str, float] = {
     "tcp_mean_mm": 0.02,
@@ -73,6 +74,15 @@ def limits(**accept: Any) -> tuple[Limit, ...]:
     return *result_limits(FOUND, COMPARISON, chosen, [HELD]), *plant_limits(TRUTH, chosen)
 
 
+@pytest.mark.parametrize("key", CORRECTED)
+def test_limits_of_corrected_targets_are_of_their_mean_and_largest(key: str) -> None:
+    measured = 0.02 if key == "corrected_mean_mm" else 0.03
+    for limit, met in ((1.01 * measured, True), (0.99 * measured, False)):
+        chosen = AcceptSettings.model_validate({key: limit})
+        (judged,) = corrected_limits(np.array([1e-5, 3e-5]), chosen)
+        assert (judged.measured, judged.met) == (pytest.approx(measured), met)
+
+
 @pytest.mark.parametrize("key", SIZES)
 def test_a_limit_is_met_above_what_was_measured_and_missed_below(key: str) -> None:
     step = 1 if key == "iterations" else 0.01 * SIZES[key]
@@ -83,7 +93,8 @@ def test_a_limit_is_met_above_what_was_measured_and_missed_below(key: str) -> No
 
 
 def test_no_key_is_without_a_limit() -> None:
-    assert set(SIZES) | {"verdict", "held_out_file"} == set(AcceptSettings.model_fields)
+    others = {"verdict", "held_out_file", *CORRECTED}
+    assert set(SIZES) | others == set(AcceptSettings.model_fields)
     assert set(PoseAcceptSettings.model_fields) <= set(AcceptSettings.model_fields)
 
 
