@@ -236,6 +236,7 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
     assert outcome.identified.ratio > 1.5 * sound.identified.ratio
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together: Together) -> None:
     """Backlash whose load never reversed: far above noise, but stated.
@@ -459,6 +460,7 @@ def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_p
         load_scenario(file)
 
 
+@pytest.mark.long
 def test_a_scenario_runs_with_the_model_that_it_asks_for(tmp_path: Path) -> None:
     file = tmp_path / "short.yaml"
     file.write_text(
@@ -536,6 +538,7 @@ def test_a_joint_fit_without_loads_has_no_force_to_show(light: RunData) -> None:
     assert "2 simulated recordings together" in page
 
 
+@pytest.mark.long
 def test_a_single_recording_is_not_told_apart_from_others(
     recorded: Recorded, tmp_path: Path
 ) -> None:

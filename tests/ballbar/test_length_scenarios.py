@@ -97,6 +97,7 @@ def test_kinematics_alone_of_elastic_gears_are_a_misfit(ring: Ring) -> None:
     assert "correlated" in result.verdict.sentence
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_missed_limit_of_a_length_scenario_fails_the_run(tmp_path: Path) -> None:
     text = (SHIPPED / "irb2400_drawwire.yaml").read_text()

@@ -34,7 +34,6 @@ MOVING = sorted(
     for file in SHIPPED.glob("*.yaml")
     if isinstance(load_any_scenario(file), Scenario) and file.stem != "irb2400_push_pull"
 )
-LONG = {name: pytest.mark.long for name in MOVING if name != "nj220"}
 
 ERROR = TcpError(np.zeros((2, 3)), np.array([1e-5, 3e-5]), np.array([1e-5, 3e-5]))
 COMPARISON = Comparison({"ra1": 3e-5, "rd1": 4e-5}, ERROR, ERROR, -7e-6, 3e-7)
@@ -138,6 +137,7 @@ def test_a_held_out_path_needs_its_limit_and_a_path_to_stand_beside(tmp_path: Pa
         load_scenario(file)
 
 
+@pytest.mark.long
 def test_a_run_tries_the_robot_on_the_held_out_path(tmp_path: Path) -> None:
     """With the kinematic plant; noise of both recordings is drawn alike, their motions differ."""
     file, out = tmp_path / "own.yaml", tmp_path / "out"
@@ -165,7 +165,8 @@ def test_simulate_judges_the_plant_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param(x, marks=LONG.get(x, ())) for x in MOVING])
+@pytest.mark.long
+@pytest.mark.parametrize("name", MOVING)
 def test_a_shipped_scenario_keeps_its_limits(name: str, tmp_path: Path) -> None:
     code, said, err = ballbar("run", name, "--out", tmp_path / "out")
     assert code == 0, said + err

@@ -66,6 +66,7 @@ def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path
     }
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_telescoping_bar_on_elastic_gears_is_held_in_mujoco_and_identified(
     tmp_path: Path,

@@ -560,6 +560,7 @@ def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_
     assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text
 
 
+@pytest.mark.long
 def test_a_second_process_draws_the_same_page(run: RunData) -> None:
     written = datetime(2026, 1, 1, tzinfo=UTC)
     alone = render_report(run, begin_parts(run), command=COMMAND, written=written)

@@ -18,6 +18,7 @@ from tests.helpers.sweeps import GRID, inline, loaded, swept, table_bytes
 NOTHING = Task("", sweep_work.figures, (), Path())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
     from distributed import LocalCluster  # noqa: PLC0415  slow to import

@@ -55,6 +55,7 @@ def test_a_machine_that_is_off_is_a_misfit(machine: Identification) -> None:
     assert outcome.normalised_innovation > 3.0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() -> None:
     """A machine of 60 samples on 300 others, against the same machine with its true geometry.
@@ -105,6 +106,7 @@ def test_a_held_out_recording_that_is_no_fit_names_the_cause(machine: Identifica
     assert " Perhaps the columns of encoders b1 and b2 are exchanged: once " in outcome.sentence
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_held_out_recording_that_cannot_start_names_the_cause(machine: Identification) -> None:
     sound = minute_logs(true=TRUE, seed=2)

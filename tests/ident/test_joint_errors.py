@@ -109,6 +109,7 @@ def with_orders_times(factor: float) -> Cell:
     return replace(CELL, robot=replace(CELL.robot, gears=replace(gears, harmonics=harmonics)))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_right_order_is_found_where_the_file_lists_another() -> None:
     cell = with_orders_times(0.9)

@@ -62,6 +62,7 @@ def test_what_a_point_cannot_see_stays_at_its_nominal_value() -> None:
     assert result.robot.geometry["ra6"] == result.robot.nominal["ra6"]  # the plate is known
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_tool_of_unknown_length_is_identified_with_a_calibrated_bar() -> None:
     run = bar_run(Clock(0.3, 0.0), seed=4)
@@ -71,6 +72,7 @@ def test_a_tool_of_unknown_length_is_identified_with_a_calibrated_bar() -> None:
     assert abs(error) < 4.0 * result.robot.sigma["ra6"] < 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_an_identified_robot_explains_a_held_out_length() -> None:
     fitted, other = (wire_run(Clock(0.3, 0.0), seed=5, motion=motion) for motion in (1, 2))

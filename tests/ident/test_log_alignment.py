@@ -68,6 +68,7 @@ def test_channels_of_the_same_name_go_together_and_a_strange_one_is_reported() -
     assert alignment.remarks[0].startswith("channels y and y were left out: their speeds correlate")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_drift_of_the_clocks_that_shifts_the_ends_by_a_second_is_followed() -> None:
     rng = np.random.default_rng(6)

@@ -71,6 +71,7 @@ def test_the_identified_robot_is_within_the_noise_and_the_nominal_one_is_not(
     assert result.verdict.status is Status.GOOD
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_elastic_gears_and_a_bending_plate_are_in_the_prediction(tmp_path: Path) -> None:
     """A tracker of 1 um sees them; the plate bends by 35 um, of which 6 would be left."""

@@ -57,6 +57,7 @@ def test_each_cause_is_named_first_of_every_machine(cause: str, tmp_path: Path) 
     assert sum(right) == len(SEEDS), first
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_logs_of_different_runs_are_named_of_every_machine(tmp_path: Path) -> None:
     for seed in SEEDS:

@@ -90,6 +90,7 @@ def test_readings_lead_back_to_the_motors() -> None:
     np.testing.assert_allclose(machine.from_readings(machine.read(motors)), motors, atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_lag_delays_the_logged_motors_by_itself(tmp_path: Path) -> None:
     plan = Plan(1, Effects(lag=(0.0, 0.02, 0.0, 0.0, 0.0, 0.0)), duration=SHORT)

@@ -180,6 +180,7 @@ def test_neighbours_of_a_path_have_one_cycle_more_or_less(evaluator: Evaluator) 
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_search_does_not_depend_on_the_number_of_processes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

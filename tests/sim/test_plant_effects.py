@@ -501,6 +501,7 @@ def test_the_joints_play_lies_between_push_and_pull(gimbal: float | None, tmp_pa
     assert np.abs(force[inside]).max() < 2.0  # no force but that of inertia
 
 
+@pytest.mark.long
 def test_near_a_singularity_of_the_ballbar_the_force_oscillates_but_is_no_larger() -> None:
     """Thesis sec. 5.3, Fig. 5.7, which says that it is larger too (docs/experiments.md)."""
     bands = [(0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, 90.0)]

@@ -265,6 +265,7 @@ def test_joints_that_stand_still_on_a_sound_path_are_too_few_that_move() -> None
     assert not suspect.hopeless
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_verdict_begins_with_the_cause_and_the_fit_becomes_a_remark() -> None:
     logs = with_motors(scaled(4, -1.0))

@@ -55,6 +55,7 @@ def within(arm: IdentifiedArm, q: Array, seen: Array) -> float:
     return float(arm.within(q, seen @ turn - model).mean())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seats", [1, 3])
 def test_regions_of_points_hold_where_rods_judge_one_direction(seats: int) -> None:
