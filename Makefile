@@ -22,14 +22,14 @@ long: .venv/installed
 	$(BIN)/pytest -n 2 -m long
 
 quick: .venv/installed
-	$(BIN)/pytest -n 2 -m "not slow"
+	$(BIN)/pytest -n 2 -m "not slow and not long"
 
 # Old libraries on today's Python warn of what is deprecated; that is no fault of ours.
 lowest: .venv/installed
 	$(BIN)/python -m tests.project.lowest_versions > .venv/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c .venv/lowest.txt -e '.[dev]'
-	.venv-lowest/bin/pytest -n 2 -m "not slow" -W ignore::DeprecationWarning
+	.venv-lowest/bin/pytest -n 2 -m "not slow and not long" -W ignore::DeprecationWarning
 
 check: .venv/installed
 	$(BIN)/ruff check .
