@@ -32,7 +32,7 @@ class Context:
 
     seconds: float = 0.0  # processor time, without that of the contexts inside
     needs: list[str] = field(default_factory=list)
-    slow: bool = False
+    long: bool = False
     passed: bool = True
     is_test: bool = False
 
@@ -72,7 +72,7 @@ class Recorder:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         with self.within(item.nodeid) as context:
             context.is_test = True
-            context.slow = item.get_closest_marker("slow") is not None
+            context.long = item.get_closest_marker("long") is not None
             definitions = getattr(item, "_fixtureinfo").name2fixturedefs  # noqa: B009  not public
             for fixture in (last[-1] for last in definitions.values()):
                 if fixture.scope != "function":

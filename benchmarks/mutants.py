@@ -1,11 +1,11 @@
 """Mutation testing: the share of single-line faults of the sources that the tests see.
 
-    python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--slow]
+    python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--long]
 
 Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
-the quick tests that execute its line run until the first failure, up to LIMIT_SECONDS of them:
-those of its module first, then the quickest. `--again` repeats only those that survived the last
-time. `--slow` gives survivors to all other tests that execute the line, the slow ones too. Tests of
+the tests of `make test` that execute its line run until the first failure, up to LIMIT_SECONDS of
+them: those of its module first, then the quickest. `--again` repeats only those that survived the
+last time. `--long` gives survivors to all other tests that execute the line, the long ones too. Tests of
 the project's text (tests/project) do not count.
 
 Writes docs/studies/mutants.csv. Why a survivor survives is stated by the table
@@ -57,7 +57,7 @@ LIBRARIES = (
 OPTIONS = ("-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short")
 OF_CLASSES = "tests/cell/test_frozen.py::"  # looks at every class, and executes nothing of them
 FAULT = "fault of this command"
-LIMIT_SECONDS = 15.0  # of quick tests, by their processor time under coverage
+LIMIT_SECONDS = 15.0  # of tests, by their processor time under coverage
 HEAD = ("file", "line", "operator", "before", "after", "outcome", "test", "kind", "reason")
 Row = dict[str, str]
 
@@ -150,7 +150,7 @@ def synchronise(tree: Path) -> None:
         beside.symlink_to(ROOT.parent / "shared")
 
 
-def measured_lines(tree: Path, *, slow: bool) -> ExecutedLines:
+def measured_lines(tree: Path, *, long: bool) -> ExecutedLines:
     """Which test executes which line; test files that have changed are measured again."""
     tests = sorted(
         file
@@ -167,7 +167,7 @@ def measured_lines(tree: Path, *, slow: bool) -> ExecutedLines:
         for name in (CONTEXTS, TESTS):
             (STORE / name).unlink(missing_ok=True)
         known = {"common": common}
-    for marker in ("not slow", "slow") if slow else ("not slow",):
+    for marker in ("not long", "long") if long else ("not long",):
         hashes = {str(file.relative_to(ROOT)): _hash([file]) for file in cases}
         changed = [n for n, value in hashes.items() if known.get(marker, {}).get(n) != value]
         if changed:
@@ -199,13 +199,13 @@ class Judge:
 
     def __init__(
         self, executed: ExecutedLines, tree: Path, mutants: Callable[[], Iterator[Mutant]],
-        report: Callable[[Row], None], *, slow: bool,
+        report: Callable[[Row], None], *, long: bool,
     ) -> None:  # fmt: skip
         self.executed = executed
         self.tree = tree
         self.mutants = mutants
         self.report = report
-        self.slow = slow
+        self.long = long
         self.items: dict[str, pytest.Item] = {}
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
@@ -232,14 +232,14 @@ class Judge:
         direct = {name for name in _test_files(tests) if module in (ROOT / name).read_text()}
         seconds = {test: self.executed.seconds(test) for test in tests}
         quick = sorted(
-            (test for test in tests if not self.executed.contexts[test].slow),
+            (test for test in tests if not self.executed.contexts[test].long),
             key=lambda test: (
                 not test.startswith(OF_CLASSES),
                 test.split("::")[0] not in direct,
                 seconds[test],
             ),
         )
-        if self.slow:
+        if self.long:
             return quick + sorted(tests - set(quick), key=lambda test: seconds[test])
         spent = np.cumsum([seconds[test] for test in quick])
         return quick[: int(np.searchsorted(spent, LIMIT_SECONDS)) + 1]
@@ -342,8 +342,8 @@ def judged(
 
     def work(tree: Path) -> None:
         enter(tree)
-        judge = Judge(executed, tree, some, rows.put, slow=args.slow)
-        marker = "slow or not slow" if args.slow else "not slow"
+        judge = Judge(executed, tree, some, rows.put, long=args.long)
+        marker = "long or not long" if args.long else "not long"
         tests = _test_files(n for n, c in executed.contexts.items() if c.is_test)
         with tree.with_suffix(".out").open("w") as output:
             os.dup2(output.fileno(), 1)
@@ -363,7 +363,7 @@ def main(args: argparse.Namespace) -> None:
     warm_up()
     tree = STORE / "tree0" / "project"
     synchronise(tree)
-    executed = measured_lines(tree, slow=args.slow)
+    executed = measured_lines(tree, long=args.long)
     rows = {}
     if args.again:
         with RESULT.open(newline="") as file:
@@ -422,6 +422,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     for name, default in (("--sample", 400), ("--seed", 1), ("--processes", 1)):
         parser.add_argument(name, type=int, default=default)
-    for name in ("--again", "--slow"):
+    for name in ("--again", "--long"):
         parser.add_argument(name, action="store_true")
     main(parser.parse_args())

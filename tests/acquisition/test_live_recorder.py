@@ -373,6 +373,7 @@ def test_a_plc_that_is_not_there_is_waited_for_and_named(address: str, tmp_path:
     assert not (tmp_path / "r" / "recording.yaml").exists()
 
 
+@pytest.mark.slow
 def test_a_live_view_that_fails_does_not_end_the_recording(egm: EgmSource, tmp_path: Path) -> None:
     def fail(source: Source, batch: Batch) -> None:
         raise ConnectionError("no window")
@@ -453,6 +454,7 @@ def test_options_that_cannot_be_are_refused(options: list[str], words: str, tmp_
     assert not (tmp_path / "r").exists()
 
 
+@pytest.mark.slow
 def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_bytes((ROOT / "cell" / "robots" / "irb2400.yaml").read_bytes())
@@ -513,6 +515,7 @@ def test_without_the_extra_the_command_says_how_to_install_it(
     assert "pip install 'ballbar-bench[ads]'" in error
 
 
+@pytest.mark.slow
 def test_only_one_module_needs_the_extra() -> None:
     files = [
         file for package in ("acquisition", "ballbar") for file in (ROOT / package).rglob("*.py")

@@ -21,6 +21,7 @@ def ring_memory(capacity: int) -> RingMemory:
     return RingMemory(Plc("", RATE, capacity=capacity))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("capacity", [16, 100, 1000])
 def test_every_sample_comes_once_and_whole_or_is_counted_as_lost(capacity: int) -> None:
     rng = np.random.default_rng(capacity)

@@ -112,6 +112,7 @@ def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> No
     assert [entry for entry in recording.report.findings if entry.file == "raw/force.csv"] == []
 
 
+@pytest.mark.slow
 def test_simulated_torques_and_forces_are_those_of_the_plant(
     loaded: Recorded, tmp_path: Path
 ) -> None:
@@ -148,6 +149,7 @@ def test_simulated_torques_and_forces_are_those_of_the_plant(
     np.testing.assert_allclose(force_log(recording).wrench, felt, rtol=0.0, atol=0.6e-5)
 
 
+@pytest.mark.slow
 def test_logs_without_loads_have_none(recorded: Recorded) -> None:
     recording = read_recording(recorded.folder)
     assert recording.robot_log.torque is None

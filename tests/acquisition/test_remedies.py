@@ -26,6 +26,7 @@ def warned_of() -> set[str]:
     return kinds
 
 
+@pytest.mark.slow
 def test_every_kind_of_warning_has_a_remedy_and_no_other_has() -> None:
     kinds = warned_of()
     assert len(kinds) > 20  # or nothing was looked at

@@ -63,6 +63,7 @@ def test_pytcs_reads_our_exports_as_we_do(form: str, tmp_path: Path) -> None:
     assert_as_pytcs(file)
 
 
+@pytest.mark.slow
 def test_exports_of_the_scope_itself_are_read_as_pytcs_reads_them() -> None:
     files = sorted(EXPORTS.glob("tc3*"))
     if not files:

@@ -37,6 +37,7 @@ def _write(file: Path, log: ChannelLog, *, comma: bool) -> None:
     file.write_text("\n".join(rows) + "\n")
 
 
+@pytest.mark.slow
 def test_two_tables_are_aligned_and_every_number_is_stated(tables: tuple[Path, Path]) -> None:
     data = json.loads(ballbar("align", *tables, "--json")[1])
     clock = data["clock"]

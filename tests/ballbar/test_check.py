@@ -30,6 +30,7 @@ def damage_stamp(folder: Path) -> None:
     file.write_bytes(b"\r\n".join(lines))
 
 
+@pytest.mark.slow
 def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
     code, out, _ = ballbar("check", recording)
     assert code == 0
@@ -48,6 +49,7 @@ def test_the_stage_is_shown_while_a_long_recording_is_read(recording: Path) -> N
     assert "aligning the logs" in stages
 
 
+@pytest.mark.slow
 def test_strict_exits_with_1_where_anything_was_repaired(recording: Path) -> None:
     assert ballbar("check", "--strict", recording)[0] == 0
     damage_stamp(recording)

@@ -526,6 +526,7 @@ def silent(plan: Plan) -> Iterator[Progress]:
     yield lambda *_: None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("quick", "runs"), [(False, 4), (True, 1)])
 def test_a_sweep_that_two_files_name_runs_once_with_each_parameter_set(
     quick: bool, runs: int, tmp_path: Path
@@ -549,6 +550,7 @@ def test_a_sweep_that_two_files_name_runs_once_with_each_parameter_set(
     assert [verdict.word for one in judged for verdict in one.verdicts] == ["holds", "holds"]
 
 
+@pytest.mark.slow
 def test_ml_has_one_set_of_parameters_and_runs_once(tmp_path: Path) -> None:
     swept_topics(tmp_path)
     sweep = (tmp_path / "sweep.yaml").read_text()
@@ -559,6 +561,7 @@ def test_ml_has_one_set_of_parameters_and_runs_once(tmp_path: Path) -> None:
     assert result.evidence["all"].table["identify.cost"].tolist() == ["length"] * 2
 
 
+@pytest.mark.slow
 def test_the_verdict_is_judged_with_each_set_and_guards_can_break_it(tmp_path: Path) -> None:
     """With 60 samples and this noise the core set leaves 0.037 mm|mrad, all parameters more."""
     swept_topics(tmp_path)
@@ -584,6 +587,7 @@ def test_the_verdict_is_judged_with_each_set_and_guards_can_break_it(tmp_path: P
         assert result.verdicts[0].word == word, result.verdicts[0]
 
 
+@pytest.mark.slow
 def test_what_a_check_names_wrongly_is_told_with_file_and_line(tmp_path: Path) -> None:
     swept_topics(tmp_path)
     (tmp_path / "one.yaml").write_text(SWEPT.replace("statistic: max", "column: distance"))

@@ -219,6 +219,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", list(BAD), ids=lambda fault: fault.__name__)
 def test_bad_input_says_what_and_where_with_exit_code_2_and_writes_nothing(
     fault, recording: Path, tmp_path: Path

@@ -44,6 +44,7 @@ def test_no_dialect_is_left_out() -> None:
     assert {*ROBOTS, *BALLBARS} | WRITTEN_ALWAYS == set(OF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dialect", ROBOTS)
 def test_a_robots_log_is_read_as_it_was_simulated(dialect: str, tmp_path: Path) -> None:
     done = logged(tmp_path, robot={"dialect": dialect})
@@ -59,6 +60,7 @@ def test_a_robots_log_is_read_as_it_was_simulated(dialect: str, tmp_path: Path) 
     assert np.abs(log.q - true).max() < angle + time * fastest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dialect", BALLBARS)
 @pytest.mark.parametrize("status", [True, False])
 def test_a_ball_bars_log_is_read_as_it_was_simulated(

@@ -322,6 +322,7 @@ def test_the_larger_robot_is_exported_alike(tmp_path: Path) -> None:
         assert_same_poses(read(exported(result, to), q), result, q)
 
 
+@pytest.mark.slow
 def test_export_prints_or_writes_a_new_file(tmp_path: Path, result: Result) -> None:
     code, said, _ = ballbar("export", result.file.parent, "--to", "hayati")
     assert code == 0

@@ -96,6 +96,7 @@ def code(program: str, mark: str) -> list[str]:
     return run[0]
 
 
+@pytest.mark.slow
 @hostile
 @example(EVIL)
 @given(HOSTILE)
@@ -113,6 +114,7 @@ def test_no_title_adds_code_to_a_program(cell: Cell, made: Result, text: str) ->
         assert code(texts[0], mark) == code(texts[1], mark)
 
 
+@pytest.mark.slow
 @hostile
 @given(HOSTILE)
 def test_models_and_json_stay_what_they_are(cell: Cell, made: Result, text: str) -> None:
@@ -153,6 +155,7 @@ def test_no_cell_is_run_by_a_spreadsheet(cell: Cell, tmp_path: Path, text: str) 
         assert number or not cell_text.startswith(("=", "+", "-", "@", "\t", "\r", "\n"))
 
 
+@pytest.mark.slow
 @hostile
 @given(HOSTILE)
 def test_pages_show_text_as_text(text: str) -> None:

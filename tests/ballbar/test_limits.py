@@ -151,6 +151,7 @@ def test_a_run_tries_the_robot_on_the_held_out_path(tmp_path: Path) -> None:
     assert (out / "held_out.truth.yaml").is_file()
 
 
+@pytest.mark.slow
 def test_simulate_judges_the_plant_alone(tmp_path: Path) -> None:
     file = tmp_path / "own.yaml"
     text = SHORT.replace("PATHS", PATHS).replace("kind: kinematic", "kind: mujoco")

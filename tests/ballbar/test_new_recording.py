@@ -168,6 +168,7 @@ def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Pat
     assert "no dwell" not in out
 
 
+@pytest.mark.slow
 def test_a_display_of_deviations_is_proposed_its_zero(wire: Path, tmp_path: Path) -> None:
     """Deviations in um of a bar of 300 mm; time in ms, one more column that cannot be a length."""
     rows = [

@@ -62,6 +62,7 @@ def test_a_recording_of_any_robot_becomes_a_calibration_and_its_tables(
     assert len(robot_shapes(result.cell)) == len(rows) + 1
 
 
+@pytest.mark.slow
 def test_targets_of_seven_axes_are_corrected_by_the_shortest_change(tmp_path: Path) -> None:
     result = result_of(tmp_path, SEVEN_AXES)
     targets = tmp_path / "targets.csv"
@@ -73,6 +74,7 @@ def test_targets_of_seven_axes_are_corrected_by_the_shortest_change(tmp_path: Pa
     assert np.abs(corrected.q - [0.1, 0.5, 0.3, -1.3, 0.2, 1.0, 0.3]).max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_recording_of_another_robot_is_refused_by_the_columns_of_its_log(tmp_path: Path) -> None:
     minute = other_minute(cell_of(tmp_path, FIVE_AXES), FIVE_AXES)
     folder = tmp_path / "recording"

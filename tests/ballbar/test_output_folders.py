@@ -29,6 +29,7 @@ def second_writer(folder: Path) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=False).stderr
 
 
+@pytest.mark.slow
 def test_two_processes_never_write_to_one_folder(tmp_path: Path) -> None:
     """One of two `identify` died of the other's unfinished file."""
     folder = tmp_path / "out"

@@ -233,6 +233,7 @@ XACRO = (
 )
 
 
+@pytest.mark.slow
 def test_a_file_of_another_robot_is_refused(tmp_path: Path) -> None:
     write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=3)
     result, file = load_result(tmp_path), tmp_path / "robot.urdf"
@@ -363,6 +364,7 @@ def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: 
         compare_pose_results(first, other)
 
 
+@pytest.mark.slow
 def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
     file = write_pose_result(tmp_path / "r" / "calibration.yaml", "ur10", seed=1)

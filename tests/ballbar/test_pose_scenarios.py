@@ -77,6 +77,7 @@ def test_a_telescoping_bar_on_elastic_gears_is_held_in_mujoco_and_identified(
     assert out.count("met    TCP error") == 2
 
 
+@pytest.mark.slow
 def test_the_identified_robot_is_better_than_the_nominal_one_by_far(tmp_path: Path) -> None:
     simulation, _, result = identified(scenario("ur10e_tracker"), tmp_path / "t")
     comparison = compare_poses_with_truth(result, simulation.truth)
@@ -135,6 +136,7 @@ def test_poses_read_too_early_are_told_from_outliers(name: str, tmp_path: Path) 
     assert any("read before the robot stood still" in w for w in result.verdict.warnings)
 
 
+@pytest.mark.slow
 def test_lengths_read_too_early_are_outliers_since_one_number_has_no_direction(
     tmp_path: Path,
 ) -> None:
@@ -146,6 +148,7 @@ def test_lengths_read_too_early_are_outliers_since_one_number_has_no_direction(
     assert not result.findings.unsettled.size
 
 
+@pytest.mark.slow
 def test_rounded_angles_are_named_and_make_no_joint_errors(tmp_path: Path) -> None:
     """Three reflectors share the rounding of their pose: counted as three, chance made orders."""
     _, _, result = identified(scenario("ur10e_tracker", {"rounding": {}}), tmp_path / "t")
@@ -154,6 +157,7 @@ def test_rounded_angles_are_named_and_make_no_joint_errors(tmp_path: Path) -> No
     assert set(result.search.pairs) <= {(0, 2), (2, 1)}
 
 
+@pytest.mark.slow
 def test_a_drifting_tracker_is_named_with_its_size(tmp_path: Path) -> None:
     errors = {"drift": {"shift_m": 2e-4, "turn_rad": 0.0}}
     _, _, result = identified(scenario("ur10e_tracker", errors), tmp_path / "t")
@@ -164,6 +168,7 @@ def test_a_drifting_tracker_is_named_with_its_size(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:
     """Three seats one after the other: each sees a third of it."""
     changed = scenario("irb2400_qc20w", {"drift": {}}, plant={"kind": "kinematic"}, seed=2)
@@ -208,6 +213,7 @@ def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_real_poses_are_never_replaced(tmp_path: Path) -> None:
     folder = tmp_path / "poses"
     ballbar("simulate", "panda_sockets", "--out", folder)

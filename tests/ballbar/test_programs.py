@@ -164,6 +164,7 @@ def test_the_controller_takes_the_identified_robot_from_the_new_targets_to_the_n
         assert np.abs(nominal_miss[:, :3, 3]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_the_load_of_the_tool_counts_and_an_option_replaces_it(
     tmp_path: Path, result: Result
 ) -> None:
@@ -356,6 +357,7 @@ def test_an_axis_that_passes_zero_takes_its_turn_bit_along(tmp_path: Path, kuka:
     assert crossed >= 1
 
 
+@pytest.mark.slow
 def test_cfx_tells_elbow_up_from_elbow_down_where_quadrants_do_not() -> None:
     """Of an IRB 120, both of whose elbows are often within range and in the same quadrants."""
     robot, rng = load_robot("irb120"), np.random.default_rng(2)
@@ -494,6 +496,7 @@ def test_pdl2_that_is_not_understood_is_refused_with_its_line(
         corrected(tmp_path / "weld.pdl", pdl2(line), result)
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_program_and_says_what_changed_most(
     tmp_path: Path, result: Result
 ) -> None:

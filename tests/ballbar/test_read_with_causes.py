@@ -40,6 +40,7 @@ def declared(recorded: Recorded, folder: Path, robot: str) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
@@ -67,6 +68,7 @@ def test_a_unit_or_two_columns_are_named_in_place_of_the_question(
     assert "?" not in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["irb4600", pytest.param("kr210", marks=pytest.mark.slow)])
 def test_another_robot_is_named_and_not_another_unit(
     recorded: Recorded, tmp_path: Path, robot: str
@@ -78,6 +80,7 @@ def test_another_robot_is_named_and_not_another_unit(
     assert "egrees where" not in words
 
 
+@pytest.mark.slow
 def test_what_nothing_explains_keeps_the_question_of_the_reader(
     recorded: Recorded, tmp_path: Path
 ) -> None:

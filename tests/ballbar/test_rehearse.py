@@ -49,6 +49,7 @@ def a_day(scenario: Scenario) -> Rehearsal:
     )
 
 
+@pytest.mark.slow
 def test_the_page_names_each_step_and_what_was_missed() -> None:
     day = a_day(load_scenario(IRB))
     page = rehearsal_page(day, command="ballbar rehearse irb2400 --out /home/someone/x")

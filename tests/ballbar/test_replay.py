@@ -94,6 +94,7 @@ def _read(path: Path, entity: str, component: str) -> tuple[Array, Array]:
     return np.concatenate(times), np.concatenate(values)
 
 
+@pytest.mark.slow
 def test_rerun_itself_finds_no_fault_in_the_file(file):
     done = _rerun("rrd", "verify", str(file))
     assert done.returncode == 0, done.stdout + done.stderr
@@ -160,6 +161,7 @@ def test_the_timelines_are_the_robots_clock_and_the_iterations(file):
     assert timelines == {"robot_time", "iteration"}
 
 
+@pytest.mark.slow
 def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path):
     again = tmp_path / "again.rrd"
     write_replay(again, run)
@@ -179,6 +181,7 @@ def test_a_minute_takes_little_space(file):
     assert file.stat().st_size < 7_500_000  # half of the 15 MB allowed for 120 s
 
 
+@pytest.mark.slow
 def test_a_real_recording_needs_no_truth(real, tmp_path):
     path = tmp_path / "real.rrd"
     write_replay(path, real)
@@ -192,6 +195,7 @@ def test_a_real_recording_needs_no_truth(real, tmp_path):
     assert _rerun("rrd", "verify", str(path)).returncode == 0
 
 
+@pytest.mark.slow
 def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
     """And where the ball-bar's log says nothing, before it began, likewise."""
     (fitted,) = real.recordings
@@ -390,6 +394,7 @@ def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
     assert server.poll() is not None
 
 
+@pytest.mark.slow
 def test_two_web_viewers_run_at_once_and_each_writes_nothing_but_its_address(file, capfd):
     """The second one was refused: both took port 9090; and the viewer's own log came before."""
     addresses: list[str] = []

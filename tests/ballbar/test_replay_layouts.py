@@ -115,6 +115,7 @@ def _verified(path: Path) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_iterations_begin_with_the_nominal_robot_and_end_with_the_result(file, run):
     powers = np.array(_values(file, CLOSURE_POSITION, "Scalars:scalars")).ravel()
     estimate = run.recordings[0].estimate
@@ -249,6 +250,7 @@ def test_table_of_parameters_goes_through_the_file(file, run):
     assert "ox" not in table.names  # where it stands is no property of the robot
 
 
+@pytest.mark.slow
 def test_two_runs_are_drawn_on_common_axes(file, other, tmp_path):
     with chosen_replay(file, "run", other) as path:
         assert _verified(path)
@@ -293,6 +295,7 @@ def test_layouts_refuse_what_they_cannot_show(file, other, tmp_path):
         pass
 
 
+@pytest.mark.slow
 def test_command_saves_the_iterations_as_a_file_of_their_own(file, tmp_path):
     saved = tmp_path / "identify.rrd"
     done = CliRunner().invoke(
@@ -319,6 +322,7 @@ def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(ru
     )
 
 
+@pytest.mark.slow
 def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
     path, log = tmp_path / "live.rrd", IterationLog(lambda _: None)
     with rr.RecordingStream("live-test") as stream:
@@ -349,6 +353,7 @@ def test_one_step_is_told_in_words(run, tmp_path):
     assert page[0].startswith("## Iteration 7\n\naligning the logs and finding the ball-bar\n")
 
 
+@pytest.mark.slow
 def test_the_served_page_may_call_no_outside_host(file):
     """The browser is told so, and nothing that it would load by itself stands in the page."""
     port = _free_port()

@@ -157,6 +157,7 @@ def _shows(text: str, value: float) -> bool:
     return abs(_number(text) - value) <= _half_digit(text)
 
 
+@pytest.mark.slow
 def test_the_verdict_stands_before_every_number_figure_and_table(run: RunData, page: str) -> None:
     sentence = page.index(run.identification.verdict.sentence)
     assert sentence < min(page.index(mark) for mark in ('class="tile"', "<svg", "<table"))
@@ -274,6 +275,7 @@ def test_inner_links_lead_somewhere(page: str) -> None:
     assert set(re.findall(r"url\(#([^)]*)\)", page)) <= names
 
 
+@pytest.mark.slow
 def test_the_cell_is_painted_with_robot_plate_and_path(run: RunData) -> None:
     element = cell_picture(run.identification.robot.cell, run.recordings[0])
     content = re.fullmatch(r'<img alt="" src="data:image/png;base64,([^"]+)">', element)
@@ -479,6 +481,7 @@ def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) ->
     assert "What to do. The identified robot may be used" in text
 
 
+@pytest.mark.slow
 def test_both_meanings_of_the_stated_uncertainty_are_named_wherever_it_stands(
     run: RunData, page: str, tmp_path: Path
 ) -> None:
@@ -578,6 +581,7 @@ def _raise(*_: object, **__: object) -> str:
     raise RuntimeError("no figure today")
 
 
+@pytest.mark.slow
 def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
     run: RunData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 
 
+@pytest.mark.slow
 def test_one_command_lists_everything_that_can_be_named() -> None:
     code, out, _ = ballbar("list", "--json")
     assert code == 0

@@ -273,6 +273,7 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     assert not set(skews) & {point_of(other, i)["clocks.skew"] for i in range(20)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distribution", "quantile"),
     [
@@ -525,6 +526,7 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
     assert table_bytes(again) == table_bytes(whole)
 
 
+@pytest.mark.slow
 def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(
     reference: tuple[LoadedSweep, Outcome], tmp_path: Path
 ) -> None:
@@ -577,6 +579,7 @@ def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
         swept(sweep, tmp_path / "out", partial(processes, count=2), sweep_work.figures_or_death)
 
 
+@pytest.mark.slow
 def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     for package in ("ballbar", "ident"):

@@ -38,6 +38,7 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
     assert table_bytes(there) == table_bytes(alone)
 
 
+@pytest.mark.slow
 def test_without_a_scheduler_the_address_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_workers, "CONNECT_TIMEOUT", 0.2)
     with (

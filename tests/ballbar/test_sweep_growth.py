@@ -64,6 +64,7 @@ def grown_at_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, tuple[
     return text, table_bytes(run(folder, text)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GROWTHS)
 def test_only_what_is_missing_is_run_and_the_table_is_that_of_one_run(
     name: str, tmp_path: Path
@@ -77,6 +78,7 @@ def test_only_what_is_missing_is_run_and_the_table_is_that_of_one_run(
     assert run(tmp_path, text)[1] == 0, "it is finished"
 
 
+@pytest.mark.slow
 def test_a_growth_that_is_interrupted_and_grows_again_loses_nothing(
     grown_at_once: tuple[str, tuple[bytes, bytes]], tmp_path: Path
 ) -> None:
@@ -108,6 +110,7 @@ def test_a_growth_that_is_interrupted_and_grows_again_loses_nothing(
     assert table_bytes(last) == whole
 
 
+@pytest.mark.slow
 def test_the_table_is_written_anew_for_each_order(tmp_path: Path) -> None:
     first, _ = run(tmp_path, SMALL)
     table = table_bytes(first)

@@ -27,6 +27,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_a_result_says_how_far_both_trackers_are_and_that_the_held_out_one_was_moved(
     root: Path,
 ) -> None:

@@ -226,6 +226,7 @@ def test_samples_may_be_of_the_stops_or_of_what_lies_between() -> None:
         )
 
 
+@pytest.mark.slow
 def test_all_parameters_and_a_loose_stop_are_those_of_the_row() -> None:
     asked = {"cost": "transform", "data": "samples", "samples": 400}
     rows = {
@@ -416,6 +417,7 @@ def test_a_synchronisation_error_ruins_the_thesis_costs_with_encoders_and_not_ml
     assert abs(float(rows["ml"]["clock_offset_error_us"])) < 0.02
 
 
+@pytest.mark.slow
 def test_device_logs_give_the_same_row_with_the_clock_found_on_the_way() -> None:
     row = run_trial(
         scenario(clocks={"offset_s": 0.137, "skew": 5e-5}, identify={"cost": "ml", "samples": 400}),
@@ -428,6 +430,7 @@ def test_device_logs_give_the_same_row_with_the_clock_found_on_the_way() -> None
     assert str(row["verdict"]) in ("good", "suspect")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cost", "distance"), [("transform", 0.05), ("length", 0.3)])
 def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignment_found(
     cost: str, distance: float
@@ -441,6 +444,7 @@ def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignme
     assert 1e-3 < float(row["distance_mm_mrad"]) < distance
 
 
+@pytest.mark.slow
 def test_logs_of_a_thesis_cost_may_be_smoothed() -> None:
     """A moving average bends the motion; least-squares splines do not, and leave less noise."""
     rows = {
@@ -457,6 +461,7 @@ def test_logs_of_a_thesis_cost_may_be_smoothed() -> None:
         scenario(identify={"cost": "ml", "smoothing": "spline"})
 
 
+@pytest.mark.slow
 def test_a_thesis_cost_pairs_device_logs_itself() -> None:
     """Clock and encoder offsets from the logs alone; identified errors are those from nominal."""
     asked = {"cost": "position_angles", "samples": 400, "pairing": "logs"}
@@ -474,6 +479,7 @@ def test_a_thesis_cost_pairs_device_logs_itself() -> None:
         scenario(identify={"cost": "ml", "pairing": "logs"})
 
 
+@pytest.mark.slow
 def test_device_logs_of_a_robot_of_the_user_s_own_can_be_tried(tmp_path: Path) -> None:
     """Regression: recording.yaml repeated the name relative to the scenario.
 
@@ -521,6 +527,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 RECORDED = {"kind": "recorded", "recording": "measured", "duration_s": 58.0}
 
 
+@pytest.mark.slow
 def test_a_recorded_path_goes_where_the_recorded_robot_went(measured: Recorded) -> None:
     folder = measured.folder.parent
     asked = scenario(path=RECORDED, errors=STATIC, encoders={})
@@ -536,6 +543,7 @@ def test_a_recorded_path_goes_where_the_recorded_robot_went(measured: Recorded) 
     assert float(row["distance_mm_mrad"]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_recorded_path_is_smooth_although_its_log_is_noisy(measured: Recorded) -> None:
     folder = measured.folder.parent
     asked = scenario(path=RECORDED, identify={"cost": "ml"})
@@ -555,6 +563,7 @@ def test_a_recorded_path_can_be_run_again_with_known_errors(measured: Recorded, 
     assert row["converged"] == 1
 
 
+@pytest.mark.slow
 def test_a_recording_made_along_a_recorded_path_is_an_ordinary_one(
     measured: Recorded, tmp_path: Path
 ) -> None:

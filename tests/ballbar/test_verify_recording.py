@@ -33,11 +33,13 @@ def changed(result: Path, folder: Path, change: Any) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_result_holds_for_its_own_recording(result: Path, recorded: Recorded) -> None:
     code, said, error = ballbar("verify", result, recorded.folder)
     assert (code, said.startswith("Holds: the loop closes to 0.0")) == (0, True), said + error
 
 
+@pytest.mark.slow
 def test_a_zero_that_differs_is_named(result: Path, recorded: Recorded, tmp_path: Path) -> None:
     def before(data: dict[str, Any]) -> None:
         data["parameters"]["rtheta4"]["value"] -= 3.1e-4

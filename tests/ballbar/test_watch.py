@@ -41,6 +41,7 @@ def watched(growing: GrowingRecording, *instants: float, **options: float) -> li
     return states
 
 
+@pytest.mark.slow
 def test_a_sound_recording_raises_no_alarm_and_tells_more_and_more(
     growing: GrowingRecording,
 ) -> None:
@@ -52,6 +53,7 @@ def test_a_sound_recording_raises_no_alarm_and_tells_more_and_more(
     assert 0.7 < states[-1].predicted < 1.3  # white noise that the fit has not seen
 
 
+@pytest.mark.slow
 def test_what_is_stated_at_the_end_is_the_identification_of_the_recording(
     growing: GrowingRecording, recorded: Recorded
 ) -> None:
@@ -64,6 +66,7 @@ def test_what_is_stated_at_the_end_is_the_identification_of_the_recording(
     assert estimate.clock[0] == pytest.approx(result.recordings[0].clock.offset, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_enough_is_said_where_the_accuracy_is_reached_and_later_rows_agree(
     growing: GrowingRecording,
 ) -> None:
@@ -82,6 +85,7 @@ def test_a_recording_that_has_hardly_begun_is_waited_for(
     assert all(state.waiting and not state.alarms for state in states)
 
 
+@pytest.mark.slow
 def test_a_half_written_row_is_left_for_the_next_update(growing: GrowingRecording) -> None:
     first, second = watched(growing, 20.0, 20.5)
     assert (growing.folder / "raw" / "robot.csv").read_bytes()[-1:] != b"\n"
@@ -89,6 +93,7 @@ def test_a_half_written_row_is_left_for_the_next_update(growing: GrowingRecordin
     assert second.rows["robot"] > first.rows["robot"]
 
 
+@pytest.mark.slow
 def test_a_file_that_no_longer_grows_is_reported(growing: GrowingRecording) -> None:
     growing.write_until(30.0)
     watch = Watch(growing.folder)
@@ -96,6 +101,7 @@ def test_a_file_that_no_longer_grows_is_reported(growing: GrowingRecording) -> N
     assert [alarm.kind for alarm in watch.update(105.5).alarms] == ["silent", "silent"]
 
 
+@pytest.mark.slow
 def test_a_slip_is_named_at_the_next_update(growing: GrowingRecording) -> None:
     log = growing.logs["ballbar"]
     rows = np.flatnonzero(log.t >= 44.6)
@@ -109,6 +115,7 @@ def test_a_slip_is_named_at_the_next_update(growing: GrowingRecording) -> None:
     assert alarm.raised == pytest.approx(45.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_back_is_an_alarm_once_it_was_seen_twice(
     growing: GrowingRecording,
 ) -> None:
@@ -119,6 +126,7 @@ def test_a_clock_that_is_set_back_is_an_alarm_once_it_was_seen_twice(
     assert [[alarm.kind for alarm in state.alarms] for state in states][-1] == ["clock set back"]
 
 
+@pytest.mark.slow
 def test_columns_exchanged_from_the_start_are_named_within_half_a_minute(
     growing: GrowingRecording,
 ) -> None:
@@ -132,6 +140,7 @@ def test_columns_exchanged_from_the_start_are_named_within_half_a_minute(
 # --- output
 
 
+@pytest.mark.slow
 def test_the_loop_shows_each_state_and_ends_with_the_whole_recording(
     growing: GrowingRecording,
 ) -> None:
@@ -144,6 +153,7 @@ def test_the_loop_shows_each_state_and_ends_with_the_whole_recording(
     assert re.search("enough.*verdict good, model dh", line(shown[-1]))
 
 
+@pytest.mark.slow
 def test_the_window_shows_the_uncertainty_over_the_recording_and_each_alarm_once(
     growing: GrowingRecording, tmp_path: Path
 ) -> None:

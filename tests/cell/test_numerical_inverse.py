@@ -92,6 +92,7 @@ def test_the_configurations_in_closed_form_are_found_by_number_too() -> None:
     assert np.mean(np.array(off) < 1e-6) > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "seat"), [("ur10e", 0.5), ("kr10_r1100", 0.5), ("panda", 0.4)])
 def test_a_path_is_followed_without_a_jump(robot: str, seat: float) -> None:
     cell = cell_of(robot)

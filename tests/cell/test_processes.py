@@ -23,6 +23,7 @@ def until_ready(begin: Begin) -> int:
     return int(number)
 
 
+@pytest.mark.slow
 def test_work_is_done_here_until_the_other_process_is_ready_and_where_it_has_not_begun() -> None:
     with second_process("json") as begin:
         assert begin(os.getpid)() == os.getpid()
@@ -36,6 +37,7 @@ def test_work_is_done_here_until_the_other_process_is_ready_and_where_it_has_not
         os.kill(other, 0)
 
 
+@pytest.mark.slow
 def test_an_error_ends_the_other_process() -> None:
     other = 0
 
@@ -52,6 +54,7 @@ def test_an_error_ends_the_other_process() -> None:
         os.kill(other, 0)
 
 
+@pytest.mark.slow
 def test_work_of_a_process_that_died_is_done_here() -> None:
     with second_process("json") as begin:
         other = until_ready(begin)
@@ -68,6 +71,7 @@ def test_an_error_of_the_work_is_raised_where_its_result_is_needed() -> None:
             begin(divmod, 1, 0)()
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_it_still_imports_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     """A process that was just starting printed a traceback of what it was importing."""
     with second_process("json"):

@@ -336,6 +336,7 @@ SHIPPED = sorted(
 )
 
 
+@pytest.mark.slow
 def test_libyaml_and_pyyaml_read_every_shipped_description_alike(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -97,6 +97,7 @@ def test_corrections_that_the_options_name_stay(rippled: RecordingFit) -> None:
     assert [c.name for c in lasting(result)] == list(WITHOUT_LOADS)
 
 
+@pytest.mark.slow
 def test_of_all_corrections_only_the_elastic_gears_of_an_elastic_robot_stay(
     elastic: RecordingFit,
 ) -> None:
@@ -115,6 +116,7 @@ def test_of_all_corrections_only_the_elastic_gears_of_an_elastic_robot_stay(
     assert np.sqrt(((tension - expected) ** 2).mean()) < 3.0  # [N] of 80
 
 
+@pytest.mark.slow
 def test_a_slip_by_a_whole_period_is_held_at_that_size() -> None:
     """Too small for the log to show, so the residual finds it; then nothing of it is fitted."""
     recording, told = fitted(slip=(4, 30.0, -PERIOD)), list[str]()
@@ -128,6 +130,7 @@ def test_a_slip_by_a_whole_period_is_held_at_that_size() -> None:
     assert [c.name for c in result.model.corrections] == ["encoder_jumps"]
 
 
+@pytest.mark.slow
 def test_a_slip_that_only_the_residual_shows_is_found_and_sized() -> None:
     recording, told = fitted(slip=(1, 22.0, 4e-4)), list[str]()
     result = fit_complete(CELL, [recording], (), OPTIONS, Listener(told.append))
@@ -138,6 +141,7 @@ def test_a_slip_that_only_the_residual_shows_is_found_and_sized() -> None:
     assert result.chi2_per_dof == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_itself", [True, False])
 def test_a_slip_in_one_of_two_recordings_shows_in_it_by_itself(
     by_itself: bool, monkeypatch: pytest.MonkeyPatch
@@ -297,6 +301,7 @@ def test_a_recordings_own_unknowns_start_where_its_kinematic_fit_ended(
     assert with_tension(CELL, rippled, "none", (), loaded=False).splines.shape[0] == 0
 
 
+@pytest.mark.slow
 def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
     """The same machine twice: its coefficients are known better by the root of two."""
     recordings = [fitted(ripple=RIPPLE, seed=seed) for seed in (1, 2)]

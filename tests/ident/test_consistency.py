@@ -41,6 +41,7 @@ def another(**changes: float) -> Geometry:
     return NOMINAL.replaced({name: NOMINAL[name] + change for name, change in changes.items()})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_recordings_of_one_machine_agree(seed: int) -> None:
     result = judged(minute_logs(seed=2 * seed), minute_logs(seed=2 * seed + 1))
@@ -49,6 +50,7 @@ def test_recordings_of_one_machine_agree(seed: int) -> None:
     assert all(0.8 < ratio < 1.2 for ratio in result.held_out)
 
 
+@pytest.mark.slow
 def test_a_zero_that_moved_between_recordings_is_named_with_its_size() -> None:
     result = judged(minute_logs(), moved(minute_logs(seed=1), 4, 1e-4, always))
     assert result.change is not None
@@ -61,6 +63,7 @@ def test_a_zero_that_moved_between_recordings_is_named_with_its_size() -> None:
     assert max(result.held_out) > 1.5
 
 
+@pytest.mark.slow
 def test_a_zero_that_moved_along_a_recording_is_named_with_its_time() -> None:
     result = judged(minute_logs(), moved(minute_logs(seed=1), 5, 2e-4, lambda t: t > 30.0))
     assert result.change is not None
@@ -69,6 +72,7 @@ def test_a_zero_that_moved_along_a_recording_is_named_with_its_time() -> None:
     assert "from t = " in result.sentence
 
 
+@pytest.mark.slow
 def test_another_rod_is_not_another_robot() -> None:
     result = judged(minute_logs(), minute_logs(true=another(bd3=2e-4), seed=1))
     assert result.change is not None
@@ -76,6 +80,7 @@ def test_another_rod_is_not_another_robot() -> None:
     assert result.change.size == pytest.approx(2e-4, rel=0.1)
 
 
+@pytest.mark.slow
 def test_another_robot_is_named_as_one() -> None:
     rng = np.random.default_rng(3)
     names = ("ra1", "ra2", "ra3", "rd4", "ralpha2", "ralpha4", "ralpha5", "rtheta3", "rtheta5")

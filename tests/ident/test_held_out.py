@@ -31,6 +31,7 @@ def machine() -> Identification:
     return identified(1, MANY, true=TRUE)
 
 
+@pytest.mark.slow
 def test_the_machine_explains_another_recording_of_it(machine: Identification) -> None:
     """Its own encoder offsets, base and clock are fitted: the ball-bar stands elsewhere."""
     moved = TRUE.replaced({"btheta2": 0.3, "btheta5": -0.2})
@@ -46,6 +47,7 @@ def test_the_machine_explains_another_recording_of_it(machine: Identification) -
     assert not outcome.ambiguous
 
 
+@pytest.mark.slow
 def test_a_machine_that_is_off_is_a_misfit(machine: Identification) -> None:
     robot = machine.robot
     off = robot.geometry.replaced({"ra2": robot.geometry["ra2"] + 5e-4})

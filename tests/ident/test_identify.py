@@ -60,6 +60,7 @@ def data(recorded: Recorded) -> RunData:
     return run(recorded)
 
 
+@pytest.mark.slow
 def test_two_models_state_one_uncertainty_of_the_tool(recorded: Recorded) -> None:
     """Of one recording: 0.0011 mm and 0.0167 mm stood under the same words.
 
@@ -109,6 +110,7 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_fit_that_does_not_converge_counts_its_iterations_as_the_result_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -153,6 +155,7 @@ def test_any_number_of_encoders_goes_through_the_same_code(
     assert comparison.skew == (pytest.approx(0.0, abs=1e-6) if fitted else None)
 
 
+@pytest.mark.slow
 def test_the_other_robot_and_another_rod_work_too(tmp_path: Path) -> None:
     (tmp_path / "path.yaml").write_text(
         "schema: ballbar-path/1\ncentre_deg: [-23, -50, 20, -129, 138]\n"
@@ -175,6 +178,7 @@ def test_the_other_robot_and_another_rod_work_too(tmp_path: Path) -> None:
     assert comparison.tcp.mean < 0.03e-3 < comparison.tcp_nominal.mean
 
 
+@pytest.mark.slow
 def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) -> None:
     """Rows taken off the ball-bar log's start move its zero of time, nothing else."""
     recording = read_recording(recorded.folder)
@@ -193,6 +197,7 @@ def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) ->
     )  # noise: 1 us each
 
 
+@pytest.mark.slow
 def test_identification_without_the_truth_file_gives_the_same_bytes(
     recorded: Recorded, tmp_path: Path
 ) -> None:
@@ -209,6 +214,7 @@ def test_identification_without_the_truth_file_gives_the_same_bytes(
         hidden.rename(truth)
 
 
+@pytest.mark.slow
 def test_the_calibration_file_reads_back_as_written(data: RunData, tmp_path: Path) -> None:
     path, result = tmp_path / "calibration.yaml", data.identification
     write_calibration(path, data)
@@ -333,6 +339,7 @@ def test_encoder_sets_that_cannot_be_aligned_say_what_is_missing(
         identify(recorded.simulation.cell, recording.robot_log, some)
 
 
+@pytest.mark.slow
 def test_a_wrongly_declared_encoder_direction_is_found_and_reported(tmp_path: Path) -> None:
     recorded = record(tmp_path / "recording", plant={"kind": "kinematic"})
     text = (recorded.folder / "recording.yaml").read_text()
@@ -373,6 +380,7 @@ def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
     assert not result.verdict.acceptable
 
 
+@pytest.mark.slow
 def test_stages_and_iterations_are_told_to_the_listener(recorded: Recorded) -> None:
     recording = read_recording(recorded.folder)
     stages: list[str] = []
@@ -397,6 +405,7 @@ def test_kinematics_alone_fit_one_recording_at_a_time(recorded: Recorded) -> Non
         identify_together(recorded.simulation.cell, [logs, logs], options=FitOptions(model="dh"))
 
 
+@pytest.mark.slow
 def test_a_measured_rod_that_was_not_needed_is_said_to_be_unused(recorded: Recorded) -> None:
     recording = read_recording(recorded.folder)
     result = identify(

@@ -120,6 +120,7 @@ def test_the_right_order_is_found_where_the_file_lists_another() -> None:
     assert tcp_error(result, 40, 1e-4) < 15e-6
 
 
+@pytest.mark.slow
 def test_candidates_are_columns_of_the_fit_and_blocks_are_numbered_over_all_recordings() -> None:
     recordings = [
         fit_recording(CELL, minute_logs(joint_error=(JOINT, ORDER, SIZE), seed=seed), OPTIONS)

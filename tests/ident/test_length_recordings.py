@@ -52,6 +52,7 @@ def test_clock_and_geometry_lie_within_the_stated_deviations(
     assert ("bd3" in result.robot.sigma) == (make is wire_run)  # the bar was calibrated
 
 
+@pytest.mark.slow
 def test_what_a_point_cannot_see_stays_at_its_nominal_value() -> None:
     run = wire_run(Clock(0.3, 0.0), seed=3)
     result = identify_together(run.cell, [run.logs], options=DH)

@@ -37,6 +37,7 @@ def test_the_clock_lies_within_the_stated_95_percent_about_as_often_as_that() ->
     assert (np.sqrt((np.square(off)).mean(axis=0)) > 0.5).all(), off
 
 
+@pytest.mark.slow
 def test_gain_sign_and_zero_of_a_channel_are_read_off_and_leave_the_clock_alone() -> None:
     rng = np.random.default_rng(3)
     motion, clock = wandering(rng), Clock(-4.25, 8e-5)
@@ -49,6 +50,7 @@ def test_gain_sign_and_zero_of_a_channel_are_read_off_and_leave_the_clock_alone(
     assert alignment.clock.offset == pytest.approx(clock.offset, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_a_steady_channel_and_one_of_another_motion_are_left_alone() -> None:
     rng = np.random.default_rng(4)
     a, b = two_logs(wandering(rng), Clock(2.0, 0.0), rng)
@@ -58,6 +60,7 @@ def test_a_steady_channel_and_one_of_another_motion_are_left_alone() -> None:
     assert alignment.clock.offset == pytest.approx(2.0, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_channels_of_the_same_name_go_together_and_a_strange_one_is_reported() -> None:
     rng = np.random.default_rng(5)
     motion = wandering(rng)
@@ -134,6 +137,7 @@ def test_a_channel_that_does_not_exist_or_is_named_twice_is_refused() -> None:
         align_logs(a, b, [("x", "u"), ("x", "v")])
 
 
+@pytest.mark.slow
 def test_logs_that_overlap_for_seconds_only_are_aligned_there() -> None:
     rng = np.random.default_rng(13)
     alignment = align_logs(*two_logs(wandering(rng), Clock(25.0, 0.0), rng))
@@ -147,6 +151,7 @@ def test_logs_without_common_time_are_refused() -> None:
         align_logs(*two_logs(wandering(rng), Clock(60.0, 0.0), rng))
 
 
+@pytest.mark.slow
 def test_the_offset_at_the_first_row_and_the_skew_are_known_together() -> None:
     """Of a line through even instants value and slope at its end correlate by -sqrt(3)/2."""
     rng = np.random.default_rng(15)
@@ -154,6 +159,7 @@ def test_the_offset_at_the_first_row_and_the_skew_are_known_together() -> None:
     assert alignment.correlation == pytest.approx(-np.sqrt(0.75), abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_step_of_a_clock_is_reported_with_its_size() -> None:
     rng = np.random.default_rng(16)
     a, b = two_logs(wandering(rng), Clock(2.0, 0.0), rng)

@@ -61,6 +61,7 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     return Run(tmp_path_factory.mktemp("robot"), request.param)
 
 
+@pytest.mark.slow
 def test_kinematics_of_any_robot_are_found_within_their_stated_noise(run: Run) -> None:
     result = run.identified()
     assert result.verdict.status is Status.GOOD

@@ -28,6 +28,7 @@ def changed(fit: Fit, name: str, value: float) -> Fit:
     return replace(fit, linear=replace(fit.linear, x=x))
 
 
+@pytest.mark.slow
 def test_a_sound_fit_needs_nothing_impossible(fit: Fit) -> None:
     assert impossible(fit) == ()
 

@@ -47,6 +47,7 @@ def spoilt(growing: GrowingRecording, log: TextLog, name: str, factor: float, si
     return logs_of("recording", read_recording(growing.folder))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "factor", "words"),
     [

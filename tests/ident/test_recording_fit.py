@@ -36,6 +36,7 @@ def fitted() -> RecordingFit:
     return fit_recording(CELL, minute_logs(true=TRUE), OPTIONS)
 
 
+@pytest.mark.slow
 def test_machine_and_clock_are_found_within_their_stated_noise(fitted: RecordingFit) -> None:
     layout = fitted.fit.model.unknowns
     true = [TRUE[name] for name in layout.names[:-2]] + [LATE.offset, LATE.skew]
@@ -84,6 +85,7 @@ def test_the_nominal_robot_is_placed_as_well_as_possible(fitted: RecordingFit) -
     assert rms[1] < 5e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoders", [(), (1, 2)])
 def test_a_ball_bar_with_few_encoders_or_none_is_fitted_alike(encoders: tuple[int, ...]) -> None:
     found = fit_recording(CELL, minute_logs(true=TRUE, encoders=encoders), OPTIONS)
@@ -92,6 +94,7 @@ def test_a_ball_bar_with_few_encoders_or_none_is_fitted_alike(encoders: tuple[in
     assert found.fit.chi2_per_dof == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_stages_are_told_and_the_chosen_start_is_followed_alone() -> None:
     stages: list[str] = []
     steps: list[Iteration] = []
@@ -119,6 +122,7 @@ def test_requested_parameters_are_judged_and_no_others(fitted: RecordingFit) -> 
     assert [(d.name, d.on) for d in found.dropped] == [("rd1", ("oz",))]
 
 
+@pytest.mark.slow
 def test_smoothing_takes_both_logs_or_the_robots_alone() -> None:
     robot, ballbar, encoders = smoothed(minute_logs())
     assert encoders == (1, 2, 4, 5)

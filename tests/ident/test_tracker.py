@@ -58,6 +58,7 @@ def result(tracked: Recorded, recording: Recording) -> Identification:
     return identified(tracked, recording, log_of(recording))
 
 
+@pytest.mark.slow
 def test_the_identified_robot_is_within_the_noise_and_the_nominal_one_is_not(
     result: Identification,
 ) -> None:
@@ -104,6 +105,7 @@ def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
     assert clock.skew == pytest.approx(4e-5, abs=4e-6)
 
 
+@pytest.mark.slow
 def test_it_takes_no_part_in_the_fit(
     tracked: Recorded, recording: Recording, result: Identification
 ) -> None:
@@ -138,6 +140,7 @@ def rows_of(tracked: Recorded, *, geometry: Geometry, noise: float = NOISE) -> t
     return stamps - TRACKER_EPOCH, points
 
 
+@pytest.mark.slow
 def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -150,6 +153,7 @@ def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
     )
 
 
+@pytest.mark.slow
 def test_how_much_of_a_milliradian_frame_and_led_leave(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -165,6 +169,7 @@ def test_how_much_of_a_milliradian_frame_and_led_leave(
     np.testing.assert_allclose(left, [0.0, 0.08, 0.23, 0.14, 0.17, 0.0], atol=0.03)
 
 
+@pytest.mark.slow
 def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -180,6 +185,7 @@ def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
     assert check.identified.rms == pytest.approx(check.noise, rel=0.05)
 
 
+@pytest.mark.slow
 def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -196,6 +202,7 @@ def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
     assert not check_of(tighter).acceptable  # stated to be as good as its noise looks
 
 
+@pytest.mark.slow
 def test_a_log_of_another_motion_is_a_contradiction(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -205,6 +212,7 @@ def test_a_log_of_another_motion_is_a_contradiction(
     assert check_of(other).identified.rms > 0.01
 
 
+@pytest.mark.slow
 def test_points_in_a_left_handed_frame_are_a_contradiction(
     tracked: Recorded, recording: Recording
 ) -> None:

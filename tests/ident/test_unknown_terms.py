@@ -89,6 +89,7 @@ def test_lags_of_single_joints_are_found_relative_to_the_first() -> None:
     assert fit.chi2_per_dof < 1.3
 
 
+@pytest.mark.slow
 def test_a_motor_that_is_scaled_is_a_gear_of_another_ratio() -> None:
     def scaled(_: Array, q: Array) -> Array:
         motors = joints_to_motors(CELL.robot, q)
@@ -102,6 +103,7 @@ def test_a_motor_that_is_scaled_is_a_gear_of_another_ratio() -> None:
     assert "gear 6 turns 0.999" in wrong_ratios(fit, sigma)
 
 
+@pytest.mark.slow
 def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() -> None:
     compliance = 3e-7  # [rad/(N m)] of every axis
 
@@ -181,6 +183,7 @@ def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_knee_that_is_off_moves_to_where_the_gear_has_it() -> None:
     """Most of the way at once; a small one moves by no more than two fifths."""
     gear, knee = 1, 120.0  # [N m]

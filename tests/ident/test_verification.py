@@ -39,6 +39,7 @@ def moved(**changes: float) -> Geometry:
     return TRUE.replaced({name: TRUE[name] + change for name, change in changes.items()})
 
 
+@pytest.mark.slow
 def test_an_unchanged_machine_holds(machine: Machine) -> None:
     outcome = verified(machine, TRUE)
     assert outcome.holds
@@ -46,6 +47,7 @@ def test_an_unchanged_machine_holds(machine: Machine) -> None:
     assert outcome.sentence.startswith("Holds: the loop closes to 0.0")
 
 
+@pytest.mark.slow
 def test_the_zero_of_one_axis_is_named_with_its_size(machine: Machine) -> None:
     outcome = verified(machine, moved(rtheta4=3.1e-4))
     (named,) = outcome.named
@@ -55,6 +57,7 @@ def test_the_zero_of_one_axis_is_named_with_its_size(machine: Machine) -> None:
     assert outcome.sentence.startswith("Changed since: zero of axis 4 by +0.3")
 
 
+@pytest.mark.slow
 def test_axis_2_of_a_parallel_rod_moves_two_joints(machine: Machine) -> None:
     """The rod keeps the forearm's angle: joint 3 turns back by what joint 2 turns on."""
     (named,) = verified(machine, moved(rtheta2=4e-4, rtheta3=-4e-4)).named
@@ -62,6 +65,7 @@ def test_axis_2_of_a_parallel_rod_moves_two_joints(machine: Machine) -> None:
     assert named.size[0] == pytest.approx(4e-4, abs=4.0 * named.sigma[0])
 
 
+@pytest.mark.slow
 def test_another_rod_is_named(machine: Machine) -> None:
     outcome = verified(machine, moved(bd3=2e-4))
     (named,) = outcome.named
@@ -69,6 +73,7 @@ def test_another_rod_is_named(machine: Machine) -> None:
     assert named.size[0] == pytest.approx(2e-4, abs=4.0 * named.sigma[0])
 
 
+@pytest.mark.slow
 def test_two_changes_have_no_single_cause(machine: Machine) -> None:
     outcome = verified(machine, moved(rtheta4=1e-3, bd3=3e-4))
     assert not outcome.holds
@@ -76,11 +81,13 @@ def test_two_changes_have_no_single_cause(machine: Machine) -> None:
     assert "No single cause" in outcome.sentence
 
 
+@pytest.mark.slow
 def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Machine) -> None:
     doubted = replace(machine, covariance=machine.covariance * 100.0**2)
     assert verified(doubted, moved(rtheta4=1e-4)).holds
 
 
+@pytest.mark.slow
 def test_the_limit_is_exceeded_in_as_many_draws_as_it_says() -> None:
     rng = np.random.default_rng(5)
     root = rng.standard_normal((6, 6))

@@ -72,6 +72,7 @@ def test_the_loop_is_closed_and_the_rod_balances_the_gears() -> None:
     assert 10.0 < np.sqrt((motion.tension**2).mean()) < 150.0  # [N] a soft servo, 1 mm
 
 
+@pytest.mark.slow
 def test_the_unloaded_robot_sags_under_its_own_weight() -> None:
     machine = nominal(files())
     rigid = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6))

@@ -52,6 +52,7 @@ def told(plan: Plan) -> str:
     return text.getvalue()
 
 
+@pytest.mark.slow
 def test_before_the_path_the_result_is_what_is_known(plan: Plan) -> None:
     known = knowing(plan, 1.0)
     evaluator = evaluators(request(), known)["lund_600"]
@@ -60,6 +61,7 @@ def test_before_the_path_the_result_is_what_is_known(plan: Plan) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_path_after_a_poor_result_is_worth_its_time(plan: Plan) -> None:
     after = given_path(request(), PATH, POSITION, knowing(plan, 9.0))
     assert worthwhile(after)
@@ -68,6 +70,7 @@ def test_a_path_after_a_poor_result_is_worth_its_time(plan: Plan) -> None:
     assert told(plan) == ""
 
 
+@pytest.mark.slow
 def test_where_a_path_brings_nothing_other_means_are_asked_for(plan: Plan) -> None:
     after = given_path(request(), PATH, POSITION, knowing(plan, 1e-3))
     assert not worthwhile(after)

@@ -62,6 +62,7 @@ def random_path(k: int) -> Candidate:
     return Candidate(shape, np.array([float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]))
 
 
+@pytest.mark.slow
 def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, genomes: Array) -> None:
     coarse = objectives(evaluator, genomes)
     full = np.array([objective(evaluator, genome) for genome in genomes])
@@ -83,6 +84,7 @@ def test_with_as_many_samples_the_coarse_prediction_is_the_full_one(
     assert objectives(fine, genomes[:1])[0] == pytest.approx(full, abs=0.06)
 
 
+@pytest.mark.slow
 def test_a_candidate_counts_the_same_whoever_stands_beside_it(
     evaluator: Evaluator, genomes: Array
 ) -> None:
@@ -91,6 +93,7 @@ def test_a_candidate_counts_the_same_whoever_stands_beside_it(
     assert together == pytest.approx(apart, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_runs_are_the_trajectories_of_their_candidates(
     evaluator: Evaluator, genomes: Array
 ) -> None:
@@ -118,6 +121,7 @@ def test_runs_are_the_trajectories_of_their_candidates(
             assert tension.reshape(*force.shape[:1], runs.runs, -1)[:, run] == pytest.approx(force)
 
 
+@pytest.mark.slow
 def test_what_would_be_the_best_is_looked_at_on_the_fine_grid(
     evaluator: Evaluator, genomes: Array
 ) -> None:
@@ -137,6 +141,7 @@ def test_what_would_be_the_best_is_looked_at_on_the_fine_grid(
     assert INFEASIBLE < objectives(tight, some, best=np.inf)[0] < INFEASIBLE + 0.1
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_segments_are_no_farther_apart_than_any_of_their_points(seed: int) -> None:

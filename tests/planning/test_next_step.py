@@ -52,6 +52,7 @@ def steps_of(data: RunData) -> list[NextStep]:
     return next_steps(data.identification.robot, data.identification.fit.excess, passages, PATHS)
 
 
+@pytest.mark.slow
 def test_what_is_predicted_of_the_recording_is_what_identification_states(data: RunData) -> None:
     passages = [recorded_passage(fitted) for fitted in data.recordings]
     present = predicted(data.identification.robot, data.identification.fit.excess, passages)
@@ -60,6 +61,7 @@ def test_what_is_predicted_of_the_recording_is_what_identification_states(data: 
     assert present.without_scale.mean() == pytest.approx(without, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_prediction_does_not_depend_on_how_many_samples_were_fitted(
     recorded: Recorded, data: RunData
 ) -> None:
@@ -77,6 +79,7 @@ def test_the_prediction_does_not_depend_on_how_many_samples_were_fitted(
     assert few.sigma.mean() == pytest.approx(many.sigma.mean(), rel=0.03)
 
 
+@pytest.mark.slow
 def test_two_encoders_leave_angles_that_pass_half_a_turn(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
@@ -94,6 +97,7 @@ def test_two_encoders_leave_angles_that_pass_half_a_turn(
     assert present.sigma.mean() == pytest.approx(stated(run).sigma.mean(), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_measured_rod_brings_what_was_predicted(
     recorded: Recorded, data: RunData, steps: dict[str, NextStep]
 ) -> None:
@@ -151,6 +155,7 @@ def test_a_fifth_encoder_brings_what_was_predicted(
     assert step.predicted.without_scale.mean() == pytest.approx(five, rel=0.2)
 
 
+@pytest.mark.slow
 def test_no_step_is_advised_where_something_is_to_be_repaired_first(data: RunData) -> None:
     assert diagnosis(data).steps
     verdict = replace(data.identification.verdict, status=Status.MISFIT)

@@ -242,6 +242,7 @@ def test_capsules_are_as_far_apart_as_two_segments(manual: Candidate) -> None:
     assert found.distance == pytest.approx(apart, abs=1e-3)  # points 1 mm apart
 
 
+@pytest.mark.slow
 def test_a_request_that_cannot_be_met_says_why() -> None:
     far = request().model_copy(
         update={
@@ -520,6 +521,7 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, Candidat
     assert tcp[6] > tcp[5]
 
 
+@pytest.mark.slow
 def test_the_table_of_what_if_states_its_units(runnable: tuple[Evaluator, Candidate]) -> None:
     """Regression: rich took [um] for a style and left it out."""
     evaluator, candidate = runnable

@@ -97,6 +97,7 @@ def keeps_limits(setup: Setup, poses: Candidates) -> None:
         assert apart.min() >= setup.request.limits.clearance_m
 
 
+@pytest.mark.slow
 def test_planned_poses_of_a_tracker_keep_limits_and_line_of_sight(tracker: PosePlan) -> None:
     setup, poses = tracker.setup, tracker.poses
     keeps_limits(setup, poses)
@@ -108,6 +109,7 @@ def test_planned_poses_of_a_tracker_keep_limits_and_line_of_sight(tracker: PoseP
     assert np.degrees(np.arccos(cosine)).max() <= 60.0 + 1e-9
 
 
+@pytest.mark.slow
 def test_planned_lengths_stay_within_the_stroke_and_its_margin(wire: PosePlan) -> None:
     setup = wire.setup
     keeps_limits(setup, wire.poses)
@@ -403,6 +405,7 @@ def test_a_program_stops_where_a_person_attaches_the_instrument(wire: PosePlan) 
     assert krl_poses(wire).count("HALT ; attach") == 40
 
 
+@pytest.mark.slow
 def test_a_seat_out_of_reach_says_by_how_much() -> None:
     with pytest.raises(InputError, match=r"most by reach; the target comes no closer than 2\d* mm"):
         random_candidates(socket_setup(robot="irb2400"), 100, np.random.default_rng(1))

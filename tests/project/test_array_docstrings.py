@@ -7,6 +7,7 @@ import pytest
 from tests.project.array_docstrings import PACKAGES, SHAPE, SHAPE_TARGET, UNIT, UNIT_TARGET, shares
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_enough_public_array_functions_state_shape_and_unit(package: str) -> None:
     count, shape, unit = shares(package)

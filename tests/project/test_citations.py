@@ -125,6 +125,7 @@ def test_every_note_that_is_cited_has_the_section_that_is_named() -> None:
     assert not faults, "\n".join(faults)
 
 
+@pytest.mark.slow
 def test_literature_that_is_cited_stands_in_the_references() -> None:
     references = (DOCS / "references.md").read_text()
     files = [file for file in citing_files() if file != DOCS / "references.md"]

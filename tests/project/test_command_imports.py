@@ -63,6 +63,7 @@ def packages(modules: set[str]) -> set[str]:
     return {name.rsplit(".", k)[0] for name in modules for k in range(name.count(".") + 1)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "variables"),
     [

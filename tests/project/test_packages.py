@@ -65,6 +65,7 @@ def test_the_packages_are_the_folders_of_the_wheel() -> None:
     assert all((ROOT / name / "__init__.py").is_file() for name in PACKAGES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_imports_only_what_lies_below_it(package: str) -> None:
     files = [file for name, file in FILES.items() if name.split(".")[0] == package]
@@ -88,6 +89,7 @@ def test_what_reads_and_identifies_never_speaks_of_the_truth_file(package: str) 
         assert not [s for s in strings if "truth.yaml" in s or "ballbar-truth" in s], file.name
 
 
+@pytest.mark.slow
 def test_nothing_is_imported_from_a_test_or_by_a_test_from_a_benchmark() -> None:
     """What tests and benchmarks share stands in tests/helpers."""
     files = [
@@ -106,6 +108,7 @@ def test_nothing_is_imported_from_a_test_or_by_a_test_from_a_benchmark() -> None
             assert not benchmarks, f"{file.relative_to(ROOT)} imports {benchmarks}"
 
 
+@pytest.mark.slow
 def test_what_the_product_imports_is_what_it_declares() -> None:
     extras = PROJECT["optional-dependencies"]
     required = names_of(PROJECT["dependencies"])
@@ -141,6 +144,7 @@ def test_a_worker_of_a_sweep_imports_no_viewer_and_no_page(module: str) -> None:
     assert not reached(module) & {"rerun", "matplotlib", "jinja2"}
 
 
+@pytest.mark.slow
 def test_all_text_is_printed_by_the_consoles_of_the_terminal() -> None:
     """They show control characters of names in files as escapes."""
     for name, file in FILES.items():

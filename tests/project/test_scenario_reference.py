@@ -84,6 +84,7 @@ def as_default(text: str) -> Any:
     return tuple(as_default(str(item)) for item in value) if isinstance(value, list) else value
 
 
+@pytest.mark.slow
 def test_the_committed_page_is_what_the_generator_writes(page: str) -> None:
     assert page == page_text(read_sizes()), "run python -m generators.scenario_reference --text"
     assert not re.search(r"Annotated|NoneType|typing\.|<class", page)

@@ -53,10 +53,12 @@ def swappable_functions() -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_a_constructor_with_many_arguments_is_called_with_their_names() -> None:
     assert long_constructor_calls() == []
 
 
+@pytest.mark.slow
 def test_no_two_of_many_parameters_can_be_swapped_unnoticed() -> None:
     assert swappable_functions() == []
 

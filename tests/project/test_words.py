@@ -119,6 +119,7 @@ def faults() -> list[str]:
     return lines
 
 
+@pytest.mark.slow
 def test_one_word_for_each_thing() -> None:
     every = faults()
     assert not every, f"{len(every)} places\n" + "\n".join(every)

@@ -212,6 +212,7 @@ def test_white_noise_has_the_asked_size(tmp_path: Path) -> None:
     assert np.concatenate([e - e.mean() for e in errors]).std() == pytest.approx(1e-5, rel=WITHIN)
 
 
+@pytest.mark.slow
 def test_low_bits_freeze_at_the_asked_speed_and_one_more_an_octave_above(tmp_path: Path) -> None:
     free, run = (
         simulated(tmp_path / n, errors=e)
@@ -385,6 +386,7 @@ def found_row(read: Recording) -> int:
     return row
 
 
+@pytest.mark.slow
 def test_robot_stamps_in_whole_milliseconds_are_the_nearest(tmp_path: Path) -> None:
     run = simulated(tmp_path, clocks={**CLOCK, "quantum": {}})
     stamps, _ = run.robot()
@@ -451,6 +453,7 @@ def test_rows_are_dropped_and_duplicated_as_often_as_asked(lossy: Run) -> None:
         assert stated.duplicated == place.size - different.size
 
 
+@pytest.mark.slow
 def test_another_recording_is_of_the_same_machine_with_noise_of_its_own(tmp_path: Path) -> None:
     """Regression: two paths of one machine had the same noise, row by row."""
     drawn = {
@@ -493,6 +496,7 @@ def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run)
     assert {"duplicate stamp", "overrun"} <= {f.kind for f in read.report.findings}
 
 
+@pytest.mark.slow
 def test_a_restarted_logger_leaves_two_files_and_a_gap_while_counters_and_toggle_run_on(
     tmp_path: Path,
 ) -> None:

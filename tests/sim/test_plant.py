@@ -67,6 +67,7 @@ def test_a_mechanism_whose_steps_jump_from_flank_to_flank_has_an_equilibrium() -
     assert run.truth.closure_position < 0.5e-6
 
 
+@pytest.mark.slow
 def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> None:
     """Regression: full Newton steps alternate between the ends of a dead band.
 
@@ -118,6 +119,7 @@ def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
     return cell, nominal, perturbed(nominal, np.random.default_rng(4)), reference
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", list(CELLS))
 @pytest.mark.parametrize(
     "effect",
@@ -193,6 +195,7 @@ def test_a_path_too_fast_for_an_axis_names_axis_time_and_speed(
         reference_path(cell.robot, nominal, shape, duration=12.0, dwell=1.0, stops=0, step=0.01)
 
 
+@pytest.mark.slow
 def test_a_run_whose_loop_opens_too_far_fails(
     cell: Cell, nominal: Geometry, shape: Lissajous, monkeypatch: pytest.MonkeyPatch
 ) -> None:

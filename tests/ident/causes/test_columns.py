@@ -41,10 +41,12 @@ def test_line_counts_follow_from_the_poses(scale: tuple[float, ...]) -> None:
     assert reading.left < 0.02
 
 
+@pytest.mark.slow
 def test_no_other_columns_of_a_sound_robot_are_nearer_to_a_sphere() -> None:
     assert robot_columns(CELL.robot, NOMINAL, motion(), TOOL.rms) == []
 
 
+@pytest.mark.slow
 def test_without_encoders_a_reading_leaves_its_distance_from_the_sphere() -> None:
     """As a share of the rod: axis 1 alone turns backwards, which no other reading puts right."""
     read = PATH.q * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])

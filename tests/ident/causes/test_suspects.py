@@ -163,6 +163,7 @@ MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
 QUICK = ("b1 and b2", "1800 lines", "motor 5 backwards", "another run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "mistake", [pytest.param(m, marks=() if m in QUICK else pytest.mark.slow) for m in MISTAKES]
 )
@@ -191,12 +192,14 @@ def test_a_wrong_file_is_named_first(cell: Cell, words: str) -> None:
     assert str(suspects(cell, sound())[0]).startswith(words)
 
 
+@pytest.mark.slow
 def test_evidence_and_remedy_of_a_line_count_give_its_factor() -> None:
     (suspect,) = suspects(CELL, with_encoders(scaled(0, 2.0)))
     assert suspect.evidence.endswith("angle of the encoder over that of the robot's pose: b1 2.000")
     assert suspect.remedy.startswith("Multiply `lines` in recording.yaml (b1 2.000), or correct")
 
 
+@pytest.mark.slow
 def test_two_encoders_may_be_those_of_the_other_gimbal() -> None:
     logs = sound((4, 5))
     assert logs.ballbar is not None
@@ -205,6 +208,7 @@ def test_two_encoders_may_be_those_of_the_other_gimbal() -> None:
     assert suspect.cause == "the encoders b1 and b2 are those of b5 and b4"
 
 
+@pytest.mark.slow
 def test_without_encoders_the_sphere_alone_names_an_axis_that_counts_backwards() -> None:
     (suspect,) = suspects(CELL, with_motors(scaled(4, -1.0), sound(())))
     assert suspect.cause == "motor 5 of the robot's log counts backwards"
@@ -220,6 +224,7 @@ def test_without_encoders_the_sphere_alone_names_degrees() -> None:
     assert str(suspects(OTHER, sound(()))[0]).startswith("this is not the log of robot nj220")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
 def test_robots_that_are_not_calibrated_are_not_suspected(encoders: tuple[int, ...]) -> None:
     """DH errors of 3 mm and mrad, three times those of an industrial robot (notes/start)."""
@@ -305,6 +310,7 @@ def test_the_limits_are_far_from_a_sound_recording_and_from_chance() -> None:
     assert len(suspects(CELL, cut(SHORT + 5.0))) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("logs", "channel", "size"),
     [

@@ -118,6 +118,7 @@ def test_few_samples_of_a_recording_give_the_same_shifts(
     assert np.abs((half - every) / sigma).max() < 0.2
 
 
+@pytest.mark.slow
 def test_compliances_scatter_over_drawn_masses_as_stated(
     elastic_fit: Fit, deviated: tuple[Cell, ...]
 ) -> None:
@@ -131,6 +132,7 @@ def test_compliances_scatter_over_drawn_masses_as_stated(
     assert 0.7 < np.sqrt((ratio**2).mean()) < 1.4
 
 
+@pytest.mark.slow
 def test_the_tool_scatters_over_drawn_masses_as_the_joint_covariance_says(
     elastic_fit: Fit, deviated: tuple[Cell, ...]
 ) -> None:

@@ -57,6 +57,7 @@ def evaluated(
     return machine.model.evaluate(x, 0, machine.ballbar, previous, hold_loads=hold_loads)
 
 
+@pytest.mark.slow
 def test_every_column_is_the_derivative_of_the_whitened_error(machine: CompleteModel) -> None:
     """Geometry, coefficients, gain, clock, clock step and knots, by central differences.
 

@@ -30,6 +30,7 @@ def elastic() -> Fit:
     return fit_pose(posed(CELL, recordings, chosen, OPTIONS), FIRST_EXCESS)
 
 
+@pytest.mark.slow
 def test_blocks_add_up_to_the_fit(elastic: Fit) -> None:
     blocks = time_blocks(elastic)
     weight = elastic.model.unknowns.sigma**-2.0
@@ -47,6 +48,7 @@ def test_blocks_add_up_to_the_fit(elastic: Fit) -> None:
     assert (np.bincount(blocks.recording) == 10).all()  # of 60 s
 
 
+@pytest.mark.slow
 def test_held_out_cost_is_that_of_fits_without_the_blocks(elastic: Fit) -> None:
     compliance = coefficients_of(elastic, elastic.model.corrections[0])
     for absent in (NOTHING, np.r_[compliance]):

@@ -50,6 +50,7 @@ def fitted(stated: float, *, alike: int = 1, held: bool = False) -> PoseFit:
     return fit_poses(model, model.unknowns.mean.copy())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length", "socket"])
 def test_priors_count_once_and_the_gradient_is_half_the_derivative_of_the_cost(
     measured: Measured,

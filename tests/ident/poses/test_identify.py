@@ -43,6 +43,7 @@ def tcp_error(result: PoseIdentification, true: TrueRobot, seed: int = 9) -> flo
     return position_error(arm.tool(q), true.positions(q)).mean
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "measured", "limit"),
     [  # [m] with 20 um of noise and 200 poses; measured 4 to 14 um
@@ -60,6 +61,7 @@ def test_a_robot_is_identified_to_its_truth(name: str, measured: str, limit: flo
     assert result.residual_nominal.mean() > 10.0 * result.residual.mean()
 
 
+@pytest.mark.slow
 def test_a_seven_axis_robot_is_identified_from_sockets_alone() -> None:
     true = true_robot("panda", sag=0.0)
     result = identify_poses(socket_table(true, count=12), PLAIN)
@@ -72,6 +74,7 @@ def test_a_seven_axis_robot_is_identified_from_sockets_alone() -> None:
     assert before > 0.0
 
 
+@pytest.mark.slow
 def test_joint_errors_are_found_without_being_told() -> None:
     """Two orders of 200 urad are found, first of all, and lower the error of new poses."""
     true = true_robot("ur5", orders=[(1, 17), (2, 9)])
@@ -82,6 +85,7 @@ def test_joint_errors_are_found_without_being_told() -> None:
     assert tcp_error(result, true) < 0.2 * tcp_error(identify_poses(table, PLAIN), true)
 
 
+@pytest.mark.slow
 def test_white_noise_has_no_orders() -> None:
     for seed in range(3):
         result = identify_poses(table_of(true_robot("ur5", seed=seed), count=300, seed=seed))
@@ -100,6 +104,7 @@ def test_candidates_of_a_coupled_robot_move_what_their_correction_moves() -> Non
     assert column == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_joint_errors_learned_on_one_table_are_kept_on_another() -> None:
     true = true_robot("ur5", orders=[(1, 17)])
     taught = identify_poses(table_of(true, count=400))

@@ -87,6 +87,7 @@ def test_clean_lengths_are_not_widened_and_points_never() -> None:
     assert identify_poses(table_of(true), PoseOptions(search=False)).arm().joint_sigma == 0.0
 
 
+@pytest.mark.slow
 def test_lengths_of_fewer_than_three_seats_are_said_to_judge_along_the_rods() -> None:
     for seats, said in ((1, True), (2, True), (3, False)):
         _, result = drawn("ur5", 0, seats)

@@ -29,6 +29,7 @@ def model_of(table: PoseTable) -> PoseModel:
     return PoseModel(table, layout, corrections, np.zeros(table.robot.a.size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["length", "point", "pose", "socket"])
 def test_jacobian_is_the_difference_of_the_whitened_residual(measured: str) -> None:
     """All unknowns, at a value away from the start; the weights are held."""

@@ -48,6 +48,7 @@ def test_the_seventeen_cycles_of_a_measured_ur10_are_found(tmp_path: Path) -> No
     assert {(0, 17), (1, 17), (2, 17)} <= set(result.search.pairs)
 
 
+@pytest.mark.slow
 def test_a_measured_panda_is_identified_from_sockets_alone(tmp_path: Path) -> None:
     """8.5 mm with the catalogue's geometry: joint zeros are 13 and 14 mrad off."""
     result = identify_poses(

@@ -60,6 +60,7 @@ def test_held_out_rows_of_the_same_file_belong_to_the_right_side() -> None:
     assert result.within(whole.part(~fitted)).mean() > 0.8
 
 
+@pytest.mark.slow
 def test_a_seat_may_move_between_two_files() -> None:
     whole = stepped("point", "seat", np.array([0.1, 0.0, 0.2]), at=70)
     (group,) = whole.groups

@@ -117,6 +117,7 @@ def test_a_single_change_is_found_and_named(robot: Stored) -> None:
     assert right >= 23
 
 
+@pytest.mark.slow
 def test_the_size_of_a_lost_zero_is_stated_also_where_it_is_large(robot: Stored) -> None:
     rng = np.random.default_rng(4)
     for size in (1e-3, 0.05):

@@ -254,6 +254,7 @@ class Aligned:
         return back + centre - self.there, back / factor + centre - self.there
 
 
+@pytest.mark.slow
 def test_the_uncertainty_is_that_of_robots_one_standard_deviation_off_with_their_bases_aligned(
     cell: Cell, nominal: Geometry
 ) -> None:

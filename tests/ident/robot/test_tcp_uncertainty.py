@@ -51,6 +51,7 @@ def drawn(nominal: Geometry, grid: Array, root: Array) -> tuple[Array, Array, Ar
     return np.array(errors), np.array(without), square
 
 
+@pytest.mark.slow
 def test_both_figures_are_the_spread_of_drawn_robots(
     stated: TcpUncertainty, drawn: tuple[Array, Array, Array]
 ) -> None:

@@ -96,6 +96,7 @@ def test_the_printed_length_is_signed_and_converges_like_the_vector_form(
     assert np.abs((fit.geometry.values - true.values)[chosen]).max() <= EXACT
 
 
+@pytest.mark.slow
 def test_with_noise_the_printed_scalar_crawls_where_the_vector_form_is_done(
     path: ReferencePath, exact: Angles, nominal: Geometry, true: Geometry
 ) -> None:

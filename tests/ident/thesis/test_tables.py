@@ -295,6 +295,7 @@ def test_the_command_prints_the_tables_of_one_cost() -> None:
     assert "bd5 +1 mm moves rd6 -1.000" in lines
 
 
+@pytest.mark.slow
 def test_the_command_says_all_of_it_as_json() -> None:
     words = (
         "identifiability",
