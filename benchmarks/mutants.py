@@ -5,8 +5,8 @@
 Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
 the tests of `make test` that execute its line run until the first failure, up to LIMIT_SECONDS of
 them: those of its module first, then the quickest. `--again` repeats only those that survived the
-last time. `--long` gives survivors to all other tests that execute the line, the long ones too. Tests of
-the project's text (tests/project) do not count.
+last time. `--long` gives survivors to all other tests that execute the line, the long ones too.
+Tests of the project's text (tests/project) do not count.
 
 Writes docs/studies/mutants.csv. Why a survivor survives is stated by the table
 docs/studies/mutants_survivors.csv: `equivalent` if no valid input gives another result, `message`
