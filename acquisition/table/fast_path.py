@@ -9,6 +9,7 @@ hexadecimal integers; both round to the nearest float64.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
@@ -34,8 +35,9 @@ def clean_columns(
     """Header, wanted columns and findings of a table whose bytes are in place; None for others.
 
     source : the file, which is read in parts, so that a log of hours is never held as text. A last
-        line that was cut off is dropped.
+        line that was cut off is dropped. What is written to the file meanwhile is left unread.
     """
+    size = source.seek(0, os.SEEK_END)
     head = _head(source, file)
     if head is None or layout.decimal == "comma":
         return None
@@ -45,10 +47,10 @@ def clean_columns(
         return None
     if header.separator == " " or header.glued:
         return None
-    columns = _columns(source, header)
+    columns = _columns(source, header, size)
     if columns is None:
         return None
-    rest = source.read()
+    rest = b"".join(_read(source, size))
     if not _plain_unread(rest) or b"\r" in rest:
         return None
     line = header.row + len(next(iter(columns.values()))) + 1
@@ -70,21 +72,24 @@ def _head(source: BinaryIO, file: str) -> LogText | None:
     return head if not head.findings and len(head.lines) == first.count(b"\n") else None
 
 
-def _columns(source: BinaryIO, header: Header) -> dict[str, NDArray[Any]] | None:
-    """The wanted columns of the whole rows below the header; what follows them is left unread."""
+def _columns(source: BinaryIO, header: Header, size: int) -> dict[str, NDArray[Any]] | None:
+    """The wanted columns of the whole rows below the header; what follows them is left unread.
+
+    size : of the file [bytes].
+    """
     source.seek(0)
     before = b"".join(source.readline() for _ in range(header.row))
     if _unread(header) and not _plain_unread(before):
         return None
     begin = source.tell()
-    total = sum(part.count(b"\n") for part in iter(lambda: source.read(_PART), b""))
+    total = sum(part.count(b"\n") for part in _read(source, size))
     source.seek(begin)
     columns = {
         name: np.empty(total, dtype=np.int64 if _TYPES[kind] == pa.int64() else np.float64)
         for name, kind in header.columns.items()
     }
     row, end = 0, begin
-    for part in _parts(source):
+    for part in _parts(source, size):
         table = _parsed(part, header)
         if table is None:
             return None
@@ -97,10 +102,16 @@ def _columns(source: BinaryIO, header: Header) -> dict[str, NDArray[Any]] | None
     return columns if plain else None
 
 
-def _parts(source: BinaryIO) -> Iterator[bytes]:
-    """Whole lines of a file, up to a line that is too long."""
+def _read(source: BinaryIO, size: int) -> Iterator[bytes]:
+    """Parts of a file from where it stands up to a size [bytes]."""
+    while part := source.read(max(0, min(_PART, size - source.tell()))):
+        yield part
+
+
+def _parts(source: BinaryIO, size: int) -> Iterator[bytes]:
+    """Whole lines of a file up to a size [bytes], or up to a line that is too long."""
     rest = b""
-    while part := source.read(_PART):
+    for part in _read(source, size):
         end = part.rfind(b"\n") + 1
         if end:
             yield rest + part[:end]

@@ -1,7 +1,7 @@
 """Clean tables are read at once, and never otherwise than line by line."""
 
 from collections.abc import Iterator
-from io import BytesIO
+from io import SEEK_END, BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -147,3 +147,25 @@ def test_a_last_line_that_was_cut_off_is_dropped_at_once() -> None:
 def test_a_row_that_is_not_plain_is_left_to_the_careful_reader(row: bytes) -> None:
     content = b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n"
     assert clean_columns(BytesIO(content), "log.csv", BAR) is None
+
+
+class Growing(BytesIO):
+    """A file to which a logger writes a row whenever a part of it is read."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        part, place = super().read(size), self.tell()
+        if self.seek(0, SEEK_END) < 10_000:
+            self.write(b"1000000000000000009;1;2;0\n")
+        self.seek(place)
+        return part
+
+
+def test_a_file_that_grows_meanwhile_is_read_as_it_was_at_first() -> None:
+    rows = [f"{10**18 + k};{k};{2 * k};0\n" for k in range(ROWS)]
+    raw = ("time;b1;b2;s1\n" + "".join(rows)).encode()
+    read, still = (clean_columns(f(raw), "log.csv", BAR) for f in (Growing, BytesIO))
+    assert read is not None
+    assert still is not None
+    assert read[2] == still[2] == ()
+    for name, values in still[1].items():
+        np.testing.assert_array_equal(read[1][name], values)
