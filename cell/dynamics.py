@@ -28,12 +28,14 @@ class _Loaded:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Motion of a joint's frame at N samples."""
+    """Motion of a frame that turns with a joint, at N samples."""
 
+    axes: tuple[Array, Array, Array]  # (3, N) each
     origin: Array  # (3, N) [m]
     lift: Array  # (3, N) [m/s^2] acceleration of the origin less gravity
     omega: Array  # (3, N) [rad/s]
     alpha: Array  # (3, N) [rad/s^2]
+    at_rest: bool
 
 
 def joint_torques(
@@ -71,33 +73,59 @@ def joint_moments(
     Base frame. The part about the joint's axis is its torque, the rest is the bearing's. Arguments
     as of `joint_torques`.
     """
-    loaded = _loaded(frames, bodies, q, gravity, speed, acceleration)
     joints, n = len(bodies), q.shape[0]
+    motions = _motions(frames, joints, q, gravity, speed, acceleration)
     out = np.zeros((joints, 3, n))
     # of all bodies beyond a joint, about the origin of the base
     force, moment = np.zeros((3, n)), np.zeros((3, n))
     for i in range(joints - 1, -1, -1):
-        for body in loaded[i]:
+        for body in (_loaded(link, motions[i]) for link in bodies[i]):
             force = force + body.force
             moment = moment + body.moment + cross(body.com, body.force)
         out[i] = moment - cross(frames.origin[i], force)
     return out
 
 
-def _loaded(
+def torques_of_each(
     frames: Frames,
-    bodies: Sequence[Sequence[Link]],
+    bodies: Sequence[tuple[int, Link]],
+    q: Array,
+    *,
+    gravity: Array,
+    speed: Array | None = None,
+    acceleration: Array | None = None,
+) -> Array:
+    """(B, J, N) [N m] torques about the joint axes that each body asks for by itself.
+
+    bodies : index from 0 of the joint that a body turns with, and the body in the frame that turns
+        with it. Other arguments as of `joint_torques`.
+    """
+    joints = q.shape[1]
+    motions = _motions(frames, joints, q, gravity, speed, acceleration)
+    out = np.zeros((len(bodies), joints, q.shape[0]))
+    for torques, (joint, link) in zip(out, bodies, strict=True):
+        body = _loaded(link, motions[joint])
+        moment = body.moment + cross(body.com, body.force)
+        for i in range(joint + 1):
+            torques[i] = (frames.z[i] * (moment - cross(frames.origin[i], body.force))).sum(axis=0)
+    return out
+
+
+def _motions(
+    frames: Frames,
+    joints: int,
     q: Array,
     gravity: Array,
     speed: Array | None,
     acceleration: Array | None,
-) -> list[list[_Loaded]]:
+) -> list[_Motion]:
     n = q.shape[0]
     omega, alpha, at_origin = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n))
     point = frames.origin[0]
     cos, sin = np.cos(q.T), np.sin(q.T)
-    out: list[list[_Loaded]] = []
-    for i, links in enumerate(bodies):
+    at_rest = speed is None or acceleration is None
+    out = []
+    for i in range(joints):
         z = frames.z[i]
         arm = frames.origin[i] - point
         if speed is not None and acceleration is not None:
@@ -107,23 +135,22 @@ def _loaded(
         point = frames.origin[i]
         x = cos[i] * frames.x[i] + sin[i] * frames.y[i]
         y = cos[i] * frames.y[i] - sin[i] * frames.x[i]
-        motion = _Motion(point, at_origin - gravity[:, None], omega, alpha)
-        at_rest = speed is None or acceleration is None
-        out.append([_body(link, (x, y, z), motion, at_rest=at_rest) for link in links])
+        lift = at_origin - gravity[:, None]
+        out.append(_Motion((x, y, z), point, lift, omega, alpha, at_rest))
     return out
 
 
-def _body(
-    link: Link, axes: tuple[Array, Array, Array], motion: _Motion, *, at_rest: bool
-) -> _Loaded:
-    x, y, z = axes
-    origin, lift, omega, alpha = motion.origin, motion.lift, motion.omega, motion.alpha
+def _loaded(link: Link, motion: _Motion) -> _Loaded:
+    x, y, z = motion.axes
+    lift, omega, alpha = motion.lift, motion.omega, motion.alpha
     arm = link.com[0] * x + link.com[1] * y + link.com[2] * z
-    if at_rest:
-        return _Loaded(origin + arm, link.mass * lift, np.zeros_like(lift))
+    if motion.at_rest:
+        return _Loaded(motion.origin + arm, link.mass * lift, np.zeros_like(lift))
     force = link.mass * (lift + cross(alpha, arm) + cross(omega, cross(omega, arm)))
-    moment = _turned(link.inertia, axes, alpha) + cross(omega, _turned(link.inertia, axes, omega))
-    return _Loaded(origin + arm, force, moment)
+    about_centre = _turned(link.inertia, motion.axes, alpha) + cross(
+        omega, _turned(link.inertia, motion.axes, omega)
+    )
+    return _Loaded(motion.origin + arm, force, about_centre)
 
 
 def _turned(inertia: Array, axes: tuple[Array, Array, Array], vector: Array) -> Array:

@@ -12,11 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from cell.arrays import Array
+from cell.chain import forward
 from cell.descriptions import Cell
-from cell.geometry import nominal_geometry
+from cell.geometry import nominal_chain
 from cell.payload import with_deviations
 from cell.robot_angles import controller_to_joints
-from ident.loads.gear_loads import mass_model, own_weight
+from ident.loads.mass_columns import ARM, mass_columns
 
 LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of a link's mass; [m] of its centre; assumed
 # Likewise of the tool, with the hoses, cables and adapters that no file states
@@ -50,13 +51,8 @@ def deviated_cells(cell: Cell, covariance: Array) -> tuple[Cell, ...]:
     robot, rng = cell.robot, np.random.default_rng(_SEED)
     axes = rng.uniform(robot.accuracy_lower, robot.accuracy_upper, (POSES, robot.joints))
     q = controller_to_joints(robot, axes)
-    geometry = nominal_geometry(cell, np.zeros(3))
-
-    def gear_loads(masses: Cell) -> Array:
-        return own_weight(mass_model(masses), geometry, q).gear
-
-    carried = gear_loads(cell)
-    changes = np.stack([gear_loads(with_deviations(cell, c)) - carried for c in factor.T])
+    columns = mass_columns(cell, forward(nominal_chain(robot), q), q)
+    changes = np.einsum("pjn,pd->djn", np.delete(columns, ARM, axis=0), factor)
     spread = np.sqrt((changes**2).sum(axis=(0, 2)))  # every gear that carries counts alike
     changes /= np.where(spread > 0.0, spread, 1.0)[:, None]
     turned, sizes, _ = np.linalg.svd(changes.reshape(len(changes), -1), full_matrices=False)

@@ -20,13 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.bodies import carried_bodies, flange_on_last_link, link_rotations
-from cell.descriptions import Cell, Link
-from cell.dynamics import joint_torques
+from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from cell.payload import TOOL, Payload, payload_of
 from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
+from ident.loads.mass_columns import ARM, mass_columns
 from ident.loads.mass_uncertainty import stated_covariance
 from ident.loads.rod_tension import (
     ROTOR_PRIOR,
@@ -41,11 +40,9 @@ from ident.loads.rod_tension import (
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
-NEAR = 0.01  # [m] from the flange to point masses that give the first moment; inertia 1e-4 kg m^2
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
 # arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
 FLOOR = 1e-3
-ARM = TOOL  # where the arm's factor stands among the unknowns
 EXACT = 1e-9  # of the arm's factor where the links deviate one by one
 SURE = 3.0  # deviations from which the found masses replace the file's
 
@@ -109,7 +106,8 @@ def _of_recordings(
 ) -> list[_Recording]:
     out = []
     for geometry, log in zip(geometries, logs, strict=True):
-        masses = _mass_columns(cell, geometry, log)
+        frames = robot_frames(geometry, log.q)
+        masses = mass_columns(cell, frames, log.q, log.speed.T, log.acceleration.T)
         out.append(_Recording(log, masses, *_regression(cell, masses, log)))
     return out
 
@@ -218,45 +216,6 @@ def _regression(cell: Cell, masses: Array, log: LoggedTorque) -> tuple[Array, Ar
     direction = log.carried.gear_per_newton
     rest = without_tension((log.torque - log.carried.gear)[None], sigma, direction)[0]
     return rest, without_tension(columns, sigma, direction)
-
-
-def _mass_columns(cell: Cell, geometry: Geometry, log: LoggedTorque) -> Array:
-    """(5 + 4 J, J, N) torque at the gears' outputs of the masses in the order of `_priors`.
-
-    Per kg and kg m of the tool; of the whole arm; of each link, and per metre of its centre.
-    """
-    frames, joints = robot_frames(geometry, log.q), cell.robot.joints
-    rotation, flange = flange_on_last_link(cell)
-    speed, acceleration = (v.T @ cell.robot.gear_to_joint for v in (log.speed, log.acceleration))
-
-    def torque(bodies: list[list[Link]]) -> Array:
-        at_joints = joint_torques(
-            frames,
-            bodies,
-            log.q,
-            gravity=cell.robot.gravity,
-            speed=speed,
-            acceleration=acceleration,
-        )
-        return np.asarray(cell.robot.gear_to_joint @ at_joints)
-
-    def of_link(joint: int, body: Link) -> Array:
-        return torque([[body] if j == joint else [] for j in range(joints)])
-
-    def of_point(joint: int, mass: float, com: Array, axes: Array) -> list[Array]:
-        """Of a point mass, and per metre by which it moves along each of the axes."""
-        none = np.zeros((3, 3))
-        here = of_link(joint, Link(mass, com, none))
-        shifted = [of_link(joint, Link(mass, com + NEAR * axis, none)) for axis in axes]
-        return [here, *((there - here) / NEAR for there in shifted)]
-
-    bodies = [links[0] for links in carried_bodies(cell)]
-    links = [of_link(joint, body) for joint, body in enumerate(bodies)]
-    columns = [*of_point(joints - 1, 1.0, flange, rotation.T), np.sum(links, axis=0)]
-    axes_of_links = link_rotations(cell.robot)
-    for joint, (body, whole, axes) in enumerate(zip(bodies, links, axes_of_links, strict=True)):
-        columns += [whole, *of_point(joint, body.mass, body.com, axes)[1:]]
-    return np.stack(columns)
 
 
 def _block_sums(scores: Array, logs: Sequence[LoggedTorque]) -> Array:
