@@ -29,7 +29,7 @@ class Strict(BaseModel):
     The unit at the end of a key decides what is beyond; a sigma is not negative.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="after")
     def _numbers_are_of_quantities(self) -> Self:

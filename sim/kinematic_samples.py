@@ -17,7 +17,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import binary_dilation
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, cross, forward, joint_screws
@@ -136,6 +135,8 @@ def _at(instants: Instants, path: ReferencePath) -> NDArray[np.bool_]:
     if instants == "moving":
         return moves
     if instants == "standing":
+        from scipy.ndimage import binary_dilation  # noqa: PLC0415  slow to import, and needed here alone
+
         width = 2 * round(SETTLING / (path.t[1] - path.t[0])) + 1
         moved: NDArray[np.bool_] = binary_dilation(moves, np.ones(width, dtype=bool))
         return np.logical_not(moved)

@@ -20,7 +20,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from acquisition.flags import RowFlag, usable
 from acquisition.table.table import Table
@@ -193,6 +192,8 @@ def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None
     if moves(angles.joints) and _fits(robot, t, axes):
         return
     # Without single values that are wrong, however many.
+    from scipy.ndimage import median_filter  # noqa: PLC0415  slow to import, and rarely needed
+
     usual = median_filter(axes, size=(OUTLIER_ROWS, 1), mode="nearest")
     far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t, usual)
     if far.any(axis=1).sum() > max(1.0, _MANY * rows.size):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from markupsafe import Markup
@@ -63,9 +65,8 @@ def _painted(triangles: Array, colours: Array, path: Array) -> Markup:
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), aspect="equal", frame_on=False)
     axes.set_axis_off()
     shown = colours[order]
-    bodies = PolyCollection(
-        triangles[order][:, :, :2].tolist(), facecolors=shown, edgecolors=shown, linewidths=0.3
-    )
+    corners = cast("Sequence[Array]", triangles[order][:, :, :2])  # a list takes twice as long
+    bodies = PolyCollection(corners, facecolors=shown, edgecolors=shown, linewidths=0.3)
     axes.add_collection(bodies)
     axes.plot(*path[:, :2].T, color=BEFORE, linewidth=0.6, alpha=0.8)
     axes.autoscale_view()

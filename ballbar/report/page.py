@@ -7,7 +7,7 @@ Its script shows values at the cursor and asks no host for anything.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -51,9 +51,10 @@ class BegunParts:
 def begin_parts(data: RunData, begin: Begin = partial) -> BegunParts:
     """Begins maps and predictions of a report; begin : meanwhile (ballbar.report.process)."""
     cell = data.identification.robot.cell
+    shown = replace(data, simulation=None)  # no part needs its motion, which is large to send
     return BegunParts(
-        diagnosis=begin(_diagnosis, data),
-        tcp=begin(tcp_section, data),
+        diagnosis=begin(_diagnosis, shown),
+        tcp=begin(tcp_section, shown),
         spheres=[begin(sphere_figures, fitted) for fitted in data.recordings],
         cells=[begin(cell_figure, cell, fitted) for fitted in data.recordings],
         correlations=begin(correlation_figure, data.identification.robot),

@@ -15,4 +15,6 @@ def reporting_process(*, replay: bool) -> AbstractContextManager[Begin]:
     report = ("page", "sphere", "cell_picture", "diagnosis")
     modules = [f"ballbar.report.{name}" for name in report]
     modules += ["matplotlib.backends.backend_svg"]
-    return second_process(*modules, *(["ballbar.replay.write"] if replay else []))
+    if replay:
+        modules += ["ballbar.replay.write", "pandas"]  # Arrow looks for it at Rerun's first array
+    return second_process(*modules)
