@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import count, repeat
 
@@ -33,7 +33,9 @@ AHEAD = 16  # batches that are under way at a time, however many processes there
 ENTRANTS, FINALISTS = 24, 2
 ROUND = 10  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
-CHUNK = 6  # candidates that a process evaluates at a time
+CHUNK = (
+    24  # candidates that a process evaluates at a time, at most; of four, each takes twice as long
+)
 INCUMBENTS = 24  # the last of them are evaluated in full, with all robots
 STEP = 0.01  # of the natural logarithm of the TCP sigma
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
@@ -64,9 +66,14 @@ class Progress:
         return self.incumbents[-1] if self.incumbents else None
 
     @property
+    def least(self) -> float:
+        """Objective of the best so far; infinite before there is any."""
+        return self.best.objective if self.best else np.inf
+
+    @property
     def tcp(self) -> float:
         """[m] predicted TCP sigma of the best so far."""
-        return float(np.exp(self.best.objective)) * 1e-6 if self.best else np.inf
+        return float(np.exp(self.least)) * 1e-6
 
     def add(self, start: Start) -> None:
         self.feasible += 1
@@ -178,11 +185,7 @@ class _Search:
             seed = self._request.seed + progress.evaluated
             islands = [Island(space, start, seed + k) for k, start in enumerate(entrants)]
             for generation in count(1):
-                best = progress.best.objective if progress.best else np.inf
-                pending = [island.submit(self._pool, best) for island in islands]
-                for island, futures in zip(islands, pending, strict=True):
-                    values = np.concatenate([future.result() for future in futures])
-                    island.update(values, progress)
+                self._advance(islands)
                 self._show(progress)
                 if generation % ROUND == 0:
                     islands = sorted(islands, key=lambda island: island.best)
@@ -193,6 +196,34 @@ class _Search:
             starts = starts[len(entrants) :]
             entrants = neighbours(space, progress.best) if progress.best else []
             entrants += starts[: ENTRANTS - len(entrants)]
+
+    def _advance(self, islands: list[Island]) -> None:
+        """One generation of all islands: those of one rod are evaluated together."""
+        best = self.progress.least
+        of_rods: dict[str, list[Island]] = {}
+        for island in islands:
+            of_rods.setdefault(island.rod, []).append(island)
+        pending = []
+        for rod, together in of_rods.items():
+            genomes = np.concatenate([island.ask() for island in together])
+            chunks = np.array_split(genomes, max(2, -(-len(genomes) // CHUNK)))
+            jobs = [self._pool.submit(worker_objectives, rod, chunk, best) for chunk in chunks]
+            pending.append((rod, together, chunks, jobs))
+        for rod, together, chunks, jobs in pending:
+            values = [job.result() for job in jobs]
+            for chunk, of_chunk in zip(chunks, values, strict=True):
+                self._take(rod, chunk, of_chunk)
+            ends = np.cumsum([island.size for island in together])
+            own = np.split(np.concatenate(values), ends[:-1])
+            for island, of_island in zip(together, own, strict=True):
+                island.tell(of_island)
+
+    def _take(self, rod: str, genomes: Array, values: Array) -> None:
+        """Takes over what was evaluated together, the least first, which was looked at closely."""
+        self.progress.evaluated += len(values)
+        for k in np.argsort(values, kind="stable"):
+            if values[k] < INFEASIBLE:
+                self.progress.add(Start(rod, folded(genomes[k]), float(values[k])))
 
 
 def _distinct_first(starts: list[Start]) -> list[Start]:
@@ -228,24 +259,20 @@ class Island:
         self._free = free_numbers(space)
         self._search = evolution(start.genome[self._free], seed=seed % 2**31)
         self._points: list[Array] = []
+        self.size: int = self._search.popsize  # of a generation
         self.best = start.objective
         self._lowest, self._stalled = np.inf, 0  # since the start; generations without a gain
 
-    def submit(self, pool: ProcessPoolExecutor, best: float) -> list[Future[Array]]:
-        """Objectives of the next generation, computed by the workers; best : of the search."""
+    def ask(self) -> Array:
+        """(size, S) genomes of the next generation."""
         self._points = self._search.ask()
-        genomes = np.array([self._genome(x) for x in self._points])
-        chunks = [genomes[k : k + CHUNK] for k in range(0, len(genomes), CHUNK)]
-        return [pool.submit(worker_objectives, self.rod, chunk, best) for chunk in chunks]
+        genomes = np.tile(self._start, (self.size, 1))
+        genomes[:, self._free] = self._points
+        return genomes
 
-    def update(self, values: Array, progress: Progress) -> None:
-        """Take over the objectives of the generation."""
+    def tell(self, values: Array) -> None:
+        """Take over the objectives (size,) of the generation."""
         self._search.tell(self._points, values.tolist())
-        progress.evaluated += len(values)
-        for k in np.argsort(values, kind="stable"):  # the least was looked at closely
-            if values[k] < INFEASIBLE:
-                genome = folded(self._genome(self._points[k]))
-                progress.add(Start(self.rod, genome, float(values[k])))
         least = float(values.min())
         gained = least < self._lowest - GAIN
         self._stalled = 0 if gained else self._stalled + 1
@@ -255,11 +282,6 @@ class Island:
     @property
     def done(self) -> bool:
         return self._stalled >= STALLED or bool(self._search.stop())
-
-    def _genome(self, x: Array) -> Array:
-        genome = self._start.copy()
-        genome[self._free] = x
-        return genome
 
 
 def free_numbers(space: Space) -> NDArray[np.intp]:
