@@ -127,19 +127,19 @@ def half_written(after: dict[str, tuple[int, bytes]], sound: Undisturbed) -> Ite
             yield name
 
 
-def recorded(folder: Path) -> tuple[str, str]:
-    """What is wrong with a recording that broke off, and with recording into its folder again."""
+def recorded(folder: Path) -> tuple[int, str]:
+    """Rows of a recording that broke off, and what is wrong with it."""
     rows = 0
     for path in folder.glob("raw/*.csv"):
         raw = path.read_bytes()
         lines = raw[: raw.rfind(b"\n") + 1].splitlines()
         rows += max(0, len(lines) - 1)
         if any(line.count(b";") != lines[0].count(b";") for line in lines):
-            return path.name, ""
+            return rows, path.name
     if not rows:
-        return "", ""
+        return 0, ""
     if not (folder / "recording.yaml").is_file():
-        return "recording.yaml missing", ""
+        return rows, "recording.yaml missing"
     check = subprocess.run(
         [sys.executable, "-m", "ballbar", "check", str(folder)],
         capture_output=True,
@@ -148,7 +148,7 @@ def recorded(folder: Path) -> tuple[str, str]:
     )
     # the robot's log is missing, which the reader says
     sensible = check.returncode in (0, 2) and "robot" in check.stderr + check.stdout
-    return ("" if sensible else f"check: {check.stderr[-200:]}"), ""
+    return rows, "" if sensible else f"check: {check.stderr[-200:]}"
 
 
 class Bench:
@@ -197,9 +197,8 @@ class Bench:
         traceback = "Traceback" in text or code not in expected
         after_it = files_of(out) if out.is_dir() else {}
         if name == "record":
-            half, refused = recorded(out)
-            if not any(size for size, _ in after_it.values()):
-                refused = self._again(arguments, sound, out)
+            rows, half = recorded(out)
+            refused = "" if rows else self._again(arguments, sound, out)
         else:
             half = "" if code in (0, 1) else " ".join(half_written(after_it, sound))
             refused = self._again(arguments, sound, out) if out.is_dir() else ""

@@ -29,7 +29,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
     It is deleted if anything fails. An error of the disk names the file.
     """
-    aside = _aside(path)
+    aside = aside_of(path)
     try:
         yield aside
         with aside.open("rb") as file:
@@ -108,7 +108,7 @@ def claimed_folder(path: Path, known: set[str], what: str) -> Iterator[None]:
     path.mkdir(parents=True, exist_ok=True)
     try:
         with _locked(path):
-            unfinished = {_aside(path / name).name for name in known}
+            unfinished = {aside_of(path / name).name for name in known}
             entries = {entry.name for entry in path.iterdir()}
             if foreign := sorted(entries - known - unfinished):
                 raise InputError(
@@ -144,6 +144,6 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _aside(path: Path) -> Path:
+def aside_of(path: Path) -> Path:
     """Where a file is written before it is renamed to its name."""
     return path.with_name(f".{path.name}.part")
