@@ -13,7 +13,7 @@ from pathlib import Path
 
 from acquisition.live.source import Encoders, Source
 from cell.errors import InputError
-from cell.files import aside_of, write_whole, write_yaml
+from cell.files import aside_of, require_writable, write_whole, write_yaml
 from cell.logs import SourceName
 
 DESCRIPTION = "recording.yaml"
@@ -54,6 +54,7 @@ class RecordingFolder:
                 f"{path}: exists already; nothing was written. A recording needs a folder that is "
                 "new or empty."
             )
+        require_writable(path)
         for file in left:
             file.unlink()
         (path / "raw").mkdir(parents=True, exist_ok=True)
