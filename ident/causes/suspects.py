@@ -240,17 +240,23 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
             continue
         if any(error.channel == other.channel for other in errors[: errors.index(error)]):
             continue  # the same, seen from the other recording
-        if error.late:
-            what = f"{error.channel} is logged {'late' if error.size > 0 else 'early'}"
-        else:
-            what = f"{error.channel} is logged too {'large' if error.size > 0 else 'small'}"
-        where = f"{names[error.recording]}: " if len(names) > 1 else ""
         evidence = (
             f"so corrected, the complete model leaves {_percent(max(0.0, error.left))} of what it "
             "leaves without"
         )
-        found.append(str(Suspect(f"{where}{what}", evidence, _remedy(error))))
+        found.append(str(Suspect(_of_one_recording(error, names), evidence, _remedy(error))))
     return " Or ".join(found)
+
+
+def _of_one_recording(error: ChannelError, names: Sequence[str]) -> str:
+    """The cause in words; of a gear how recordings differ, as the model has what they share."""
+    name, more = names[error.recording], error.size > 0
+    if len(names) == 1 or error.channel.startswith("encoder"):
+        late, scaled = ("late", "too large") if more else ("early", "too small")
+        prefix = f"{name}: " if len(names) > 1 else ""
+        return f"{prefix}{error.channel} is logged {late if error.late else scaled}"
+    late, scaled = ("later", "larger") if more else ("earlier", "smaller")
+    return f"{error.channel} is logged {late if error.late else scaled} in {name} than elsewhere"
 
 
 def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:

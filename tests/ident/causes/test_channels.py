@@ -54,7 +54,7 @@ def test_sound_recordings_have_no_such_error() -> None:
 @pytest.mark.parametrize("gear", [2, 6])
 def test_a_gear_of_one_recording_that_is_late_is_named(gear: int) -> None:
     text = named(sound(0), late_gear(sound(1), gear, 0.004))
-    assert text.startswith(f"run 2: gear {gear} is logged late")
+    assert text.startswith(f"gear {gear} is logged later in run 2 than elsewhere")
     assert "Log all channels of a row at one instant" in text
 
 
