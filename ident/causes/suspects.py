@@ -234,7 +234,7 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
     part of it.
     """
     errors = channel_errors_beside(cell, fit)
-    found = []
+    sentences = []
     for error in errors:
         if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE:
             continue
@@ -244,8 +244,8 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
             f"so corrected, the complete model leaves {_percent(max(0.0, error.left))} of what it "
             "leaves without"
         )
-        found.append(str(Suspect(_of_one_recording(error, names), evidence, _remedy(error))))
-    return " Or ".join(found)
+        sentences.append(str(Suspect(_of_one_recording(error, names), evidence, _remedy(error))))
+    return " Or ".join(sentences)
 
 
 def _of_one_recording(error: ChannelError, names: Sequence[str]) -> str:
