@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.damaged_values import damaged_values
+from acquisition.faults.damaged_values import damaged_values, load_scale
 from acquisition.faults.encoders import (
     WORD,
     counter_scales,
@@ -320,6 +320,9 @@ def read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]
     table = with_frozen_loads_checked(table, dict.fromkeys(dialect.wrench))
     wrench = np.stack([table.columns[name] for name in dialect.wrench], axis=1)
     table, segments = find_segments(table, wrench)
+    table = _with_damaged_values_checked(
+        table, segments, wrench * load_scale(wrench), list(dialect.wrench)
+    )
     selected = _selected(table, segments)
     used = _used(source, table, segments, selected, summaries)
     return ForceLog(used.t, selected.of(wrench)), used.imported

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-import shutil
+from collections.abc import Mapping
 from itertools import takewhile
 from pathlib import Path
 
 from cell.dialect import dialect_names, load_dialect
 from cell.errors import InputError
 from cell.extended_yaml import SHIPPED
+from cell.files import aside_of, require_writable, write_whole
 from cell.load import (
     ballbar_names,
     instrument_names,
@@ -53,17 +54,41 @@ def _purpose(file: Path) -> str:
 def copy_scenarios(folder: Path) -> list[str]:
     """Copies the shipped scenarios, with their paths, plan requests and sweeps.
 
-    folder : new, or empty. Returns the names of what stands in it.
+    folder : new, empty, or with a part of these copies, as a power cut leaves them. Returns the
+    names of what stands in it.
 
-    Raises InputError if it holds something.
+    Raises InputError if it holds anything else, or all of them.
     """
-    if folder.exists() and (folder.is_file() or any(folder.iterdir())):
+    files = {
+        file.relative_to(SHIPPED): file.read_bytes()
+        for pattern in COPIED
+        for source in sorted(SHIPPED.glob(pattern))
+        for file in sorted(source.rglob("*") if source.is_dir() else [source])
+        if file.is_file()
+    }
+    held = _held(folder, files)
+    if held is None or files.keys() <= held:
         raise InputError(
             f"{folder}: exists and holds something; nothing was written. Choose another folder."
         )
-    folder.mkdir(parents=True, exist_ok=True)
-    for pattern in COPIED:
-        for source in sorted(SHIPPED.glob(pattern)):
-            copy = shutil.copytree if source.is_dir() else shutil.copyfile
-            copy(source, folder / source.name)
-    return sorted(path.name for path in folder.iterdir())
+    for name in held - files.keys():
+        (folder / name).unlink()
+    require_writable(folder)
+    for name, content in files.items():
+        write_whole(folder / name, content)
+    return sorted({name.parts[0] for name in files})
+
+
+def _held(folder: Path, files: Mapping[Path, bytes]) -> set[Path] | None:
+    """Names of those files, or of their unfinished copies, in a folder; None if it holds others."""
+    if folder.is_file():
+        return None
+    unfinished, held = {aside_of(name) for name in files}, set()
+    for path in folder.rglob("*"):
+        name = path.relative_to(folder)
+        if path.is_dir() and any(name in file.parents for file in files):
+            continue
+        if name not in unfinished and (name not in files or path.read_bytes() != files[name]):
+            return None
+        held.add(name)
+    return held

@@ -7,8 +7,10 @@ Every outcome is one of
     reported   read, with a repair or a warning in the report
     refused    an error that names the file
     below      wrong values without a finding, within the smallest deviation looked for, 50 urad
-    silent     wrong values beyond that
+    silent     wrong values beyond that; of a force sensor, wrong values of any size
     crash      an exception that is no refusal; hang: longer than LIMIT_S
+largest_silent is in the unit of the log: rad, of a force sensor N and N m, inf for other rows.
+peak_MB is the peak of the resident memory up to the end of the family, so no file takes more.
 Judged are the angles and times that the recording's reader gives, behind all its checks. Writes
 docs/studies/mutated_containers.csv.
 """
@@ -16,6 +18,7 @@ docs/studies/mutated_containers.csv.
 from __future__ import annotations
 
 import csv
+import resource
 import sys
 import tempfile
 from pathlib import Path
@@ -30,7 +33,15 @@ RESULT = Path(__file__).parent.parent / "docs/studies/mutated_containers.csv"
 
 def main(files: int, only: list[str]) -> None:
     """Runs the campaigns of all families, or of some, prints their table and writes it."""
-    head = ["family", "files", *OUTCOMES, "largest_below_rad", "slowest_s"]
+    head = [
+        "family",
+        "files",
+        *OUTCOMES,
+        "largest_below_rad",
+        "largest_silent",
+        "slowest_s",
+        "peak_MB",
+    ]
     rows = {}
     if RESULT.is_file():
         with RESULT.open(newline="") as file:
@@ -44,8 +55,10 @@ def main(files: int, only: list[str]) -> None:
                 written, mutations, files, folder, np.random.default_rng([2026, number])
             )
             outcomes = [str(tally.counts[name]) for name in OUTCOMES]
-            largest, slowest = f"{tally.largest:.1e}", f"{tally.slowest:.2f}"
-            rows[family] = [family, str(files), *outcomes, largest, slowest]
+            sizes = [f"{tally.largest:.1e}", f"{tally.largest_silent:.1e}"]
+            slowest = f"{tally.slowest:.2f}"
+            peak = str(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
+            rows[family] = [family, str(files), *outcomes, *sizes, slowest, peak]
             print(
                 *rows[family], *tally.examples, sep="\n    " if tally.examples else "  ", flush=True
             )

@@ -15,6 +15,7 @@ silent    some row is off by more than TOLERANCE, and the report says nothing (t
 crashed   any other exception (target: none)
 slow      more than 5 s (target: none)
 
+peak_MB is the peak of the resident memory up to the end of the family, so no file takes more.
 TOLERANCE is what a single row may be off unnoticed: twenty times the noise, an eighth of a signal
 period. Within a log four times less is seen, but the rows at its ends have neighbours on one side
 only.
@@ -23,6 +24,7 @@ only.
 from __future__ import annotations
 
 import csv
+import resource
 import sys
 import tempfile
 import time
@@ -464,17 +466,18 @@ def main() -> None:
             start = time.process_time()
             counts = study(family, files, Path(work))
             total = sum(counts.values(), Counter())
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000
             table += [
-                [family.name, name, *(one[outcome] for outcome in OUTCOMES)]
+                [family.name, name, *(one[outcome] for outcome in OUTCOMES), peak]
                 for name, one in counts.items()
             ]
             said = ", ".join(f"{total[outcome]} {outcome}" for outcome in OUTCOMES)
-            print(
-                f"{family.name:12} {files} files in {time.process_time() - start:.0f} s: {said}",
-                flush=True,
-            )
+            took = f"{time.process_time() - start:.0f} s, {peak} MB"
+            print(f"{family.name:12} {files} files in {took}: {said}", flush=True)
     with RESULT.open("w", newline="") as out:
-        csv.writer(out, lineterminator="\n").writerows([["family", "damage", *OUTCOMES], *table])
+        csv.writer(out, lineterminator="\n").writerows(
+            [["family", "damage", *OUTCOMES, "peak_MB"], *table]
+        )
 
 
 if __name__ == "__main__":

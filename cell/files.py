@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -29,18 +30,33 @@ def written_whole(path: Path) -> Iterator[Path]:
 
     It is deleted if anything fails. An error of the disk names the file.
     """
-    aside = _aside(path)
+    aside = aside_of(path)
     try:
         yield aside
         with aside.open("rb") as file:
             os.fsync(file.fileno())
         aside.replace(path)
     except OSError as error:
-        if error.filename is None:  # of writing, such as a full disk
+        if error.filename is None or Path(error.filename) == aside:  # such as a full disk
             error.filename = str(path)
         raise
     finally:
         aside.unlink(missing_ok=True)
+
+
+def require_writable(folder: Path) -> None:
+    """Raises InputError if files cannot be made in a folder, or the folder itself cannot.
+
+    Whoever computes for long asks before.
+    """
+    existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not existing.is_dir():
+        raise InputError(f"{existing}: is no folder, so {folder} cannot be made. Choose another.")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(
+            f"{existing}: cannot be written to (permission denied); nothing was written. Change "
+            "its permissions, or choose another folder."
+        )
 
 
 def write_new(path: Path, content: bytes) -> None:
@@ -94,6 +110,31 @@ def _printable(data: object) -> object:
 
 
 @contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to fill, which is renamed to it at the end.
+
+    Nothing is left if anything fails. Raises InputError when the folder holds something, or cannot
+    be made.
+    """
+    if path.exists():
+        if path.is_file() or any(path.iterdir()):
+            raise InputError(
+                f"{path}: exists and holds something; nothing was written. Choose another folder."
+            )
+        if path.samefile(Path.cwd()):
+            raise InputError(f"{path}: you are in this folder. Name a new one.")
+    require_writable(path.absolute().parent)
+    aside = aside_of(path)
+    shutil.rmtree(aside, ignore_errors=True)
+    try:
+        aside.mkdir(parents=True)
+        yield aside
+        aside.replace(path)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextmanager
 def claimed_folder(path: Path, known: set[str], what: str) -> Iterator[None]:
     """A folder for output alone: absent, empty, or with an earlier output only; made as needed.
 
@@ -104,11 +145,12 @@ def claimed_folder(path: Path, known: set[str], what: str) -> Iterator[None]:
     """
     if path.is_file():
         raise InputError(f"{path}: is a file; {what} needs a folder. Choose another with --out.")
+    require_writable(path)
     made = not path.exists()
     path.mkdir(parents=True, exist_ok=True)
     try:
         with _locked(path):
-            unfinished = {_aside(path / name).name for name in known}
+            unfinished = {aside_of(path / name).name for name in known}
             entries = {entry.name for entry in path.iterdir()}
             if foreign := sorted(entries - known - unfinished):
                 raise InputError(
@@ -144,6 +186,6 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _aside(path: Path) -> Path:
+def aside_of(path: Path) -> Path:
     """Where a file is written before it is renamed to its name."""
     return path.with_name(f".{path.name}.part")

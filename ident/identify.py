@@ -19,7 +19,7 @@ from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import TOOL, deviations_between, with_payload
 from cell.statistics import rms
-from ident.causes import Causes
+from ident.causes import Causes, beside_fit
 from ident.complete_fit import fit_complete, settled
 from ident.consistency import AGREED, consistency
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
@@ -322,6 +322,10 @@ def _result(
         for k, (r, estimate) in enumerate(zip(single, estimates, strict=True))
     ]
     verdict = judge(evidence, each, cell, robot.nominal)
+    if complete and verdict.status is Status.MISFIT and cell.ballbar.stroke is None:
+        names = [estimate.name for estimate in estimates]
+        if cause := beside_fit(cell, fit, names):
+            verdict = verdict.with_cause(cause)
     if options.rod_sigma is not None and not complete:
         verdict = verdict.with_warning(
             "the measured rod length was not used: the dh model explains the recording and finds "

@@ -38,6 +38,9 @@ _CLOSE = (
 # Notable values, and share of all values: where more are notable, they are steps or grains of the
 # values and no pairs.
 _MANY, _MANY_OF = 1000, 0.02
+SMALLEST_LOAD = 0.1  # [N], [N m]: bends no robot of the cell by a micrometre
+_GRAINS = 3.0  # steps of a coarse sensor
+_ROUNDING = 1e-9  # [N], [N m]: what the form of numbers changes of them
 _BLOCK = 8192  # rows at a time, for the processor's cache
 _SAMPLE = 2000  # rows, whose median gives the noise to 3 %
 
@@ -90,6 +93,18 @@ def damaged_values(t: Array, values: Array, breaks: Mask) -> Mask:
         out[row[again], channel[again]] = True
     _mark_bursts(out, log, notable)
     return out
+
+
+def load_scale(loads: Array) -> Array:
+    """(C,) [rad per unit] by which `damaged_values` judges loads (N, C) [N], [N m] as angles.
+
+    A deviation of SMALLEST_LOAD, or of some grains of a coarse sensor that flickers between two
+    values, then is the smallest that it looks for.
+    """
+    step = np.abs(np.diff(loads, axis=0))
+    grain = np.where(step > _ROUNDING, step, np.inf).min(axis=0, initial=np.inf)
+    floor = np.maximum(SMALLEST_LOAD, np.where(np.isfinite(grain), _GRAINS * grain, 0.0))
+    return np.asarray(SMALLEST / floor)
 
 
 def _noise(t: Array, values: Array) -> Array:

@@ -102,6 +102,12 @@ def read_export(path: Path, file: str) -> Export:
             f"{file}: no line with the names of the channels (`Name`, name, ...) below the "
             "preamble. Export it again with them."
         )
+    for line, number in zip(lines[:head], text.number, strict=False):
+        if _is_data(line.split(separator)[0]):
+            raise LogError(
+                f"{file}:{number}: a row of data stands in the preamble. The file is damaged. "
+                "Export it again."
+            )
     data = (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0]))
     body = next(data, len(lines))
     meta, groups = _metadata(lines[head:body], separator, f"{file}:{text.number[head]}")

@@ -9,6 +9,8 @@ from __future__ import annotations
 import ctypes
 
 import pyads
+from pyads.constants import ADSIGRP_SYM_INFOBYNAMEEX
+from pyads.structs import SAdsSymbolEntry
 
 from acquisition.live.source import DeviceSilentError
 
@@ -45,8 +47,16 @@ class AdsMemory:
         try:
             self._connection.open()
             self._connection.set_timeout(TIMEOUT_MS)
-            symbol = self._connection.get_symbol(self._symbol)
-            self._group, self._offset = symbol.index_group, symbol.index_offset
+            # Not `get_symbol`, which also decodes the comment: one in UTF-8 may be no Windows text.
+            entry = self._connection.read_write(
+                ADSIGRP_SYM_INFOBYNAMEEX,
+                0,
+                SAdsSymbolEntry,
+                self._symbol,
+                pyads.PLCTYPE_STRING,
+                return_ctypes=True,
+            )
+            self._group, self._offset = entry.iGroup, entry.iOffs
         except (pyads.ADSError, RuntimeError) as error:
             self.close()
             raise DeviceSilentError(

@@ -1,20 +1,22 @@
 """The recording folder while it grows: its device files, and a recording.yaml that is right.
 
-A file is declared once it holds records, so recording.yaml never names a file that no reader can
-use.
+A file is declared once it holds records, so that no reader stumbles over an empty one; only the
+first of all is declared just before, since rows without recording.yaml could not be read.
 """
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.live.source import Encoders, Source
 from cell.errors import InputError
-from cell.files import write_yaml
+from cell.files import aside_of, require_writable, write_whole, write_yaml
 from cell.logs import SourceName
 
+DESCRIPTION = "recording.yaml"
 _MISSING: dict[SourceName, str] = {
     "robot": (
         "the robot's log: copy it into raw/ and declare it under sources.robot, with its dialect"
@@ -39,19 +41,25 @@ class CellNames:
 class RecordingFolder:
     """A new folder that takes a recording.
 
+    own_files : descriptions that are copied into it.
+
     Raises InputError if something is in it already.
     """
 
-    def __init__(self, path: Path, cell: CellNames) -> None:
-        left = [] if not path.exists() else _without_records(path)
+    def __init__(self, path: Path, cell: CellNames, own_files: Sequence[Path] = ()) -> None:
+        copied = {file.name: file.read_bytes() for file in own_files}
+        left = [] if not path.exists() else _without_records(path, copied)
         if left is None:
             raise InputError(
                 f"{path}: exists already; nothing was written. A recording needs a folder that is "
                 "new or empty."
             )
+        require_writable(path)
         for file in left:
             file.unlink()
         (path / "raw").mkdir(parents=True, exist_ok=True)
+        for name, content in copied.items():
+            write_whole(path / name, content)
         self.path = path
         self._cell = cell
         self._encoders = Encoders()
@@ -64,8 +72,13 @@ class RecordingFolder:
         taken = len(self._files.get(source, ()))
         return self.path / "raw" / f"{source}{f'_{taken + 1}' if taken else ''}{suffix}"
 
+    @property
+    def is_new(self) -> bool:
+        """Whether no file is declared."""
+        return not self._files
+
     def declare(self, source: Source, file: Path) -> None:
-        """Enters a file that holds records into recording.yaml.
+        """Enters a file into recording.yaml.
 
         Raises OSError if that cannot be written.
         """
@@ -75,6 +88,23 @@ class RecordingFolder:
             if source.encoders.joints:
                 self._encoders = source.encoders
             self._write("")
+
+    def withdraw(self, source: Source, file: Path) -> None:
+        """Takes a file that was removed, because it got no record, out of recording.yaml.
+
+        Raises OSError if that cannot be written.
+        """
+        with self._lock:
+            files = self._files.get(source.name, [])
+            if f"raw/{file.name}" not in files:
+                return
+            files.remove(f"raw/{file.name}")
+            if not files:
+                del self._files[source.name]
+            if self._files:
+                self._write("")
+            else:
+                (self.path / DESCRIPTION).unlink(missing_ok=True)
 
     def finish(self, notes: str) -> None:
         """Enters what happened on the way. Raises OSError if that cannot be written."""
@@ -99,7 +129,7 @@ class RecordingFolder:
             for j in self._encoders.joints
         }
         write_yaml(
-            self.path / "recording.yaml",
+            self.path / DESCRIPTION,
             {
                 "schema": "ballbar-recording/1",
                 "kind": "real",
@@ -113,10 +143,23 @@ class RecordingFolder:
         )
 
 
-def _without_records(path: Path) -> list[Path] | None:
-    """Files of a recorder that ended before its first record; None where anything else is there."""
-    if not path.is_dir() or {entry.name for entry in path.iterdir()} - {"raw"}:
+def _without_records(path: Path, copied: Mapping[str, bytes]) -> list[Path] | None:
+    """Files of a recorder that ended before its first record; None where anything else is there.
+
+    copied : content of the descriptions that the next one copies, by their names.
+    """
+    if not path.is_dir():
         return None
-    files = list(path.glob("raw/*"))
-    empty = all(file.is_file() and not file.stat().st_size for file in files)
-    return files if empty else None
+    raw = list(path.glob("raw/*"))
+    if not all(file.is_file() and not file.stat().st_size for file in raw):
+        return None
+    unfinished = {aside_of(path / name).name for name in (DESCRIPTION, *copied)}
+    left = [*raw]
+    for entry in path.iterdir():
+        if entry.name in unfinished or (entry.name == DESCRIPTION and raw):
+            left.append(entry)
+        elif entry.name != "raw" and (
+            entry.name not in copied or entry.read_bytes() != copied[entry.name]
+        ):
+            return None
+    return left

@@ -125,6 +125,8 @@ class Recorder:
             raise RuntimeError("FLUSH follows OPEN and a poll")
         stopping, polled = self._stop.is_set(), time.monotonic()
         if batch.records:
+            if self._folder.is_new:
+                self._declare(file)
             file.append(batch.records)
             self._declare(file)
         self._tally.count(batch)
@@ -162,6 +164,8 @@ class Recorder:
         if self._file is not None:
             file, self._file = self._file, None
             file.close()
+            if not file.records:
+                self._folder.withdraw(self._source, file.path)
 
     def _give_up(self) -> None:
         """Closes what is open; on the regular way nothing is."""

@@ -16,6 +16,7 @@ from rich.markup import escape
 from ballbar.commands.options import AsJson, Out, Overrides, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
+from cell.files import require_writable
 
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.replay.live import LiveRun
@@ -267,6 +268,8 @@ def claims(
             f"--out {page}: the page is of all claims; leave out {', '.join(names)}, or --out."
         )
     chosen = topics(names or ())
+    if page is not None:
+        require_writable(page.parent)
     with (
         TemporaryDirectory(prefix="ballbar-claims-") as folder,
         process_pool(CLAIM_WORKERS) as workers,

@@ -6,6 +6,7 @@ little memory, 130 interrupted by Ctrl-C.
 
 from __future__ import annotations
 
+import errno
 import sys
 from typing import Annotated
 
@@ -40,6 +41,14 @@ def _print_version(requested: bool) -> None:
         raise typer.Exit
 
 
+_REMEDIES = {  # what to do about an error of the machine
+    errno.EACCES: "Change its permissions, or name another file or folder.",
+    errno.EPERM: "Change its permissions, or name another file or folder.",
+    errno.EROFS: "Name a file or folder elsewhere.",
+    errno.ENOSPC: "Make room, or name a file or folder on another disk.",
+    errno.EDQUOT: "Make room, or name a file or folder on another disk.",
+}
+
 Version = Annotated[
     bool,
     typer.Option(
@@ -73,7 +82,8 @@ def main() -> None:
     except OSError as error:
         file, reason = str(error.filename or ""), error.strerror or str(error)
         place = f"{file}: " if file else ""
-        err.print(f"[red]error:[/] {escape(place + reason)}")
+        remedy = f". {_REMEDIES[error.errno]}" if error.errno in _REMEDIES else ""
+        err.print(f"[red]error:[/] {escape(place + reason + remedy)}")
         sys.exit(2)
     except MemoryError as error:
         err.print(

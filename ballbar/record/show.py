@@ -23,7 +23,6 @@ from ballbar.record.terminal import quiet_libraries, say_recording, show_until_s
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import Data, panel
 from cell.errors import InputError
-from cell.files import write_whole
 from cell.load import load_cell
 from cell.plc_ring import RING
 
@@ -97,9 +96,8 @@ def record(
             stack.callback(egm.close)
             sources.append(egm)
         on_batch = stack.enter_context(_live_view()) if options.live else None
-        recording = LiveRecording(RecordingFolder(folder, names), sources, on_batch=on_batch)
-        for name in options.own_files:
-            write_whole(folder / Path(name).name, Path(name).read_bytes())
+        files = [Path(name) for name in options.own_files]
+        recording = LiveRecording(RecordingFolder(folder, names, files), sources, on_batch=on_batch)
         beside = None
         if options.identify:
             duration, accuracy = options.duration, options.accuracy

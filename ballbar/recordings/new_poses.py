@@ -43,7 +43,7 @@ from ballbar.recordings.questions import Ask, answer
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError, LogError
-from cell.files import copied_description, write_whole
+from cell.files import copied_description, new_folder, write_whole
 from cell.instrument import Instrument
 from cell.load import instrument_names, load_instrument, load_robot, robot_names
 from cell.pose_file import AngleUnit, JointColumns, LengthUnit, PoseTime
@@ -109,17 +109,11 @@ def new_poses(
     Raises InputError if the folder holds something, an answer is missing, or the tables cannot be
     read in the way that was answered; then nothing is left behind.
     """
-    if folder.exists() and (folder.is_file() or any(folder.iterdir())):
-        raise InputError(
-            f"{folder}: exists and holds something; nothing was written. Choose another folder."
-        )
     if len({table.name for table in tables}) < len(tables):
         raise InputError("two of the tables have the same name; rename one of them.")
-    description = _description(tables, answers, ask)
-    aside = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(aside, ignore_errors=True)
-    try:
-        (aside / "raw").mkdir(parents=True)
+    with new_folder(folder) as aside:
+        description = _description(tables, answers, ask)
+        (aside / "raw").mkdir()
         for table in tables:
             shutil.copyfile(table, aside / "raw" / table.name)
         for key in ("robot", "instrument"):
@@ -131,11 +125,6 @@ def new_poses(
         )
         write_whole(aside / "poses.yaml", text.encode())
         import_poses(aside)
-        if folder.exists():
-            folder.rmdir()
-        aside.rename(folder)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
     return import_poses(folder), text
 
 

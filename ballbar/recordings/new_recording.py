@@ -30,7 +30,7 @@ from ballbar.recordings.read_with_causes import read_with_causes
 from cell.arrays import Array
 from cell.dialect import Container, Dialect, TimeForm, dialect_file, dialect_names, load_dialect
 from cell.errors import InputError
-from cell.files import copied_description, write_yaml
+from cell.files import copied_description, new_folder, write_yaml
 from cell.instrument import Instrument
 from cell.load import (
     ballbar_names,
@@ -114,17 +114,11 @@ def new_recording(
     Raises InputError if the folder holds something, an answer is missing, or the files cannot be
     read in the way that was answered; then nothing is left behind.
     """
-    if folder.exists() and (folder.is_file() or any(folder.iterdir())):
-        raise InputError(
-            f"{folder}: exists and holds something; nothing was written. Choose another folder."
-        )
     if robot_log.name == ballbar_log.name:
         raise InputError(f"{robot_log} and {ballbar_log} have the same name; rename one of them.")
-    description, own = _description(_preview(robot_log), _preview(ballbar_log), answers, ask)
-    aside = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(aside, ignore_errors=True)
-    try:
-        (aside / "raw").mkdir(parents=True)
+    with new_folder(folder) as aside:
+        description, own = _description(_preview(robot_log), _preview(ballbar_log), answers, ask)
+        (aside / "raw").mkdir()
         for log in (robot_log, ballbar_log):
             shutil.copyfile(log, aside / "raw" / log.name)
         for name, dialect in own.items():
@@ -137,13 +131,7 @@ def new_recording(
             if (name := description.get(key, "")).endswith(".yaml"):
                 description[key] = copied_description(aside, key, Path(name))
         write_yaml(aside / "recording.yaml", description)
-        recording = read_with_causes(aside)
-        if folder.exists():
-            folder.rmdir()
-        aside.rename(folder)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
-    return recording
+        return read_with_causes(aside)
 
 
 def _description(

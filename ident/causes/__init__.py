@@ -2,4 +2,5 @@
 
 from ident.causes.suspects import Causes as Causes
 from ident.causes.suspects import Suspect as Suspect
+from ident.causes.suspects import beside_fit as beside_fit
 from ident.causes.suspects import suspects as suspects

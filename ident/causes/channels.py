@@ -7,11 +7,15 @@ its encoder offsets, base position and clock fitted is linearised with all param
 recording identifies: to first order they leave a cost `c = r'r - g'Cg` of the residual r, and with
 s among them `c - (s'r - s'J C g)^2 / (s's - s'J C J's)`. So all channels cost little more than an
 iteration of a fit, and an error of a percent does no harm, as it would in the fit that failed.
+
+Likewise beside a complete fit of several recordings, of each channel of each recording: a lag or
+factor that all recordings share is among its unknowns (joint_lag, gear_ratio), one of a single
+recording or of an encoder is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,13 +23,17 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections.base import BAR
+from ident.estimator.fit import Fit
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Evaluation, Model, gearing
-from ident.estimator.normal_equations import jacobian, normal_equations
+from ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
 from ident.estimator.unknowns import kinematic_unknowns
 from ident.recording_fit import RecordingFit, nominal_robot_fit
 
 DECISIVE = 3.0  # times less than without the channel's error
+# Share of a recording's cost that an error explains beside a complete fit: 0.4 and more where a
+# channel of one of two recordings is a row late, 0.02 at most of sound machines
+BESIDE = 0.2
 LATE, SCALED = 5e-4, 5e-5  # [s], [1] a smaller error is named by nobody
 _DEPENDENT = 1e-3  # of a signal's power: what is left of one that other unknowns can stand for
 
@@ -34,10 +42,11 @@ _DEPENDENT = 1e-3  # of a signal's power: what is left of one that other unknown
 class ChannelError:
     """An error of one channel that would explain a recording."""
 
+    recording: int  # from 0
     channel: str  # gear 3, encoder b2
     late: bool  # whether it is a delay, else a factor
     size: float  # [s] by which it is late, or [1] relative error of its angle
-    left: float  # share of the cost that it leaves
+    left: float  # share of the recording's cost that it leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,23 +66,52 @@ def channel_errors(cell: Cell, recording: RecordingFit) -> list[ChannelError]:
     layout, x = kinematic_unknowns(fit.geometry(), clock, recording.subset.parameters)
     model = Model(fit.model.gearing, None, (), layout, fit.model.recordings)
     linear = normal_equations(model, x, fit.ballbars, fit.excess)
-    (residual,), (weights,), (point,) = linear.residuals, linear.weights, linear.evaluations
     covariance = inverse(linear.normal)
-    step = covariance @ linear.gradient
+    errors = _errors(cell, model, linear, covariance, covariance @ linear.gradient, 0)
+    named = (e for e in errors if abs(e.size) > (LATE if e.late else SCALED))
+    return _ranked(named, 1.0 / DECISIVE)
+
+
+def channel_errors_beside(cell: Cell, fit: Fit) -> list[ChannelError]:
+    """The errors of single channels of single recordings that a complete fit cannot have.
+
+    The most decisive first; nothing where none is. The fit has moved all its unknowns to make up
+    for such an error, and has taken its excess noise for what is left: a small share of the cost
+    decides.
+    """
+    still = np.zeros(fit.model.unknowns.count)  # the step of a fit that has converged
+    errors = (
+        error
+        for k in range(len(fit.model.recordings))
+        for error in _errors(cell, fit.model, fit.linear, fit.covariance, still, k)
+    )
+    return _ranked(errors, 1.0 - BESIDE)
+
+
+def _ranked(errors: Iterable[ChannelError], left: float) -> list[ChannelError]:
+    """Those that leave less than a share `left`, the least first."""
+    return sorted((e for e in errors if e.left < left), key=lambda error: error.left)
+
+
+def _errors(
+    cell: Cell, model: Model, linear: NormalEquations, covariance: Array, step: Array, k: int
+) -> Iterator[ChannelError]:
+    """Every error of a single channel of recording k, sized by its score.
+
+    covariance : (P, P) of the unknowns. step : (P,) by which they move without it.
+    """
+    residual, weights, point = linear.residuals[k], linear.weights[k], linear.evaluations[k]
+    blocks = list(jacobian(model, linear, k))
     cost = float((residual * residual).sum() - linear.gradient @ step)
-    blocks = list(jacobian(model, linear, 0))
-    out = []
     for signal in _signals(cell, point, weights(_columns(cell, point))):
-        parts = [block.scores(signal.values[:, block.samples], model, 0) for block in blocks]
+        parts = [block.scores(signal.values[:, block.samples], model, k) for block in blocks]
         shared = np.concatenate(parts, axis=1).sum(axis=1)
         power = float((signal.values * signal.values).sum())
         rest = power - float(shared @ covariance @ shared)
         score = float((signal.values * residual).sum() - shared @ step)
         if rest > _DEPENDENT * power:
             left = (cost - score * score / rest) / cost
-            out.append(ChannelError(signal.channel, signal.late, score / rest, left))
-    named = [e for e in out if abs(e.size) > (LATE if e.late else SCALED)]
-    return sorted((e for e in named if e.left < 1.0 / DECISIVE), key=lambda error: error.left)
+            yield ChannelError(k, signal.channel, signal.late, score / rest, left)
 
 
 def _columns(cell: Cell, point: Evaluation) -> Array:

@@ -26,10 +26,11 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, parameter_named
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from ident.causes.agreement import SPHERE_ROWS, Motion, ToolPath, left_of, motion_of, tool_path
-from ident.causes.channels import channel_errors
+from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import Reading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.lengths import single_lengths
 from ident.causes.robot_log import PLURAL
+from ident.estimator.fit import Fit
 from ident.recording_fit import Logs, RecordingFit
 
 AGREES = 0.1  # unexplained share of the rod's motion up to which nothing is wrong with the columns
@@ -226,25 +227,61 @@ def _still_axes(cell: Cell, motion: Motion, rms: float) -> Iterator[Suspect]:
         )
 
 
+def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
+    """What in single recordings a complete fit cannot have, as sentences; empty where nothing is.
+
+    names : of the recordings. The size of such an error is not stated: the fit has made up for a
+    part of it.
+    """
+    errors = channel_errors_beside(cell, fit)
+    sentences = []
+    for error in errors:
+        if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE:
+            continue
+        if any(error.channel == other.channel for other in errors[: errors.index(error)]):
+            continue  # the same, seen from the other recording
+        evidence = (
+            f"so corrected, the complete model leaves {_percent(max(0.0, error.left))} of what it "
+            "leaves without"
+        )
+        sentences.append(str(Suspect(_of_one_recording(error, names), evidence, _remedy(error))))
+    return " Or ".join(sentences)
+
+
+def _of_one_recording(error: ChannelError, names: Sequence[str]) -> str:
+    """The cause in words; of a gear how recordings differ, as the model has what they share."""
+    name, more = names[error.recording], error.size > 0
+    if len(names) == 1 or error.channel.startswith("encoder"):
+        late, scaled = ("late", "too large") if more else ("early", "too small")
+        prefix = f"{name}: " if len(names) > 1 else ""
+        return f"{prefix}{error.channel} is logged {late if error.late else scaled}"
+    late, scaled = ("later", "larger") if more else ("earlier", "smaller")
+    return f"{error.channel} is logged {late if error.late else scaled} in {name} than elsewhere"
+
+
 def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
     """Single channels that are late or scaled, those comparable to the best."""
     errors = channel_errors(cell, fit) if fit.logs.length is None else []
     for error in errors:
         if error.left > COMPARABLE * errors[0].left:
             continue
-        encoder = error.channel.startswith("encoder")
         evidence = f"so corrected, kinematics leave {_percent(error.left)} of the squared residual"
         if error.late:
             when = "late" if error.size > 0 else "early"
             cause = f"{error.channel} is logged {abs(error.size) * 1e3:.1f} ms {when}"
-            remedy = "Log all channels of a row at one instant"
         else:
             size = "large" if error.size > 0 else "small"
             cause = f"{error.channel} is logged {100.0 * abs(error.size):.2g} % too {size}"
-            remedy = "Correct its gear ratio in the robot's file, or the unit of its column"
-            if encoder:
-                remedy = "Correct its lines and bits in recording.yaml"
-        yield Suspect(cause, evidence, remedy, hopeless=encoder)
+        hopeless = error.channel.startswith("encoder")
+        yield Suspect(cause, evidence, _remedy(error), hopeless=hopeless)
+
+
+def _remedy(error: ChannelError) -> str:
+    if error.late:
+        return "Log all channels of a row at one instant"
+    if error.channel.startswith("encoder"):
+        return "Correct its lines and bits in recording.yaml"
+    return "Correct its gear ratio in the robot's file, or the unit of its column"
 
 
 def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterator[Suspect]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import re
@@ -12,22 +13,30 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from acquisition.live import egm_source
+from acquisition.live import ads, egm_source, recorder
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
+from acquisition.live.plc_source import PlcSource
+from acquisition.live.progress import State
 from acquisition.live.session import LiveRecording
+from acquisition.live.source import DeviceSilentError
 from acquisition.recording import read_recording
+from cell.plc_ring import RING
+from sim.live.plc import loopback_address
+from tests.helpers import ads_proxy
 from tests.helpers.egm_robot import egm_message, frames_of
+from tests.helpers.plc_server import Plc, numbers_of
 
 CELL = CellNames("irb2400", "lund_600", "plate_250", 3600)
-ADS_PORT = 48898
 
 
 @pytest.fixture
@@ -169,7 +178,7 @@ def renumbered(message: bytes, before: int, after: int) -> bytes:
 @contextmanager
 def hostile_plc(address: str, serve: Callable[[socket.socket], None]) -> Iterator[None]:
     """A server at the port of ADS that does to each client what it likes."""
-    server = socket.create_server((address, ADS_PORT))
+    server = socket.create_server((address, ads_proxy.ADS_PORT))
     server.settimeout(0.2)
     stop = threading.Event()
 
@@ -252,3 +261,175 @@ def test_a_hostile_plc_neither_ends_nor_fills_the_recorder(
     (most,) = re.findall(r"VmHWM:\s*(\d+) kB", status)
     assert int(most) < 400_000
     assert not list(tmp_path.glob("r/raw/*"))
+
+
+def answer(frame: bytes, data: bytes) -> bytes:
+    """An answer to a read with other data, all its lengths right."""
+    return b"".join(
+        (
+            frame[:2],
+            struct.pack("<I", ads_proxy.AMS_HEADER + 8 + len(data)),
+            frame[6:26],
+            struct.pack("<I", 8 + len(data)),
+            frame[30:42],
+            struct.pack("<I", len(data)),
+            data,
+        )
+    )
+
+
+def as_answer_to(latest: bytes, earlier: bytes) -> bytes:
+    """An earlier answer with the number of the latest request."""
+    return earlier[:34] + latest[34:38] + earlier[38:]
+
+
+def meddling(kind: str, answers: Sequence[bytes], rng: random.Random) -> bytes:
+    """What a recorder gets in place of its PLC's latest answer."""
+    latest, data = answers[-1], answers[-1][ads_proxy.DATA :]
+    match kind:
+        case "a second sender":
+            return latest[:14] + bytes([9, 9, 9, 9, 1, 1]) + latest[20:] + latest
+        case "twice":
+            return 2 * latest
+        case "replayed":
+            return as_answer_to(latest, rng.choice(answers))
+        case "flooded":
+            numbers = rng.sample(range(2**32), 500)
+            return b"".join(latest[:34] + struct.pack("<I", n) + latest[38:] for n in numbers)
+        case "too short":
+            return answer(latest, data[: rng.randrange(len(data))])
+        case "too long":
+            return answer(latest, data + bytes(1000))
+        case "lying length":
+            return latest[:42] + struct.pack("<I", rng.choice([0, 5, 10**6, 2**32 - 1])) + data
+        case "damaged head":
+            at = rng.randrange(ads_proxy.DATA)
+            return latest[:at] + bytes([latest[at] ^ 1 << rng.randrange(8)]) + latest[at + 1 :]
+    return latest[: rng.randrange(len(latest))]  # truncated
+
+
+MEDDLING = (
+    "a second sender", "twice", "replayed", "flooded", "too short", "too long", "lying length",
+    "damaged head", "truncated",
+)  # fmt: skip
+
+
+@pytest.fixture
+def brisk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recorder that gives a silent PLC less time."""
+    monkeypatch.setattr(ads, "TIMEOUT_MS", 100)
+    monkeypatch.setattr(recorder, "RETRY", 0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("brisk")
+def test_no_row_comes_from_whoever_meddles_with_the_answers_of_a_plc(tmp_path: Path) -> None:
+    """Every tenth answer, by all kinds in turn; what the PLC made is in the files once."""
+    rng, met = random.Random(3), Counter[str]()
+
+    def meddle(answers: Sequence[bytes]) -> bytes:
+        if len(answers) < 5 or rng.random() > 0.1:
+            return answers[-1]
+        kind = MEDDLING[met.total() % len(MEDDLING)]
+        met[kind] += 1
+        return meddling(kind, answers, rng)
+
+    with plc_behind(meddle) as (plc, source):
+        recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), (source,))
+        recording.start()
+        until(lambda: len(met) == len(MEDDLING) and min(met.values()) > 1)
+        until(lambda: recording.progress[0].reason == "")
+        recording.stop()
+        recording.finish()
+        declared = yaml.safe_load((tmp_path / "r/recording.yaml").read_text())["sources"]["ballbar"]
+        files = [tmp_path / "r" / name for name in declared["files"]]
+        parts = [numbers_of(file.read_bytes(), plc) for file in files]
+    assert len(parts) > 1
+    (progress,) = recording.progress
+    assert sum(last - first + 1 for first, last in parts) == progress.records
+    gaps = sum(b[0] - a[1] - 1 for a, b in itertools.pairwise(parts))
+    assert gaps == progress.lost
+    assert all(b[0] > a[1] for a, b in itertools.pairwise(parts))
+
+
+@contextmanager
+def plc_behind(meddle: Callable[[Sequence[bytes]], bytes]) -> Iterator[tuple[Plc, PlcSource]]:
+    """A PLC with 1 kHz, and a recorder's way to it, on which somebody sits."""
+    address = loopback_address()
+    between = re.sub(r"\.\d+$", ".254", address)
+    with Plc(address, 1000) as plc, ads_proxy.AdsProxy(between, address, meddle):
+        memory = ads.AdsMemory(plc.net_id, 851, symbol=RING, host=between)
+        yield plc, PlcSource(memory, lines=3600)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("brisk")
+def test_what_a_plc_says_of_its_variable_may_be_damaged_or_in_any_encoding() -> None:
+    """A comment in UTF-8, or noise, ended the recording with an error of decoding."""
+    rng = random.Random(1)
+
+    def meddle(answers: Sequence[bytes]) -> bytes:
+        damaged = bytearray(answers[-1])
+        for _ in range(3):
+            damaged[rng.randrange(ads_proxy.DATA, len(damaged))] = rng.choice([0, 0x81, 0x8D, 255])
+        return bytes(damaged)
+
+    opened = 0
+    with plc_behind(meddle) as (plc, _):
+        for _ in range(60):
+            host = re.sub(r"\.\d+$", ".254", plc.address)
+            memory = ads.AdsMemory(plc.net_id, 851, symbol=RING, host=host)
+            with suppress(DeviceSilentError):
+                memory.open()
+                opened += 1
+            memory.close()
+    assert opened > 5
+
+
+@pytest.mark.slow
+def test_two_recorders_of_one_plc_each_get_all_that_it_makes(tmp_path: Path) -> None:
+    with Plc(loopback_address(), 1000) as plc:
+        recordings = [
+            LiveRecording(
+                RecordingFolder(tmp_path / name, CELL),
+                (PlcSource(ads.AdsMemory(plc.net_id, 851, symbol=RING), lines=3600),),
+            )
+            for name in ("one", "two")
+        ]
+        for recording in recordings:
+            recording.start()
+        until(lambda: all(one.progress[0].records > 1000 for one in recordings))
+        made = plc.written
+        for recording in recordings:
+            recording.finish()
+        for name in ("one", "two"):
+            _, last = numbers_of((tmp_path / name / "raw/ballbar.csv").read_bytes(), plc)
+            assert last >= made - 1
+    assert [(one.progress[0].segments, one.progress[0].lost) for one in recordings] == [(1, 0)] * 2
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("brisk")
+@pytest.mark.parametrize("other_encoders", [False, True])
+def test_another_plc_at_the_same_address_is_a_file_of_its_own_or_refused(
+    other_encoders: bool, tmp_path: Path
+) -> None:
+    address, raw = loopback_address(), tmp_path / "r" / "raw"
+    with Plc(address, 1000) as plc:
+        source = PlcSource(ads.AdsMemory(plc.net_id, 851, symbol=RING), lines=3600)
+        recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), (source,))
+        recording.start()
+        until(lambda: recording.progress[0].records > 500)
+    until(lambda: recording.progress[0].state is State.WAIT)
+    other = Plc(address, 500)
+    other.poke(started=1, **({"fitted": 31} if other_encoders else {}))
+    with other:
+        if other_encoders:
+            until(lambda: "other encoders" in recording.progress[0].reason)
+        else:
+            until(lambda: recording.progress[0].segments == 2)
+        recording.finish()
+        numbers_of((raw / "ballbar.csv").read_bytes(), plc)
+        assert (raw / "ballbar_2.csv").exists() != other_encoders
+        if not other_encoders:
+            assert numbers_of((raw / "ballbar_2.csv").read_bytes(), other)[0] == 0

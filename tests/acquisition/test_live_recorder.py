@@ -28,7 +28,8 @@ from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
 from acquisition.live.progress import Progress, State
-from acquisition.live.recorder import POLL
+from acquisition.live.recorder import POLL, Recorder
+from acquisition.live.segment_file import SegmentFile
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
 from acquisition.recording import read_recording
@@ -40,10 +41,10 @@ from cell.load import load_robot
 from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
 from cell.recording import load_recording_file
 from cell.robot_angles import controller_to_joints
-from sim.live.plc import STARTED, loopback_address
+from sim.live.plc import loopback_address
 from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
-from tests.helpers.plc_server import Plc, plc_samples, text_of
+from tests.helpers.plc_server import Plc, numbers_of
 from tests.helpers.ring_memory import RingMemory
 from tests.helpers.source_imports import ROOT, imported
 
@@ -89,18 +90,6 @@ def started(folder: Path, *sources: Source) -> LiveRecording:
     return recording
 
 
-def sample_numbers(raw: bytes, plc: Plc) -> list[int]:
-    stamps = [int(line.split(b";")[0]) for line in raw.splitlines()[1:]]
-    return [(stamp - STARTED) // plc.period_ns for stamp in stamps]
-
-
-def assert_made_by(raw: bytes, plc: Plc) -> tuple[int, int]:
-    """Numbers of the samples in a file, which is what the PLC made, byte by byte."""
-    numbers = sample_numbers(raw, plc)
-    assert raw == text_of(plc_samples(numbers[0], numbers[-1] - numbers[0] + 1, plc.period_ns))
-    return numbers[0], numbers[-1]
-
-
 def recorder_command(folder: Path, plc: Plc) -> list[str]:
     return [sys.executable, "-m", "ballbar", "record", str(folder), *NAMES, "--plc", plc.net_id]
 
@@ -131,7 +120,7 @@ def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(
         made = plc.written
         recording.stop()
         recording.finish()
-        _, last = assert_made_by((tmp_path / "r" / "raw" / "ballbar.csv").read_bytes(), plc)
+        _, last = numbers_of((tmp_path / "r" / "raw" / "ballbar.csv").read_bytes(), plc)
     assert last >= made - 1
     (progress,) = recording.progress
     assert (progress.state, progress.segments, progress.lost, progress.gaps) == (State.END, 1, 0, 0)
@@ -158,7 +147,7 @@ def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_not
         until(lambda: recording.progress[0].segments == 2 and recording.progress[0].records > 100)
         recording.finish()
         first, second = (
-            assert_made_by((tmp_path / "r" / "raw" / name).read_bytes(), plc)
+            numbers_of((tmp_path / "r" / "raw" / name).read_bytes(), plc)
             for name in ("ballbar.csv", "ballbar_2.csv")
         )
     assert second[0] == first[1] + 1  # the ring held what was made meanwhile
@@ -185,10 +174,11 @@ def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(
         plc.connect()
         until(lambda: recording.progress[0].segments == 2)
         recording.finish()
+        files = [tmp_path / "r" / "raw" / name for name in ("ballbar.csv", "ballbar_2.csv")]
         numbers = [
             n
-            for name in ("ballbar.csv", "ballbar_2.csv")
-            for n in sample_numbers((tmp_path / "r" / "raw" / name).read_bytes(), plc)
+            for first, last in (numbers_of(file.read_bytes(), plc) for file in files)
+            for n in range(first, last + 1)
         ]
     (progress,) = recording.progress
     assert progress.lost > 0
@@ -214,7 +204,7 @@ def test_kill_9_loses_at_most_the_last_poll(address: str, tmp_path: Path) -> Non
         polls = plc.header_reads
         raw = file.read_bytes()
         whole = raw[: raw.rindex(b"\n") + 1]
-        _, last = assert_made_by(whole, plc)
+        _, last = numbers_of(whole, plc)
     assert last >= polls[-4] - 1  # of the last poll but one; each poll looks twice
     assert POLL <= 0.1
     read = read_recording(with_robot_log(folder))
@@ -235,7 +225,7 @@ def test_a_full_disk_is_named_and_leaves_a_file_of_whole_rows(address: str, tmp_
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
         )
         raw = (folder / "raw" / "ballbar.csv").read_bytes()
-        assert_made_by(raw, plc)
+        numbers_of(raw, plc)
     rows = len(raw.splitlines()) - 1
     assert recorder.returncode == 1
     assert (
@@ -263,7 +253,7 @@ def test_ctrl_c_ends_cleanly_and_says_what_is_missing(address: str, tmp_path: Pa
         made = plc.written
         recorder.send_signal(signal.SIGINT)
         said, _ = recorder.communicate(timeout=PATIENCE)
-        _, last = assert_made_by((folder / "raw" / "ballbar.csv").read_bytes(), plc)
+        _, last = numbers_of((folder / "raw" / "ballbar.csv").read_bytes(), plc)
     assert recorder.returncode == 0
     assert last >= made - 1
     assert "0 lost, 0 gaps" in said
@@ -389,6 +379,73 @@ def test_a_live_view_that_fails_does_not_end_the_recording(egm: EgmSource, tmp_p
         "robot: the live view ended: no window."
         in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
     )
+
+
+class KilledError(BaseException):
+    """Stands for SIGKILL: nothing that follows is done."""
+
+
+@pytest.mark.parametrize("at", ["declare", "append", "declared"])
+def test_a_recorder_killed_at_its_first_record_leaves_a_recording_or_nothing(
+    at: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed between its first rows and recording.yaml it left rows that nothing could read."""
+    memory = RingMemory(Plc("", 1000, capacity=2000))
+    own = tmp_path / "own.yaml"
+    own.write_text("schema: ballbar-robot/1\n")
+    folder = RecordingFolder(tmp_path / "r", CELL, [own])
+    source = PlcSource(memory, lines=LINES)
+    recorder = Recorder(source, folder, threading.Event())
+
+    def killed(*_: object) -> None:
+        raise KilledError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Recorder, "_give_up", lambda _: None)
+        patch.setattr(PlcSource, "disconnect", lambda _: None)
+        if at == "declare":
+            patch.setattr("acquisition.live.folder.write_yaml", killed)
+            (tmp_path / "r" / ".recording.yaml.part").write_text("schema: ballb")
+        elif at == "append":
+            patch.setattr(SegmentFile, "append", killed)
+        else:
+            patch.setattr(Recorder, "_show", killed)
+        source.connect()
+        memory.plc.write(50)
+        patch.setattr(PlcSource, "connect", lambda _: None)
+        with pytest.raises(KilledError):
+            recorder.run()
+    rows = (tmp_path / "r" / "raw" / "ballbar.csv").read_bytes().splitlines()[1:]
+    assert len(rows) == (50 if at == "declared" else 0)
+    if rows:
+        assert (tmp_path / "r" / "recording.yaml").is_file()
+        with pytest.raises(InputError, match="exists already"):
+            RecordingFolder(tmp_path / "r", CELL, [own])
+    else:
+        RecordingFolder(tmp_path / "r", CELL, [own])
+        names = {path.name for path in (tmp_path / "r").rglob("*")}
+        assert names == {"raw", "own.yaml"}
+
+
+def test_a_first_record_that_finds_the_disk_full_leaves_a_folder_to_record_into(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = RingMemory(Plc("", 1000, capacity=2000))
+    source = PlcSource(memory, lines=LINES)
+    recorder = Recorder(source, RecordingFolder(tmp_path / "r", CELL), threading.Event())
+    source.connect()
+    memory.plc.write(50)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PlcSource, "connect", lambda _: None)
+        patch.setattr(SegmentFile, "append", full)
+        recorder.run()
+    assert "No space left on device" in str(recorder.failure)
+    assert not list((tmp_path / "r" / "raw").iterdir())
+    RecordingFolder(tmp_path / "r", CELL)
 
 
 def test_a_folder_that_holds_something_is_not_recorded_into(tmp_path: Path) -> None:

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import Recording, read_recording
+from acquisition.recording import Recording, read_force, read_recording
 from acquisition.report import report_lines
+from acquisition.sources import ImportLog
 from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
 from cell.logs import ForceLog, RobotLog
+from cell.recording import SourceFile
 from sim.logging.load_logs import drawn_loads, sensor_rows
 from sim.recording_files import write_recording
 from tests.helpers.device_logs import (
@@ -301,6 +303,47 @@ def test_damage_and_gaps_of_a_force_log_are_repaired_and_counted(tmp_path: Path)
     np.testing.assert_allclose(force_log(recording).t, t[remaining], atol=1e-14)
     np.testing.assert_array_equal(force_log(recording).wrench, wrench_trajectory()[remaining])
     assert "  raw/force.csv: 398 of 400 rows used" in (report_lines(recording.report))
+
+
+def noisy_loads(rng: np.random.Generator, grain: float) -> list[list[str]]:
+    """Cells of a force log of six loads with noise, in steps of `grain`."""
+    t = 0.001 * np.arange(600)
+    noise = rng.normal(0.0, 0.1, (t.size, 6))
+    loads = 20.0 * np.sin(5.0 * t)[:, None] * np.arange(1, 7) + noise
+    loads = np.rint(loads / grain) * grain
+    return [
+        [f"{s:.6f}", *(f"{load:.4f}" for load in row)]
+        for s, row in zip(t.tolist(), loads.tolist(), strict=True)
+    ]
+
+
+def read_cells(folder: Path, cells: list[list[str]]) -> tuple[ForceLog, ImportLog]:
+    lines = ["time,fx,fy,fz,tx,ty,tz", *(",".join(row) for row in cells)]
+    (folder / "force.csv").write_text("\n".join([*lines, ""]))
+    return read_force(folder, SourceFile(files=("force.csv",), dialect="force-torque"))
+
+
+@pytest.mark.parametrize("grain", [1e-4, 0.25, 2.0])
+def test_noise_and_grain_of_a_force_sensor_are_no_damage(grain: float, tmp_path: Path) -> None:
+    for seed in range(5):
+        log, imported = read_cells(tmp_path, noisy_loads(np.random.default_rng(seed), grain))
+        assert log.t.size == 600
+        assert not imported.findings
+
+
+@pytest.mark.parametrize("size", [5.0, -30.0, 4000.0])
+@pytest.mark.parametrize("row", [0, 3, 300, 599])
+def test_a_force_far_outside_its_noise_is_left_out_and_reported(
+    size: float, row: int, tmp_path: Path
+) -> None:
+    """A third of the changes of the campaign that were read in silence were beyond ten sigma."""
+    cells = noisy_loads(np.random.default_rng(1), 1e-4)
+    cells[row][3] = f"{float(cells[row][3]) + size:.4f}"
+    log, imported = read_cells(tmp_path, cells)
+    assert log.t.size == 599
+    (finding,) = (one for one in imported.findings if one.kind == "implausible value")
+    assert finding.lines == (row + 2,)
+    assert "(fz)" in finding.sentence
 
 
 def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> None:

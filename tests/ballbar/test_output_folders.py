@@ -12,7 +12,7 @@ import pytest
 
 from ballbar.export.result import load_result
 from cell.errors import InputError
-from cell.files import claimed_folder, copied_description, write_whole
+from cell.files import claimed_folder, copied_description, new_folder, require_writable, write_whole
 from cell.geometry import Geometry
 from tests.helpers.calibrations import write_calibration_of
 
@@ -75,6 +75,40 @@ def test_a_full_disk_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         write_whole(tmp_path / "report.html", b"page")
     assert caught.value.filename == str(tmp_path / "report.html")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_new_folder_appears_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    new, left = tmp_path / "a" / "new", tmp_path / "a" / ".new.part"
+    left.mkdir(parents=True)  # by a power cut
+    (left / "old").write_text("old")
+
+    def fail() -> None:
+        with new_folder(new) as aside:
+            (aside / "file").write_text("half")
+            raise InputError("wrong")
+
+    with pytest.raises(InputError, match="wrong"):
+        fail()
+    assert not list((tmp_path / "a").iterdir())
+    with new_folder(new) as aside:
+        (aside / "file").write_text("whole")
+        assert not new.exists()
+    assert [path.name for path in new.iterdir()] == ["file"]
+    with pytest.raises(InputError, match="holds something"), new_folder(new):
+        pass
+    (new / "file").unlink()
+    monkeypatch.chdir(new)
+    with pytest.raises(InputError, match="you are in this folder"), new_folder(Path()):
+        pass
+
+
+def test_a_folder_below_a_file_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is no folder"):
+        require_writable(tmp_path / "file" / "below")
+    require_writable(tmp_path / "new" / "below")
 
 
 def test_a_result_carries_the_descriptions_it_names(tmp_path: Path, nominal: Geometry) -> None:

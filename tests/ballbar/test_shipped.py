@@ -52,3 +52,20 @@ def test_copied_scenarios_and_what_they_name_are_whole(
     code, _, err = ballbar("init", "study")
     assert code == 2
     assert "exists and holds something; nothing was written" in err
+
+
+def test_copies_that_a_power_cut_left_unfinished_are_finished_and_others_refused(
+    tmp_path: Path,
+) -> None:
+    study = tmp_path / "study"
+    assert ballbar("init", study)[0] == 0
+    whole = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
+    (study / "irb2400.yaml").rename(study / ".irb2400.yaml.part")
+    (study / "sweeps/noise.yaml").unlink()
+    assert ballbar("init", study)[0] == 0
+    assert {path: path.read_bytes() for path in study.rglob("*") if path.is_file()} == whole
+    (study / "sweeps/noise.yaml").unlink()
+    (study / "nj220.yaml").write_text("changed")
+    assert ballbar("init", study)[0] == 2
+    assert (study / "nj220.yaml").read_text() == "changed"
+    assert not (study / "sweeps/noise.yaml").exists()

@@ -46,6 +46,7 @@ class Tally:
 
     counts: Counter[str] = field(default_factory=Counter)
     largest: float = 0.0  # [rad] deviation in `below`
+    largest_silent: float = 0.0  # [rad], of a force sensor [N, N m]
     slowest: float = 0.0  # [s]
     examples: list[str] = field(default_factory=list)
 
@@ -205,6 +206,7 @@ def judge(clean: Log, folder: Path, name: str, dialect: str, tally: Tally) -> st
     if deviation == 0.0:
         return "equal"
     if deviation > SMALLEST:
+        tally.largest_silent = max(tally.largest_silent, deviation)
         return "silent"
     tally.largest = max(tally.largest, deviation)
     return "below"

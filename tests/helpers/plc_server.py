@@ -45,6 +45,16 @@ def text_of(samples: NDArray[np.void], joints: tuple[int, ...] = JOINTS) -> byte
     return ("\r\n".join(lines) + "\r\n").encode()
 
 
+def numbers_of(raw: bytes, plc: Plc) -> tuple[int, int]:
+    """First and last sample of a file, which is what the PLC made in between, byte by byte."""
+    first, last = (
+        (int(line.split(b";")[0]) - STARTED) // plc.period_ns
+        for line in (raw.splitlines()[1], raw.splitlines()[-1])
+    )
+    assert raw == text_of(plc_samples(first, last - first + 1, plc.period_ns))
+    return first, last
+
+
 @dataclass(frozen=True)
 class Numbered:
     """Samples that follow from their numbers, one a period."""
