@@ -53,6 +53,14 @@ def record(
             metavar="[ADDRESS:]PORT",
         ),
     ] = None,
+    egm_torque: Annotated[
+        bool,
+        typer.Option(
+            "--egm-torque",
+            help="The first six EGM test signals are the axes' torques (TestSignDefine, signal "
+            "4002).",
+        ),
+    ] = False,
     duration: Annotated[
         float | None,
         typer.Option(
@@ -84,6 +92,7 @@ def record(
     options = RecordOptions(
         plc=plc,
         egm=egm,
+        egm_torque=egm_torque,
         robot=robot,
         ballbar=ballbar,
         plate=plate,
