@@ -19,7 +19,10 @@ commands = typer.Typer()
 Accuracy = Annotated[
     float | None,
     typer.Option(
-        help="Stated TCP uncertainty [mm] (1 sigma, rms) that is enough.", metavar="MM", min=1e-6
+        help="TCP error [mm] (rms over the workspace) that is asked for. Enough is said when the "
+        "true one is within it in 95 % of cases: at half of it as stated uncertainty (1 sigma).",
+        metavar="MM",
+        min=1e-6,
     ),
 ]
 

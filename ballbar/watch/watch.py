@@ -51,6 +51,9 @@ FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
 COMPLETE_FIRST, COMPLETE_GROWTH = 60.0, 1.5  # [s] of the first complete fit; times, of the next
 CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates
 WHITE, RECENT = 0.5, 0.6  # exponent of white noise; share of the recording before the latest fits
+# Stated standard deviations within which the true TCP error lies in 95 %, also where the scale, one
+# number, is most of it.
+CERTAIN_SIGMAS = 1.96
 AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
 SAME_MODEL = 3.0  # times chi-square: a fit of all rows that leaves no more has only more to tell
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
@@ -67,8 +70,8 @@ class _Complete:
 class Watch:
     """A recording folder, identified as it grows.
 
-    accuracy : [m] requested TCP uncertainty. duration : [s] of the whole recording, if it is known.
-    pool : takes the complete fits; without one there are none.
+    accuracy : [m] TCP error (rms) that is asked for. duration : [s] of the whole recording, if it
+    is known. pool : takes the complete fits; without one there are none.
     """
 
     def __init__(
@@ -132,9 +135,13 @@ class Watch:
             logs = logs_of(self._folder.name, read_with_causes(self._folder))
             self._estimate = complete_estimate(self._cell, logs, self._accuracy)
         estimate = self._estimate
-        reached = self._accuracy is not None and estimate.tcp_sigma <= self._accuracy
-        enough = reached and estimate.acceptable and not state.alarms
+        enough = self._reached(estimate) and not state.alarms
         return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma, enough=enough)
+
+    def _reached(self, estimate: Estimate) -> bool:
+        """Whether the true TCP error is within the accuracy in 95 % of such estimates."""
+        certain = CERTAIN_SIGMAS * estimate.tcp_sigma
+        return self._accuracy is not None and estimate.acceptable and certain <= self._accuracy
 
     def _refused(self, sentence: str) -> State:
         """The last state with an alarm for files that cannot be trusted, if they stay so."""
@@ -267,10 +274,8 @@ class Watch:
         span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
         end = None if self._duration is None else foretold(self._history, self._duration)
         enough = (
-            self._accuracy is not None
-            and estimate is not None
-            and estimate.acceptable
-            and estimate.tcp_sigma <= self._accuracy
+            estimate is not None
+            and self._reached(estimate)
             and prediction is not None
             and prediction.ratio <= AGREES
             and not alarms

@@ -76,6 +76,19 @@ def test_enough_is_said_where_the_accuracy_is_reached_and_later_rows_agree(
     assert [watch.update(50.0).enough, watch.update(51.0).enough] == [False, True]
 
 
+@pytest.mark.slow
+def test_enough_is_said_where_the_true_error_is_within_the_accuracy_in_95_percent(
+    growing: GrowingRecording,
+) -> None:
+    """Within 1.96 standard deviations, not within one."""
+    stated = watched(growing, 50.0, 51.0)[-1].estimate.tcp_sigma
+    growing.write_until(51.0)
+    for times, enough in ((1.2, False), (1.9, False), (2.02, True)):
+        watch = Watch(growing.folder, accuracy=times * stated)
+        watch.update(50.0)
+        assert watch.update(51.0).enough is enough
+
+
 def test_a_recording_that_has_hardly_begun_is_waited_for(
     growing: GrowingRecording, tmp_path: Path
 ) -> None:
