@@ -40,8 +40,8 @@ def quiet_libraries() -> Iterator[None]:
     """
     ours = sys.stderr
     ours.flush()
-    kept = os.dup(2)
-    with os.fdopen(kept, "w", 1, ours.encoding, ours.errors) as stderr:
+    original = os.dup(2)
+    with os.fdopen(original, "w", 1, ours.encoding, ours.errors) as stderr:
         try:
             with Path(os.devnull).open("wb") as null:
                 os.dup2(null.fileno(), 2)
@@ -51,7 +51,7 @@ def quiet_libraries() -> Iterator[None]:
         finally:
             sys.stderr = ours
             stderr.flush()
-            os.dup2(kept, 2)
+            os.dup2(original, 2)
 
 
 def show_until_stopped(
