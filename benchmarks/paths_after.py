@@ -1,14 +1,16 @@
 """What `ballbar plan --after` gains: the second path of drawn robots, three ways.
 
     python -m benchmarks.paths_after                 # 10 IRB 2400, half an hour on two cores
+    python -m benchmarks.paths_after --first planned
 
 Each robot has everything on (tests/helpers/drawn_robots.py), and motor torque. It is identified
-from its first path, that of irb2400_full.yaml. Then a second one is recorded, and both are
-identified together: (after) planned from that result, as `ballbar plan --after` does with
-scenarios/plans/irb2400.yaml; (alone) the best path of the same search without the result; (random)
-one of the random paths of median rank, another for each robot
-(docs/studies/planned_paths_random_irb2400.csv). Writes docs/studies/paths_after.csv, a row for each
-robot and kind of second path, `none` without one.
+from its first path: that of irb2400_full.yaml (manual), or the best path of a search (planned).
+Then a second one is recorded, and both are identified together: (after) planned from that result,
+as `ballbar plan --after` does with scenarios/plans/irb2400.yaml; (alone) the best path of the same
+search without the result, which after a planned path is that path once more; (random) one of the
+random paths of median rank, another for each robot (docs/studies/planned_paths_random_irb2400.csv).
+Writes docs/studies/paths_after_FIRST.csv, a row for each robot and kind of second path, `none`
+without one.
 """
 
 from __future__ import annotations
@@ -33,15 +35,19 @@ from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
 from ident.result import Identification
+from planning.candidate import Candidate
+from planning.evaluation import evaluators
 from planning.files import path_data
 from planning.known import Known, known_of
-from planning.plan import Plan, plans
+from planning.plan import Plan, assess, plans
 from planning.request import PlanRequest, load_request
+from sim.path_files import load_lissajous
 from sim.truth import Truth
 from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded, scenario_of
 
 ROBOT = "irb2400"
-OUT = ROOT / "docs" / "studies" / "paths_after.csv"
+STUDIES = ROOT / "docs" / "studies"
+FIRST = ("manual", "planned")
 KINDS = ("none", "after", "alone", "random")
 OPTIONS = FitOptions(model="complete", force="torque")
 LONGEST = 600.0  # [s] of a search, which its evaluations end
@@ -64,12 +70,10 @@ def planned(request: PlanRequest, evaluations: int, known: Known | None) -> Plan
 
 
 def along(
-    seed: int, duration: float, folder: Path, path: dict[str, object], position: list[float]
+    scenario: Scenario, folder: Path, path: dict[str, object], position: list[float]
 ) -> tuple[Cell, Logs, Truth]:
-    """The second recording of a drawn robot, along a path with the ball-bar at a position [m]."""
-    data = scenario_of(ROBOT, "b", seed, duration).model_dump(
-        mode="json", by_alias=True, exclude_none=True
-    )
+    """A recording along another path, with the ball-bar at a position [m]."""
+    data = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
     folder.mkdir()
     write_yaml(folder / "path.yaml", path)
     data["path"]["file"], data["cell"]["ballbar_position_m"] = str(folder / "path.yaml"), position
@@ -83,23 +87,33 @@ def of_plan(plan: Plan) -> tuple[dict[str, object], list[float]]:
 
 
 def robot_rows(
-    seed: int, duration: float, evaluations: int, alone: Plan
+    seed: int, duration: float, evaluations: int, alone: Plan, first_path: str
 ) -> Iterator[dict[str, object]]:
     """The rows of one robot."""
+    one, two = (scenario_of(ROBOT, path, seed, duration) for path in "ab")  # recordings 1 and 2
     request = load_request(SCENARIOS / "plans" / f"{ROBOT}.yaml")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        cell, first, truth = recorded(scenario_of(ROBOT, "a", seed, duration), folder / "first")
+        if first_path == "planned":
+            cell, first, truth = along(one, folder / "first", *of_plan(alone))
+        else:
+            cell, first, truth = recorded(one, folder / "first")
         found = identify_together(cell, [first], options=OPTIONS)
         yield row(seed, "none", found, truth, None)
-        after = planned(request, evaluations, known_of([found.machine]))
+        known = known_of([found.machine])
+        after, (evaluator,) = (
+            planned(request, evaluations, known),
+            evaluators(request, known).values(),
+        )
         seconds = {
-            "after": (of_plan(after), after),
-            "alone": (of_plan(alone), None),
-            "random": (middle_path(ROBOT, seed), None),
+            "after": of_plan(after),
+            "alone": of_plan(alone),
+            "random": middle_path(ROBOT, seed),
         }
-        for kind, ((path, position), plan) in seconds.items():
-            _, logs, _ = along(seed, duration, folder / kind, path, position)
+        for kind, (path, position) in seconds.items():
+            _, logs, _ = along(two, folder / kind, path, position)
+            shape = load_lissajous(folder / kind / "path.yaml")
+            plan = assess(evaluator, Candidate(shape, np.array(position)))
             found = identify_together(cell, [first, logs], options=OPTIONS)
             yield row(seed, kind, found, truth, plan)
 
@@ -126,14 +140,16 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--robots", type=int, default=10)
+    parser.add_argument("--first", choices=FIRST, default=FIRST[0])
     parser.add_argument("--duration", type=float, default=120.0)
     parser.add_argument("--evaluations", type=int, default=20_000, help="of each search")
     options = parser.parse_args()
     request = load_request(SCENARIOS / "plans" / f"{ROBOT}.yaml")
     alone = planned(request, options.evaluations, None)
     rows: list[dict[str, object]] = []
+    arguments = options.duration, options.evaluations, alone, options.first
     for seed in range(1, options.robots + 1):
-        for found in robot_rows(seed, options.duration, options.evaluations, alone):
+        for found in robot_rows(seed, *arguments):
             rows.append(found)
             print(
                 ", ".join(
@@ -141,7 +157,7 @@ def main() -> None:
                 ),
                 flush=True,
             )
-            write_whole(OUT, _csv(rows))
+            write_whole(STUDIES / f"paths_after_{options.first}.csv", _csv(rows))
     say(rows)
 
 
