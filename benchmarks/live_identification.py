@@ -209,6 +209,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
 
 # --- whether enough is enough
 
+UPDATE = 2.0  # [s] between updates
 # [m] accuracies: from what two minutes hardly reach to three times as much. Of machines with errors
 # of geometry, plate, ball-bar and noise; of those with all errors.
 ASKED, ASKED_OF_FULL = (0.05e-3, 0.15e-3), (0.08e-3, 0.25e-3)
@@ -250,7 +251,7 @@ def enough(seed: int, scratch: Path, seconds: float, *, full: bool) -> Enough:
     with ThreadPool(1) as pool:
         watch = Watch(growing.folder, accuracy=asked, duration=growing.seconds, pool=pool)
         while now < growing.seconds and not (state and state.enough):
-            now += STEP
+            now += UPDATE
             growing.write_until(now)
             state = watch.update(now)
             for alarm in state.alarms:
