@@ -103,7 +103,8 @@ def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"
         why = "the dialect says so; numbers that contradict it are refused"
         angles = [f"{_ANGLES[dialect.angle_kind]}, in {unit}: {why}"]
-        torques = ["torques in N m at the motor, where they are logged"]
+        place = {"motors": "at the motor", "axes": "behind the gears, along the axis angles"}
+        torques = [f"torques in N m {place[dialect.torques_at]}, where they are logged"]
         return angles + (torques if dialect.torque_columns else [])
     if dialect.source == "ballbar":
         return [

@@ -199,7 +199,7 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     log = RobotLog(
         t=used.t,
         q=q,
-        torque=gear_torques(robot, used.table, dialect.torque_columns),
+        torque=gear_torques(robot, used.table, dialect),
         segment=selected.of(segments.segment),
         flags=used.table.flags,
     )

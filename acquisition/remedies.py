@@ -26,6 +26,8 @@ REMEDIES = {
     "lost messages": "Nothing, if they are few. Else lower the load of the network.",
     "missing messages": "Nothing, if they are few. Else record to a faster disk.",
     "no status word": "Log the status words too, to have faults of the encoders found.",
+    "no test signals": "Define them in the controller (TestSignDefine) before EGM is started, if "
+    "its RobotWare sends them; else record without --egm-torque.",
     "off the sample time": "Export it again if rows are missing.",
     "other joints": "Nothing, if they are of another device; else record a topic that has all.",
     "overrun": "Nothing: such rows are late, and used at their own time.",

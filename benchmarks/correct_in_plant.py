@@ -1,6 +1,7 @@
 """Do corrected targets reach the nominal pose? Drawn robots, identified, then held in the plant.
 
     python -m benchmarks.correct_in_plant            # 6 IRB 2400, about five minutes on one core
+    python -m benchmarks.correct_in_plant --rehearsed runs/irb2400_full-rehearsal
 
 Each robot: every error source on (tests/helpers/drawn_robots.py, geometry drawn with 1 mm and 1
 mrad), two recordings of 120 s through device files, identified with motor torque. Then targets over
@@ -8,6 +9,8 @@ the accuracy box are held by the unloaded robot in MuJoCo, first as planned with
 then corrected, and the tool is measured against the wanted pose. The truth drives the plant, and
 the columns `known`: corrected by the plant's own numbers, the floor that backlash without load
 leaves. Writes docs/studies/correct_in_plant.csv, a row for each robot.
+
+--rehearsed : prints the same of the targets of a day that `ballbar rehearse` has left.
 """
 
 from __future__ import annotations
@@ -19,8 +22,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.compensation.joint_targets import read_targets
+from ballbar.export.result import load_result
+from ballbar.rehearsal.day import CORRECTED, GIVEN, RESULT, SIMULATED
+from ballbar.scenario import load_scenario
 from cell.files import write_whole
-from tests.helpers.plant_robot import robot_row
+from cell.geometry import robot_frames
+from ident.robot.accuracy import position_error
+from ident.robot.inverse_calibration import corrected_targets
+from sim.plant.held_robot import HeldRobot, pose_distance
+from tests.helpers.plant_robot import known_robot, robot_row
 
 OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
 COLUMNS = (
@@ -31,6 +42,30 @@ COLUMNS = (
 )  # fmt: skip
 
 
+def say_rehearsed(day: Path) -> None:
+    """Prints how far corrected targets of a rehearsal are off, and where that comes from."""
+    file = day / SIMULATED / "path1.scenario.yaml"
+    plant = HeldRobot(load_scenario(file), relative_to=file.parent)
+    robot = load_result(day / RESULT).robot
+    q, corrected = (read_targets(day / name, robot).q for name in (GIVEN, CORRECTED))
+    wanted = robot_frames(plant.nominal, q)
+    by_truth = corrected_targets(known_robot(plant), plant.nominal, q).q
+    for words, targets in (("by the result", corrected), ("known", by_truth)):
+        held = plant.hold(targets)
+        aligned = position_error(wanted.tip.T, held.tool[:, :3, 3])
+        print(
+            f"corrected {words}: "
+            + "; ".join(
+                f"{what} {1e3 * error.mean():.4f} mean, {1e3 * error.max():.4f} mm largest"
+                for what, error in (
+                    ("as held", pose_distance(wanted, held)[0]),
+                    ("base aligned", aligned.error),
+                    ("scale known too", aligned.error_without_scale),
+                )
+            )
+        )
+
+
 def main() -> None:
     """Draws, identifies, corrects, holds, writes the rows and prints them."""
     parser = argparse.ArgumentParser(
@@ -39,7 +74,11 @@ def main() -> None:
     parser.add_argument("--robot", default="irb2400")
     parser.add_argument("--robots", type=int, default=6)
     parser.add_argument("--duration", type=float, default=120.0)
+    parser.add_argument("--rehearsed", type=Path, metavar="DIR")
     options = parser.parse_args()
+    if options.rehearsed is not None:
+        say_rehearsed(options.rehearsed)
+        return
     rows = []
     for seed in range(1, options.robots + 1):
         rows.append(robot_row(options.robot, seed, options.duration))

@@ -97,8 +97,12 @@ class Dialect(Strict):
     angle_unit: Literal["rad", "deg"] = Field("rad", description="Of these angles.")
     torques: tuple[Selector, ...] = Field(
         (),
-        description="Robot: what each motor exerts [N m at the motor], positive along its angle; "
-        "all or none.",
+        description="Robot: what each motor exerts [N m], positive along its angle; all or none.",
+    )
+    torques_at: Literal["motors", "axes"] = Field(
+        "motors",
+        description="Robot: where these torques act; axes: behind the gears, positive along the "
+        "controller's axis angles.",
     )
     sequence: Selector | None = Field(
         None, description="Number that grows with each row taken; the column may be absent."

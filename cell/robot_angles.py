@@ -53,6 +53,17 @@ def joints_to_axes(robot: Robot, joints: ArrayLike) -> Array:
     return axes
 
 
+def gear_to_axis_torques(robot: Robot, torques: ArrayLike) -> Array:
+    """Torques (N, J) [N m] at the gears' outputs, positive along the controller's axis angles.
+
+    torques : (N, J) [N m] positive along the gears' angles. Its own inverse: only signs differ, for
+    the couplings between the axes come after the gears.
+    """
+    axis_by_motor = np.diag(robot.transmission @ robot.joint_to_axis)
+    signs = np.sign(axis_by_motor) * np.sign(np.diag(robot.transmission))
+    return np.asarray(_rows(robot, torques) * signs)
+
+
 def _rows(robot: Robot, angles: ArrayLike) -> Array:
     rows = np.asarray(angles, dtype=np.float64)
     if rows.ndim == 0 or rows.shape[-1] != robot.joints:

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import bar_frames, nominal_geometry, robot_frames
+from cell.geometry import bar_frames
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
-from ident.estimator.unknowns import scale_sigma
+from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.crlb import Prediction, predictions
 from planning.evaluation import (
@@ -71,7 +70,7 @@ class Plan:
     @property
     def scale_adds(self) -> float:
         """[m] root mean square TCP error from the scale, which no data show."""
-        return scale_error(self.evaluator.predictor.grid, self.evaluator.cell)
+        return scale_error(self.evaluator.cell, self.evaluator.predictor.grid)
 
     @property
     def tcp(self) -> Array:
@@ -110,16 +109,6 @@ class Plan:
         robot = [k for k, i in enumerate(shared) if parameters[i].side == "robot"]
         sigma, count = typical.layout.sigma, typical.model.recordings[0].times.size
         return observability(typical.normal, sigma, np.array(robot), count)
-
-
-def scale_error(grid: Array, cell: Cell) -> float:
-    """[m] root mean square TCP error of one standard deviation of the scale.
-
-    grid : (G, J) [rad] joint angles of the poses.
-    """
-    positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
-    centred = positions - positions.mean(axis=1, keepdims=True)
-    return float(np.sqrt((centred**2).sum(axis=0).mean())) * scale_sigma(cell)
 
 
 def covered(directions: Array) -> float:

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import Candidate, genome_of, space_of
 from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
 from planning.first import descent
-from planning.plan import Plan, scale_error
+from planning.plan import Plan
 from planning.questions import CHANGES, Question
 from planning.request import Region
 
@@ -56,7 +57,7 @@ def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
 
 
 def _answer(key: str, shown: str, evaluator: Evaluator, candidate: Candidate) -> Answer:
-    scale, note = scale_error(evaluator.predictor.grid, evaluator.cell), ""
+    scale, note = scale_error(evaluator.cell, evaluator.predictor.grid), ""
     outcome = evaluate(evaluator, candidate)
     if outcome.violations:
         first = outcome.violations[0].sentence

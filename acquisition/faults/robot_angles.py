@@ -25,11 +25,12 @@ from acquisition.flags import RowFlag, usable
 from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.descriptions import Robot
-from cell.dialect import AngleKind
+from cell.dialect import AngleKind, Dialect
 from cell.errors import LogError
 from cell.neighbours import Rows
 from cell.robot_angles import (
     controller_to_joints,
+    gear_to_axis_torques,
     joints_to_axes,
     joints_to_motors,
     motors_to_joints,
@@ -313,30 +314,43 @@ def _overspeed(robot: Robot, t: Array, axes: Array) -> NDArray[np.bool_]:
     return np.asarray(speed > axis_speed_limits(robot))
 
 
-def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array | None:
+def gear_torques(robot: Robot, table: Table, dialect: Dialect) -> Array | None:
     """(N, J) [N m] motor torques at the gears' outputs, positive along the gear's angle.
 
     None if they are not logged.
 
-    columns : motor torques by joint, [N m] at the motor, positive along its angle.
+    dialect : names their columns, and says whether they are at the motor, positive along its angle,
+        or already behind the gear, positive along the controller's axis angle.
     A gear passes power on: what multiplies the angle, transmission[i, i], divides the torque.
     Losses count as friction, and the couplings between the joints come after the gears (thesis App.
     A).
     Raises LogError for torques that no motor of the robot has.
     """
+    columns = dialect.torque_columns
     if not columns or columns[0] not in table.columns:
         return None
-    motor_torque = np.stack([table.columns[name] for name in columns], axis=1)
-    torque = motor_torque / np.diag(robot.transmission)
+    logged = np.stack([table.columns[name] for name in columns], axis=1)
+    at_motors = dialect.torques_at == "motors"
+    if at_motors:
+        torque = logged / np.diag(robot.transmission)
+    else:
+        torque = gear_to_axis_torques(robot, logged)
     heavy = np.abs(torque) > HEAVY * full_weight(robot)
     if heavy.any():
         row, motor = (int(index) for index in np.argwhere(heavy)[0])
+        value = f"{logged[row, motor]:.5g} N m"
+        if at_motors:
+            value += f" at the motor would be {abs(torque[row, motor]):.3g} N m"
+        doubt, place = (
+            ("At the gear's output, in percent", "at the motor")
+            if at_motors
+            else ("In percent", "behind the gear")
+        )
         raise LogError(
-            f"{table.location(row)}: column {columns[motor]}: {motor_torque[row, motor]:.5g} N m "
-            f"at the motor would be {abs(torque[row, motor]):.3g} N m at the gear's output of axis "
+            f"{table.location(row)}: column {columns[motor]}: {value} at the gear's output of axis "
             f"{motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
-            f"{int(heavy.any(axis=1).sum())} such rows. At the gear's output, in percent, in N mm? "
-            "Here are N m at the motor. Convert the log, or name its dialect in recording.yaml."
+            f"{int(heavy.any(axis=1).sum())} such rows. {doubt}, in N mm? Here are N m {place}. "
+            "Convert the log, or name its dialect in recording.yaml."
         )
     return torque
 

@@ -3,11 +3,12 @@
 EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4.032 ms or a
 multiple. Read are, by field number:
 
-    EgmRobot     1 header, 2 feedBack
+    EgmRobot     1 header, 2 feedBack, 7 testSignals
     EgmHeader    1 seqno, 2 tm [ms]
     EgmFeedBack  1 joints, 4 time, 5 timeStamp (RobotWare 7)
     EgmJoints    1 joints [deg], axis angles of the controller
     EgmClock     1 sec, 2 usec;  EgmTimestamp  1 sec, 2 nsec
+    EgmTestSignals  1 signals, whatever the controller's user has defined them to be
 
 Everything else is skipped, known or not. The clock starts where the controller likes: it is not
 always Unix time.
@@ -46,6 +47,7 @@ class EgmFeedback:
     tm_ms: int | None  # controller's time of sending, whole ms
     time_ns: int | None  # controller's clock at the feedback; from RobotWare 6.07
     joints_deg: tuple[float, ...]  # axis angles; empty before the first feedback
+    test_signals: tuple[float, ...] = ()  # in the order of their channels
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,8 @@ class Frames:
 def decode(message: bytes) -> EgmFeedback:
     """The feedback in one EgmRobot message; absent fields are None, or empty.
 
-    Raises LogError if the bytes are no such message, or hold a joint angle or a time that cannot
-    be.
+    Raises LogError if the bytes are no such message, or hold a joint angle, a test signal or a time
+    that cannot be.
     """
     if len(message) > LONGEST_MESSAGE:
         raise LogError(
@@ -79,10 +81,10 @@ def _decoded(message: bytes) -> EgmFeedback:
     header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
     parts = _submessages(feedback)
     numbers = {number: value for number, wire, value in header if wire == _VARINT}
-    joints = _doubles(parts.get(1, b""))
-    if not all(math.isfinite(angle) for angle in joints):
-        raise LogError(f"EGM message: joint angles {joints} are not finite. {_REMEDY}")
-    return EgmFeedback(_uint32(numbers.get(1)), _uint32(numbers.get(2)), _time_ns(parts), joints)
+    joints = _doubles(parts.get(1, b""), "joint angles")
+    signals = _doubles(robot.get(7, b""), "test signals")
+    seqno, tm_ms = _uint32(numbers.get(1)), _uint32(numbers.get(2))
+    return EgmFeedback(seqno, tm_ms, _time_ns(parts), joints, signals)
 
 
 _remembered = lru_cache(maxsize=REMEMBERED)(_decoded)
@@ -157,16 +159,18 @@ def _uint32(value: int | bytes | None) -> int | None:
     return value & 0xFFFFFFFF if isinstance(value, int) else None
 
 
-def _doubles(message: bytes) -> tuple[float, ...]:
-    """Repeated double field 1, one by one or packed."""
+def _doubles(message: bytes, what: str) -> tuple[float, ...]:
+    """Repeated double field 1, one by one or packed; all of them finite."""
     values: list[float] = []
     for number, wire, value in _fields(message):
         if number == 1 and wire in (_FIXED64, _BYTES) and isinstance(value, bytes):
             if len(value) % 8:
                 raise LogError(
-                    f"EGM message: joint angles of {len(value)} bytes; a double has 8. {_REMEDY}"
+                    f"EGM message: {what} of {len(value)} bytes; a double has 8. {_REMEDY}"
                 )
             values += struct.unpack(f"<{len(value) // 8}d", value)
+    if not all(math.isfinite(number) for number in values):
+        raise LogError(f"EGM message: {what} {tuple(values)} are not finite. {_REMEDY}")
     return tuple(values)
 
 

@@ -1,4 +1,4 @@
-"""Files of raw EGM messages as a table: controller time and axis angles of each message."""
+"""Files of raw EGM messages as a table: controller time, axis angles and test signals of each."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from cell.errors import LogError
 _AXES = tuple(f"J{axis}" for axis in range(1, 7))
 # Messages that a network may hold back; a sequence number further back is a restart.
 _REORDERED = 100
+_SIGNALS = 12  # channels of test signals that an ABB controller has
 _FEEDBACK = "feedback"  # column of indices into the decoded messages
 
 
 def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
-    """Time [ns] and axis angles J1 to J6 [deg] of every message with feedback.
+    """Time [ns], axis angles J1 to J6 [deg] and test signals S1, S2, .. of messages with feedback.
 
     They are in order of their sequence numbers; the lines are message numbers, counted from 1.
     Repeated messages, leading zeros and a torn end are left out and reported.
@@ -37,7 +38,6 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     except LogError as error:
         raise LogError(f"{file}: {error}") from None
     findings = (*content.findings, *_frame_findings(frames, content.raw, file))
-    wanted = wanted_columns(layout, time, _AXES, file)
     feedback = _feedback(frames, file)
     rows = {_FEEDBACK: np.arange(len(feedback))}
     table = one_file(rows, file, np.array(frames.numbers, dtype=np.int64), findings)
@@ -51,9 +51,13 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
             f"{table.location(row)}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis that is "
             "not there, or damage. Record a robot of six axes, or copy the file again."
         )
+    measured = dict(zip(_AXES, angles.T, strict=True))
+    table, signals = _test_signals(table, feedback, layout)
+    measured |= signals
     table, times = _times(table, feedback)
+    wanted = wanted_columns(layout, time, measured, file)
     columns: dict[str, NDArray[Any]] = {time: times}
-    columns |= {name: angles[:, _AXES.index(name)].copy() for name in wanted}
+    columns |= {name: measured[name].copy() for name in wanted}
     form = Form("protobuf", "none", "none", len(frames.numbers) + len(frames.damaged))
     return replace(table, columns=columns), form
 
@@ -164,6 +168,26 @@ def _from_first_angles(table: Table, feedback: list[EgmFeedback]) -> Table:
         sentence = "no joint angles, or zeros for all, before the first feedback; left out."
         table = table.remarked("leading zeros", "repaired", sentence, rows=np.arange(start))
     return table.take(np.arange(start, len(table)))
+
+
+def _test_signals(
+    table: Table, feedback: list[EgmFeedback], layout: Layout
+) -> tuple[Table, dict[str, NDArray[Any]]]:
+    """The test signals that all messages have, by name; none, and reported, if they are empty.
+
+    Controllers are known that send zeros whatever was defined (ros-industrial/abb_libegm, issue
+    86); a torque of zero would be believed.
+    """
+    names = [f"S{channel}" for channel in range(1, _SIGNALS + 1)]
+    if not any(name in layout.optional or name in layout.required for name in names):
+        return table, {}
+    fewest = min((len(entry.test_signals) for entry in feedback), default=0)
+    values = np.array([entry.test_signals[:fewest] for entry in feedback])
+    if fewest and values.any():
+        return table, dict(zip(names, values.T, strict=False))
+    what = "holds zeros only" if fewest else "is not in every message"
+    sentence = f"the field of test signals {what}; they are left out."
+    return table.remarked("no test signals", "warning", sentence, count=len(feedback)), {}
 
 
 def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np.int64]]:

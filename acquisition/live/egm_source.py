@@ -37,18 +37,22 @@ _AXES = 6
 class EgmSource:
     """A UDP socket that takes EGM feedback.
 
+    torque : whether test signals 1 to 6 are the axes' torques, which the messages do not say.
+
     It is bound at once, so that a port in use is known before the recording begins.
 
     Raises InputError if the address cannot be bound.
     """
 
     name: SourceName = "robot"
-    dialect = "abb-egm"
     file_suffix = ".egm"
     encoders = Encoders()
     channels = tuple(f"q{j}" for j in range(1, _AXES + 1))
 
-    def __init__(self, port: int = DEFAULT_PORT, *, address: str = LOOPBACK) -> None:
+    def __init__(
+        self, port: int = DEFAULT_PORT, *, address: str = LOOPBACK, torque: bool = False
+    ) -> None:
+        self.dialect = "abb-egm-torque" if torque else "abb-egm"
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)

@@ -19,7 +19,10 @@ commands = typer.Typer()
 Accuracy = Annotated[
     float | None,
     typer.Option(
-        help="Stated TCP uncertainty [mm] (1 sigma, rms) that is enough.", metavar="MM", min=1e-6
+        help="TCP error [mm] (rms over the workspace) that is asked for. Enough is said when the "
+        "true one is within it in 95 % of cases: at half of it as stated uncertainty (1 sigma).",
+        metavar="MM",
+        min=1e-6,
     ),
 ]
 
@@ -53,6 +56,14 @@ def record(
             metavar="[ADDRESS:]PORT",
         ),
     ] = None,
+    egm_torque: Annotated[
+        bool,
+        typer.Option(
+            "--egm-torque",
+            help="The first six EGM test signals are the axes' torques (TestSignDefine, signal "
+            "4002).",
+        ),
+    ] = False,
     duration: Annotated[
         float | None,
         typer.Option(
@@ -84,6 +95,7 @@ def record(
     options = RecordOptions(
         plc=plc,
         egm=egm,
+        egm_torque=egm_torque,
         robot=robot,
         ballbar=ballbar,
         plate=plate,

@@ -50,8 +50,9 @@ def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
     if not target.configuration:
         raise ProgramError(
             target.line,
-            f"{target.name}: states no configuration, so the joints it stands for are not known; "
-            "add S and T",
+            f"{target.name}: states no configuration (S and T), and the arm reaches a pose in "
+            "several, each with errors of its own; touch it up on the controller, which stores S "
+            "and T, or state axis angles",
         )
     chain = nominal_chain(robot)
     solutions = _solutions(robot, chain, pose)

@@ -146,8 +146,9 @@ class _Pdl2:
 
 
 _CARTESIAN = (
-    "cartesian positions of PDL2 are not corrected, for their configuration string is not "
-    "understood; state the target as joint positions"
+    "cartesian positions of PDL2 are not corrected: the arm reaches them in several "
+    "configurations, each with errors of its own, and their configuration string is not "
+    "understood; state the target as a joint position, {...} or JNTP(...)"
 )
 
 

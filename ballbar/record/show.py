@@ -41,6 +41,7 @@ class RecordOptions:
 
     plc: str | None
     egm: str | None
+    egm_torque: bool  # whether the test signals of EGM are declared to be the axes' torques
     robot: str
     ballbar: str
     plate: str
@@ -85,6 +86,8 @@ def record(
             "nothing to record: name a PLC with --plc, a port for the robot's EGM messages with "
             "--egm, or both."
         )
+    if options.egm_torque and options.egm is None:
+        raise InputError("--egm-torque: belongs to --egm, which is not named. Name its port.")
     names = _cell_names(options)
     with ExitStack() as stack:
         sources: list[Source] = []
@@ -92,7 +95,7 @@ def record(
             sources.append(PlcSource(_ads_memory(options.plc), lines=names.lines))
         if options.egm is not None:
             address, port = _listen(options.egm)
-            egm = EgmSource(port, address=address)
+            egm = EgmSource(port, address=address, torque=options.egm_torque)
             stack.callback(egm.close)
             sources.append(egm)
         on_batch = stack.enter_context(_live_view()) if options.live else None
@@ -103,7 +106,7 @@ def record(
             duration, accuracy = options.duration, options.accuracy
             beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
         shown = meanwhile or partial(show_until_stopped, out, duration=options.duration)
-        with _ended_by_signals(recording), quiet_libraries(out):
+        with _ended_by_signals(recording), quiet_libraries():
             recording.start()
             try:
                 shown(recording, beside)

@@ -32,23 +32,26 @@ def status_words(word: int) -> str:
 
 
 @contextmanager
-def quiet_libraries(console: Console) -> Iterator[None]:
-    """Discards what native libraries write to standard error, which would break a table.
+def quiet_libraries() -> Iterator[None]:
+    """Discards what native libraries write to standard error; what Python writes still goes there.
 
-    The ADS library reports each failed attempt to connect there.
+    The ADS library reports there each failed attempt to connect and each end of a connection, which
+    would break a table, and be no word of the command's in a pipe.
     """
-    if not console.is_terminal:
-        yield
-        return
-    sys.stderr.flush()
-    stderr = os.dup(2)
-    try:
-        with Path(os.devnull).open("wb") as null:
-            os.dup2(null.fileno(), 2)
-        yield
-    finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
+    ours = sys.stderr
+    ours.flush()
+    original = os.dup(2)
+    with os.fdopen(original, "w", 1, ours.encoding, ours.errors) as stderr:
+        try:
+            with Path(os.devnull).open("wb") as null:
+                os.dup2(null.fileno(), 2)
+            if ours is sys.__stderr__:
+                sys.stderr = stderr
+            yield
+        finally:
+            sys.stderr = ours
+            stderr.flush()
+            os.dup2(original, 2)
 
 
 def show_until_stopped(

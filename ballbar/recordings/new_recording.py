@@ -188,7 +188,7 @@ def _chosen_dialect(source: SourceName, given: str | None, log: _Preview, ask: A
     """The dialect of a log; proposed if it is the only one that fits, a new one if none does."""
     dialects = {name: load_dialect(name) for name in dialect_names()}
     known = [name for name, dialect in dialects.items() if dialect.source == source]
-    fitting = [name for name in known if _fits(dialects[name], log)]
+    fitting = [name for name in known if _fits(dialects[name], log) and not _untold(dialects[name])]
     table = log.container == "text" and source != "force"
     own = f", or {OWN} to write one from what the file shows" if table else ""
     choices = f"({', '.join(known)}, or a .yaml file{own})"
@@ -220,6 +220,11 @@ def _fits(dialect: Dialect, log: _Preview) -> bool:
     except InputError:
         return False
     return True
+
+
+def _untold(dialect: Dialect) -> bool:
+    """Whether a dialect takes numbers for torques that no name in the file calls so."""
+    return dialect.container == "egm" and bool(dialect.torques)
 
 
 def _refuse_unfit(dialect: Dialect, log: _Preview) -> None:

@@ -143,7 +143,7 @@ class _Follower:
 
 
 def as_recorded(scenario: Scenario) -> Scenario:
-    """The scenario as its devices deliver it: by EGM and PLC neither torque nor force.
+    """The scenario as its devices deliver it: motor torques by EGM, but no force.
 
     Raises InputError for what no device here delivers row by row.
     """
@@ -157,6 +157,7 @@ def as_recorded(scenario: Scenario) -> Scenario:
     logs = DeviceLogs(
         robot=RobotLog(dialect="abb-motor", rate_hz=own.robot.rate_hz),
         ballbar=BallbarLog(task_s=own.ballbar.task_s),
+        torque=own.torque,
     )
     encoders = scenario.encoders.model_copy(update={"directions": "unknown"})
     return scenario.model_copy(update={"logs": logs, "encoders": encoders})
@@ -248,6 +249,7 @@ def _recorded(
         options = RecordOptions(
             plc=plc.net_id,
             egm=str(port),
+            egm_torque=scenario.logs.torque is not None,
             robot=scenario.cell.robot,
             ballbar=scenario.cell.measured_by,
             plate=scenario.cell.plate,

@@ -32,7 +32,7 @@ def watch(
 ) -> State:
     """Watches a recording until `stop` is set, or its duration [s] is over; gives the last state.
 
-    accuracy : [m] requested TCP uncertainty.
+    accuracy : [m] TCP error (rms) that is asked for.
     """
     with _complete_fits() as pool:
         watched = Watch(folder, accuracy=accuracy, duration=duration, pool=pool)

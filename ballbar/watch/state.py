@@ -44,7 +44,7 @@ class State:
     estimate: Estimate | None = None
     predicted: float | None = None  # residual of the latest rows by the earlier ones' fit
     tcp_sigma_end: float | None = None  # [m] where the uncertainty will be at the end, estimated
-    enough: bool = False  # the requested accuracy is reached, and later rows agree
+    enough: bool = False  # the requested accuracy is reached in 95 %, and later rows agree
 
     def to_dict(self) -> dict[str, Any]:
         """The state as plain data for JSON, in SI units."""

@@ -14,7 +14,6 @@ Nothing here waits or looks at a clock: `update` is given the time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.pool import AsyncResult, Pool
@@ -27,6 +26,7 @@ from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
 from ballbar.sphere_coverage import coverage
 from ballbar.watch.alarms import Findings, Silence, Steps, since_first, standing
+from ballbar.watch.forecast import foretold
 from ballbar.watch.state import Alarm, Estimate, State
 from cell.clock import Clock
 from cell.descriptions import Cell
@@ -41,6 +41,7 @@ from ident.options import FitOptions
 from ident.prediction import Prediction, part_of, predict
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification
+from ident.robot.tcp_uncertainty import scale_error
 from ident.start.automatic import StartError
 
 HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
@@ -48,9 +49,11 @@ REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from wh
 SHORTEST = 10.0  # [s] of a recording that is fitted; the columns of less cannot be compared
 YOUNG = 30.0  # [s] of a recording that may have been started wrongly (ident.causes says as much)
 FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
-COMPLETE_FIRST, COMPLETE_GROWTH = 60.0, 1.5  # [s] of the first complete fit; times, of the next
+COMPLETE_FIRST, COMPLETE_GROWTH = 45.0, 1.25  # [s] of the first complete fit; times, of the next
 CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates
-WHITE, RECENT = 0.5, 0.6  # exponent of white noise; share of the recording before the latest fits
+# Stated standard deviations within which the true TCP error lies in 95 %, also where the scale, one
+# number, is most of it.
+CERTAIN_SIGMAS = 1.96
 AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
 SAME_MODEL = 3.0  # times chi-square: a fit of all rows that leaves no more has only more to tell
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
@@ -67,8 +70,8 @@ class _Complete:
 class Watch:
     """A recording folder, identified as it grows.
 
-    accuracy : [m] requested TCP uncertainty. duration : [s] of the whole recording, if it is known.
-    pool : takes the complete fits; without one there are none.
+    accuracy : [m] TCP error (rms) that is asked for. duration : [s] of the whole recording, if it
+    is known. pool : takes the complete fits; without one there are none.
     """
 
     def __init__(
@@ -132,9 +135,13 @@ class Watch:
             logs = logs_of(self._folder.name, read_with_causes(self._folder))
             self._estimate = complete_estimate(self._cell, logs, self._accuracy)
         estimate = self._estimate
-        reached = self._accuracy is not None and estimate.tcp_sigma <= self._accuracy
-        enough = reached and estimate.acceptable and not state.alarms
+        enough = self._reached(estimate) and not state.alarms
         return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma, enough=enough)
+
+    def _reached(self, estimate: Estimate) -> bool:
+        """Whether the true TCP error is within the accuracy in 95 % of such estimates."""
+        certain = CERTAIN_SIGMAS * estimate.tcp_sigma
+        return self._accuracy is not None and estimate.acceptable and certain <= self._accuracy
 
     def _refused(self, sentence: str) -> State:
         """The last state with an alarm for files that cannot be trusted, if they stay so."""
@@ -265,12 +272,12 @@ class Watch:
         assert cell is not None  # once a recording was read
         axes = joints_to_axes(cell.robot, logs.robot.q[:: 1 + logs.robot.q.shape[0] // 5000])
         span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
-        end = None if self._duration is None else foretold(self._history, self._duration)
+        end = None
+        if self._duration is not None:
+            end = foretold(self._history, self._duration, scale=scale_error(cell))
         enough = (
-            self._accuracy is not None
-            and estimate is not None
-            and estimate.acceptable
-            and estimate.tcp_sigma <= self._accuracy
+            estimate is not None
+            and self._reached(estimate)
             and prediction is not None
             and prediction.ratio <= AGREES
             and not alarms
@@ -293,28 +300,6 @@ def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimat
     """The estimate of the model that the data ask for. Raises StartError as an identification."""
     result = identify_together(cell, [logs], options=FitOptions(accuracy=accuracy))
     return _estimate(result, logs, _seconds(logs))
-
-
-def foretold(history: Sequence[Estimate], duration: float) -> float | None:
-    """[m] TCP uncertainty once a recording has its duration [s]; None before there is any.
-
-    The scale's part stays: no recording shows it. The rest falls as a power of time: 1/2 where the
-    path repeats itself, the slope of the latest estimates where it leads to poses that tell more.
-    The geometric mean of both exponents: the slope alone foretold half of what came, 1/2 alone 1.5
-    times (benchmarks.live_identification, four paths of two minutes).
-    """
-    if not history:
-        return None
-    last = history[-1]
-    recent = [e for e in history if e.until >= RECENT * last.until]
-    slope = WHITE
-    if len(recent) > 1:
-        t, rest = (np.log([getattr(e, k) for e in recent]) for k in ("until", "without_scale"))
-        t, rest = t - t.mean(), rest - rest.mean()
-        slope = max(0.0, -float((t * rest).sum() / (t * t).sum()))
-    scale = last.tcp_sigma**2 - last.without_scale**2
-    power = 2.0 * np.sqrt(WHITE * slope)
-    return float(np.sqrt(scale + last.without_scale**2 * (last.until / duration) ** power))
 
 
 def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:

@@ -21,8 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.geometry import nominal_geometry, robot_frames
 from cell.statistics import rms
-from ident.robot.accuracy import TcpError, aligned_columns
+from ident.estimator.unknowns import scale_sigma
+from ident.robot.accuracy import TcpError, accuracy_grid, aligned_columns
 
 SCALE = "scale"  # name of the direction
 MASSES = "masses"  # name of directions of masses that a fit took as given
@@ -132,3 +135,14 @@ def _direction(
     members = tuple((names[i], float(correlation[i])) for i in order)
     masses = not name and bool(members) and members[0][0].startswith(MASSES)
     return TcpDirection(MASSES if masses else name, float(size), members)
+
+
+def scale_error(cell: Cell, grid: Array | None = None) -> float:
+    """[m] root mean square TCP error of one standard deviation of the scale, which no data show.
+
+    grid : (G, J) [rad] joint angles of the poses; default the accuracy grid.
+    """
+    q = accuracy_grid(cell.robot) if grid is None else grid
+    positions = robot_frames(nominal_geometry(cell, np.zeros(3)), q).tip
+    centred = positions - positions.mean(axis=1, keepdims=True)
+    return float(np.sqrt((centred**2).sum(axis=0).mean())) * scale_sigma(cell)

@@ -46,6 +46,9 @@ class TextLog:
         measured = dict(zip(lines[0].split(separator)[1:], scales, strict=False))
         return cls(lines[0], separator, cells, t, measured, path.stem == "ballbar")
 
+    def has(self, name: str) -> bool:
+        return name in self.head.split(self.separator)
+
     def column(self, name: str) -> int:
         return self.head.split(self.separator).index(name)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 import time
 from dataclasses import dataclass
 from types import TracebackType
@@ -22,6 +21,7 @@ from pyads.testserver import AdsTestServer, AdvancedHandler, PLCVariable
 from cell.arrays import Array
 from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
 from sim.live.device_logs import WORD, TextLog
+from sim.live.device_thread import DeviceThread
 from sim.live.pace import Pace
 
 GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
@@ -90,8 +90,8 @@ class Plc:
         self._slots = np.frombuffer(self._ring, dtype=SAMPLE, offset=HEADER.itemsize)
         fitted = sum(1 << (j - 1) for j in joints)
         self._header[0] = (LAYOUT, capacity, fitted, BITS, STARTED, 0)
-        self._stop = threading.Event()
-        self._task = threading.Thread(target=self._cycle, daemon=True)
+        self._began = 0  # [ns] when the program was started
+        self._thread = DeviceThread(self._write_due, period=CYCLE)
         self._server: AdsTestServer | None = None
 
     @property
@@ -108,14 +108,13 @@ class Plc:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._stop.set()
-        if self._task.is_alive():
-            self._task.join()
+        self._thread.end()
         self.disconnect()
 
     def start(self) -> None:
         """Starts the program."""
-        self._task.start()
+        self._began = time.monotonic_ns()
+        self._thread.start()
 
     def connect(self) -> None:
         """Starts the server."""
@@ -136,11 +135,10 @@ class Plc:
             self._slots[self.written % self.capacity] = sample
             self._header["written"] += 1
 
-    def _cycle(self) -> None:
-        """Writes all samples that are due; a late cycle writes several."""
-        begin = time.monotonic_ns()
-        while not self._stop.wait(CYCLE):
-            self.write(self.program.due(time.monotonic_ns() - begin) - self.written)
+    def _write_due(self) -> bool:
+        """Writes all samples that are due, a late cycle several; a PLC is never done."""
+        self.write(self.program.due(time.monotonic_ns() - self._began) - self.written)
+        return False
 
 
 class _Memory(AdvancedHandler):  # type: ignore[misc]  # pyads has no types

@@ -1,8 +1,8 @@
 """Encoders of robot logs that are no tables of text: one function for each container.
 
 Each takes the names of the columns, time first, the times (N,) in the unit of the dialect and the
-angles (N, J) likewise, and gives the content of a file. Formats: the readers of the same name in
-acquisition.formats.
+angles (N, J) likewise, behind them test signals where the container has them, and gives the content
+of a file. Formats: the readers of the same name in acquisition.formats.
 """
 
 from __future__ import annotations
@@ -62,19 +62,22 @@ def abb_mpe(names: Sequence[str], times: Array, angles: Array) -> bytes:
     return head + rows.astype("<f4").tobytes()
 
 
-def egm(_names: Sequence[str], times: Array, angles: Array) -> bytes:
-    """Framed EgmRobot messages with header, angles and clock; nanoseconds."""
-    rows = zip(times.tolist(), angles.tolist(), strict=True)
-    messages = (egm_message(k, time, row) for k, (time, row) in enumerate(rows))
+def egm(_names: Sequence[str], times: Array, values: Array) -> bytes:
+    """Framed EgmRobot messages with header, angles, clock and test signals; nanoseconds."""
+    rows = zip(times.tolist(), values.tolist(), strict=True)
+    messages = (egm_message(k, time, row[:6], row[6:]) for k, (time, row) in enumerate(rows))
     return FILE_START + b"".join(map(frame, messages))
 
 
-def egm_message(seqno: int, time_ns: int, joints: Sequence[float]) -> bytes:
-    """One EgmRobot message (acquisition.formats.egm); joints [deg]."""
+def egm_message(
+    seqno: int, time_ns: int, joints: Sequence[float], signals: Sequence[float] = ()
+) -> bytes:
+    """One EgmRobot message (acquisition.formats.egm); joints [deg], test signals."""
     positions = b"".join(double(1, angle) for angle in joints)
     clock = number(1, time_ns // 10**9) + number(2, time_ns % 10**9 // 1000)
     header = number(1, seqno) + number(2, time_ns // 10**6 % 2**32)
-    return part(1, header) + part(2, part(1, positions) + part(4, clock))
+    message = part(1, header) + part(2, part(1, positions) + part(4, clock))
+    return message + (part(7, b"".join(double(1, s) for s in signals)) if len(signals) else b"")
 
 
 def rosbag(names: Sequence[str], times: Array, angles: Array) -> bytes:

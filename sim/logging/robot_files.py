@@ -15,7 +15,7 @@ from cell.descriptions import Robot
 from cell.dialect import Dialect, load_dialect
 from cell.errors import InputError
 from cell.files import write_whole
-from cell.robot_angles import joints_to_axes, motors_to_joints
+from cell.robot_angles import gear_to_axis_torques, joints_to_axes, motors_to_joints
 from sim.logging.containers import ENCODERS, SUFFIXES
 from sim.logging.load_logs import DeviceLogs
 
@@ -65,16 +65,27 @@ def write_robot_log(
     """
     _, dialect = robot_dialect(logs, robot)
     path = folder / "raw" / f"robot{SUFFIXES[dialect.container]}"
-    angles = _logged_angles(dialect, robot, motors)
+    angles = logged_angles(dialect, robot, motors)
+    if torques is not None:
+        torques = logged_torques(dialect, robot, torques)
     if dialect.container == "text":
         write_whole(path, _table(dialect, stamps, angles, torques))
         return
-    names = (dialect.time.column, *dialect.angles)
+    names, values = (dialect.time.column, *dialect.angles), angles
+    if torques is not None:
+        names, values = (*names, *dialect.torque_columns), np.hstack((angles, torques))
     times = stamps if dialect.time.type == "float" else _ticks(dialect, stamps)
-    write_whole(path, ENCODERS[dialect.container](names, times, angles))
+    write_whole(path, ENCODERS[dialect.container](names, times, values))
 
 
-def _logged_angles(dialect: Dialect, robot: Robot, motors: Array) -> Array:
+def logged_torques(dialect: Dialect, robot: Robot, torques: Array) -> Array:
+    """(N, J) [N m] torques where the dialect has them; torques : (N, J) at the motors."""
+    if dialect.torques_at == "motors":
+        return torques
+    return gear_to_axis_torques(robot, torques / np.diag(robot.transmission))
+
+
+def logged_angles(dialect: Dialect, robot: Robot, motors: Array) -> Array:
     """(N, J) motor, axis or joint angles of the dialect, in its unit."""
     angles = motors
     if dialect.angle_kind != "motors":

@@ -39,6 +39,7 @@ from tests.helpers.container_files import (
     db3,
     egm,
     egm_message,
+    egm_torque,
     joint_state,
     json_lines,
     mcap,
@@ -65,7 +66,9 @@ def read(
         **dict.fromkeys(dialect.axes, "float"),
         **dict.fromkeys(written.integers, "integer"),
     }
-    table, _ = read_file(path, path.name, dialect, Layout((), columns))
+    torques = dialect.torque_columns
+    layout = Layout((), columns, dict.fromkeys(torques, "float"), together=torques)
+    table, _ = read_file(path, path.name, dialect, layout)
     return table, [(entry.kind, entry.severity) for entry in table.findings]
 
 
@@ -541,6 +544,31 @@ def test_lost_egm_messages_and_zeros_before_the_first_feedback_are_reported(tmp_
     table, findings = read(tmp_path, egm(), file_of([*zeros, *parts[:30], *parts[33:]]))
     assert findings == [("lost messages", "warning"), ("leading zeros", "repaired")]
     assert np.array_equal(table.columns["J6"], np.delete(egm().columns["J6"], [30, 31, 32]))
+
+
+def test_test_signals_are_read_where_the_dialect_calls_them_torques(tmp_path: Path) -> None:
+    for signals in (6, 12):
+        written = egm_torque(signals=signals)
+        table, findings = read(tmp_path, written)
+        assert equal(table, written)
+        assert findings == []
+    table, findings = read(tmp_path, egm(), egm_torque().content)
+    assert set(table.columns) == {"time", *AXES}
+    assert findings == []
+
+
+def test_test_signals_of_zeros_or_of_some_messages_only_are_left_out_and_reported(
+    tmp_path: Path,
+) -> None:
+    rows = angles_deg().tolist()
+    zeros = [egm_message(7 + i, EPOCH_NS + 4_032_000 * i, r, [0.0] * 6) for i, r in enumerate(rows)]
+    some = [egm_message(7, EPOCH_NS, rows[0], [5.0] * 6), *messages()[1:]]
+    for parts in (zeros, some, messages()):
+        table, findings = read(tmp_path, egm_torque(), file_of(parts))
+        assert findings == [("no test signals", "warning")]
+        assert set(table.columns) == {"time", *AXES}
+    with pytest.raises(LogError, match="S5, S6 missing; the file has 'J1'"):
+        read(tmp_path, egm_torque(), egm_torque(signals=4).content)
 
 
 def test_a_damaged_egm_message_is_dropped_and_a_second_one_refused(tmp_path: Path) -> None:

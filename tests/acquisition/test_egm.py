@@ -87,7 +87,7 @@ def random_message(rng: np.random.Generator) -> bytes:
         )
     if rng.random() < 0.5:
         robot.planned.joints.joints.extend([9.0] * 6)
-        robot.testSignals.joints.extend([1.5])
+        robot.testSignals.joints.extend(rng.normal(0.0, 500.0, int(rng.integers(13))).tolist())
         robot.mciConvergenceMet, robot.moveIndex = True, 3
     return robot.SerializeToString()
 
@@ -98,6 +98,7 @@ def assert_as_protobuf(message: bytes) -> None:
     assert feedback_read.seqno == (header.seqno if header.HasField("seqno") else None)
     assert feedback_read.tm_ms == (header.tm if header.HasField("tm") else None)
     assert feedback_read.joints_deg == tuple(feedback.joints.joints)
+    assert feedback_read.test_signals == tuple(robot.testSignals.joints)
     if feedback.HasField("timeStamp"):
         assert feedback_read.time_ns == feedback.timeStamp.sec * 10**9 + feedback.timeStamp.nsec
     elif feedback.HasField("time"):
@@ -167,6 +168,7 @@ def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
         except DecodeError:
             continue  # damage in what we skip: poses, planned positions
         assert feedback_read.joints_deg == tuple(robot.feedBack.joints.joints)
+        assert feedback_read.test_signals == tuple(robot.testSignals.joints)
         equal += 1
     assert equal > 300
     assert refused > 300

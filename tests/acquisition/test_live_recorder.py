@@ -648,3 +648,33 @@ def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> Non
     assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in DOCUMENT.read_text()
     assert "stRing : ST_BallBarRing;" in DOCUMENT.read_text()
     assert RING == "GVL_BallBar.stRing"
+
+
+def test_what_native_libraries_report_does_not_reach_standard_error(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, sys\n"
+        "from ballbar.record.terminal import quiet_libraries\n"
+        "from ballbar.terminal import err\n"
+        "with quiet_libraries():\n"
+        "    os.write(2, b'connection closed by remote\\n')\n"
+        "    print('a warning', file=sys.stderr)\n"
+        "    err.print('a line of the command')\n"
+        "os.write(2, b'afterwards\\n')\n"
+    )
+    run = [sys.executable, str(script)]
+    done = subprocess.run(run, capture_output=True, text=True, check=True)
+    assert done.stderr.split("\n") == ["a warning", "a line of the command", "afterwards", ""]
+
+
+def test_torques_come_by_egm_only_where_that_is_declared(tmp_path: Path) -> None:
+    for torque, dialect in ((False, "abb-egm"), (True, "abb-egm-torque")):
+        source = EgmSource(0, torque=torque)
+        assert source.dialect == dialect
+        source.close()
+    code, _, error = ballbar(
+        "record", tmp_path / "made", "--robot", "irb2400", "--ballbar", "lund_600",
+        "--plc", "5.12.82.20.1.1", "--egm-torque",
+    )  # fmt: skip
+    assert code == 2
+    assert "--egm-torque: belongs to --egm, which is not named" in error

@@ -152,6 +152,21 @@ def test_simulated_torques_and_forces_are_those_of_the_plant(
 
 
 @pytest.mark.slow
+def test_torques_behind_the_gears_are_the_same_ones(tmp_path: Path) -> None:
+    """Logged at the motors and, by EGM, on the arm side along the controller's axis angles."""
+    logs = [{"torque": {}, "robot": {"dialect": d}} for d in ("abb-motor", "abb-egm-torque")]
+    motor, axis = (
+        read_recording(record(tmp_path / str(k), logs=log).folder).robot_log.torque
+        for k, log in enumerate(logs)
+    )
+    assert motor is not None
+    assert axis is not None
+    assert np.abs(motor).max() > 100.0  # [N m] the weight of the arm
+    rounding = 0.51e-6 / np.abs(np.diag(ROBOT.transmission))
+    assert (np.abs(axis - motor) < rounding).all()
+
+
+@pytest.mark.slow
 def test_logs_without_loads_have_none(recorded: Recorded) -> None:
     recording = read_recording(recorded.folder)
     assert recording.robot_log.torque is None

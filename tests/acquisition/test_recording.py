@@ -349,7 +349,7 @@ def test_a_device_file_that_cannot_be_trusted_is_refused(
         (
             put("sources", "robot", "dialect", value="abb-moto"),
             "sources.robot.dialect: unknown dialect 'abb-moto'. Did you mean abb-motor? "
-            "Valid dialects: abb-egm, abb-labcomm, abb-libegm, abb-motor, ",
+            "Valid dialects: abb-egm, abb-egm-torque, abb-labcomm, abb-libegm, ",
         ),
         (
             put("sources", "robot", "dialect", value="../twincat-plc"),

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import socket
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from acquisition.recording import read_recording
 from ballbar.rehearsal import files
 from ballbar.rehearsal.day import HeldTargets, Rehearsal, Stage, request_data
 from ballbar.rehearsal.files import OUTPUTS, chain, rehearse_into
@@ -18,10 +22,16 @@ from ballbar.result.limits import corrected_limits
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario, load_scenario, scenario_file
 from ballbar.watch.state import Alarm
+from cell.egm_file import FILE_START, frame
 from cell.errors import FailureError, InputError
+from cell.load import load_robot
 from planning.request import PlanRequest
+from sim.live.device_logs import device_logs
+from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS
+from sim.live.pace import Pace
 from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import CLOCK, record
 
 IRB, UR = "irb2400", "ur10e_telescoping"
 
@@ -109,10 +119,12 @@ def test_the_second_path_is_planned_for_the_cell_and_times_of_the_first(name: st
     assert (upper > scenario.cell.ballbar_position_m).all()
 
 
-def test_the_devices_of_a_ballbar_deliver_neither_torque_nor_force() -> None:
-    scenario = as_recorded(load_scenario("irb2400_full"))
-    assert scenario.logs.torque is None
+def test_the_devices_of_a_ballbar_deliver_torque_but_no_force() -> None:
+    given = load_scenario("irb2400_full")
+    scenario = as_recorded(given)
+    assert scenario.logs.torque == given.logs.torque is not None
     assert scenario.logs.force_sensor is None
+    assert as_recorded(load_scenario(IRB)).logs.torque is None
     assert scenario.encoders.directions == "unknown"
 
 
@@ -139,6 +151,34 @@ def test_a_rehearsal_that_breaks_off_leaves_what_was_there(
         )
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     assert (out / "rehearsal.json").read_text() == "{}"
+
+
+@pytest.mark.slow
+def test_a_simulated_controller_sends_what_the_robots_log_holds(tmp_path: Path) -> None:
+    """Angles and torques of its messages, read with their dialect, are those of the log in rad."""
+    made = record(tmp_path / "made", logs={"torque": {}})
+    given = read_recording(made.folder).robot_log
+    log = device_logs(made.folder, CLOCK)["robot"]
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(5.0)
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        pace = Pace(30.0)
+        with EgmRobot(receiver.getsockname()[1], log, load_robot("irb2400"), pace) as robot:
+            robot.start()
+            pace.start()
+            messages = [receiver.recv(65536) for _ in log.t]
+            assert robot.wait(5.0)
+    file = made.folder / "raw" / "robot.egm"
+    file.write_bytes(FILE_START + b"".join(map(frame, messages)))
+    description = yaml.safe_load((made.folder / "recording.yaml").read_text())
+    description["sources"]["robot"] = {"files": ["raw/robot.egm"], "dialect": "abb-egm-torque"}
+    (made.folder / "recording.yaml").write_text(yaml.safe_dump(description))
+    sent = read_recording(made.folder).robot_log
+    assert sent.torque is not None
+    np.testing.assert_allclose(sent.q, given.q, atol=1e-9)
+    np.testing.assert_allclose(sent.torque, given.torque, rtol=1e-9, atol=1e-9)
+    assert np.abs(sent.torque).max() > 100.0  # [N m] the weight of the arm
 
 
 @pytest.mark.slow

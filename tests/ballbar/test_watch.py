@@ -17,14 +17,29 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from ballbar.result.run_recordings import identify_recordings
+from ballbar.watch.forecast import USUAL, foretold
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, line
 from ballbar.watch.state import Estimate, State
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
-from ballbar.watch.watch import Watch, foretold
+from ballbar.watch.watch import Watch
 from cell.statistics import rms
 from sim.live.device_logs import GrowingRecording
 from tests.helpers.simulated_recordings import CLOCK, Recorded
+
+ESTIMATE = Estimate(
+    until=1.0,
+    model="dh",
+    status="good",
+    sentence="",
+    tcp_sigma=1.0,
+    without_scale=1.0,
+    acceptable=True,
+    clock=None,
+    clock_sigma=(0.0, 0.0),
+    noise={},
+    sphere=0.0,
+)
 
 
 @pytest.fixture
@@ -74,6 +89,19 @@ def test_enough_is_said_where_the_accuracy_is_reached_and_later_rows_agree(
     assert not before.enough
     watch = Watch(growing.folder, accuracy=1.0)
     assert [watch.update(50.0).enough, watch.update(51.0).enough] == [False, True]
+
+
+@pytest.mark.slow
+def test_enough_is_said_where_the_true_error_is_within_the_accuracy_in_95_percent(
+    growing: GrowingRecording,
+) -> None:
+    """Within 1.96 standard deviations, not within one."""
+    stated = watched(growing, 50.0, 51.0)[-1].estimate.tcp_sigma
+    growing.write_until(51.0)
+    for times, enough in ((1.2, False), (1.9, False), (2.02, True)):
+        watch = Watch(growing.folder, accuracy=times * stated)
+        watch.update(50.0)
+        assert watch.update(51.0).enough is enough
 
 
 def test_a_recording_that_has_hardly_begun_is_waited_for(
@@ -194,24 +222,25 @@ def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_t
 
 @pytest.mark.parametrize("exponent", [0.5, 2.0])
 def test_the_uncertainty_at_the_end_follows_the_latest_estimates(exponent: float) -> None:
-    template = Estimate(
-        until=1.0,
-        model="dh",
-        status="good",
-        sentence="",
-        tcp_sigma=1.0,
-        without_scale=1.0,
-        acceptable=True,
-        clock=None,
-        clock_sigma=(0.0, 0.0),
-        noise={},
-        sphere=0.0,
-    )
     rest = {t: 1e-3 * t**-exponent for t in (20.0, 40.0, 50.0, 60.0)}
     history = [
-        replace(template, until=t, without_scale=part, tcp_sigma=float(np.hypot(part, 2e-5)))
+        replace(ESTIMATE, until=t, without_scale=part, tcp_sigma=float(np.hypot(part, 2e-5)))
         for t, part in rest.items()
     ]
-    at_the_end = rest[60.0] * 2.0 ** -np.sqrt(0.5 * exponent)
-    assert foretold(history, 120.0) == pytest.approx(np.hypot(at_the_end, 2e-5))
-    assert foretold([], 120.0) is None
+    at_the_end = foretold(history, 120.0, scale=2e-5)
+    assert at_the_end is not None
+    fell = np.log(rest[60.0] / np.sqrt(at_the_end**2 - 2e-5**2)) / np.log(2.0)
+    assert min(USUAL, exponent) < fell < max(USUAL, exponent)
+    doubled = [replace(e, tcp_sigma=2.0 * e.tcp_sigma) for e in history]
+    assert foretold(doubled, 120.0, scale=2e-5) > at_the_end
+    assert foretold([], 120.0, scale=2e-5) is None
+
+
+def test_two_estimates_that_scatter_do_not_tell_that_nothing_will_come() -> None:
+    """Without the usual slope the second one, which is larger, foretold itself for the end."""
+    two = [
+        replace(ESTIMATE, until=60.0, tcp_sigma=7.3e-5, without_scale=5.0e-5),
+        replace(ESTIMATE, until=90.0, tcp_sigma=6.9e-5, without_scale=5.4e-5),
+    ]
+    at_the_end = foretold(two, 120.0, scale=2.4e-5)
+    assert 2.4e-5 < at_the_end < 0.9 * 6.9e-5

@@ -25,6 +25,7 @@ from cell.load import (
 )
 from cell.robot_angles import (
     controller_to_joints,
+    gear_to_axis_torques,
     joints_to_axes,
     joints_to_motors,
     motors_to_joints,
@@ -532,3 +533,14 @@ def test_a_file_of_another_kind_is_recognised_by_its_schema(tmp_path: Path) -> N
         DescriptionError, match=r"bar\.yaml:3: schema = 'ballbar-bar/1': expected 'ballbar-plate/1'"
     ):
         load_plate(str(path))
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_a_torque_on_the_arm_side_does_the_motors_work(name: str) -> None:
+    """Each motor turned alone: its axis passes on the power that it exerts."""
+    robot = load_robot(name)
+    motors = np.diag(np.random.default_rng(5).normal(0.0, 1.0, robot.joints))
+    at_motor = np.random.default_rng(6).normal(0.0, 3.0, robot.joints)
+    at_axis = gear_to_axis_torques(robot, at_motor / np.diag(robot.transmission))
+    axes = motors_to_joints(robot, motors) @ robot.joint_to_axis
+    np.testing.assert_allclose(at_axis * np.diag(axes), at_motor * np.diag(motors), rtol=1e-12)

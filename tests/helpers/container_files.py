@@ -6,6 +6,7 @@ import io
 import json
 import sqlite3
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ ROWS = 80
 EPOCH_NS = 1_650_000_000_000_000_000  # 2022-04-15, UTC
 JOINTS = tuple(f"joint_{axis}" for axis in range(1, 7))
 AXES = tuple(f"J{axis}" for axis in range(1, 7))
+SIGNALS = tuple(f"S{channel}" for channel in range(1, 7))
 
 Columns = dict[str, NDArray]
 
@@ -119,14 +121,17 @@ def rsi(rows: int = ROWS, scale: float = 1.0) -> Written:
 # ---- EGM
 
 
-def egm_message(seqno: int, time_ns: int, joints: list[float]) -> bytes:
-    """An EgmRobot message: header, feedback, a pose that nobody reads, state of the motors."""
+def egm_message(
+    seqno: int, time_ns: int, joints: list[float], signals: Sequence[float] = ()
+) -> bytes:
+    """An EgmRobot message: header, feedback, a pose that nobody reads, motors, test signals."""
     angles = b"".join(double(1, angle) for angle in joints)
     pose = part(1, double(1, 900.0) + double(2, 1.5) + double(3, 1200.0))
     clock = number(1, time_ns // 10**9) + number(2, time_ns % 10**9 // 1000)
     feedback = part(1, angles) + part(2, pose) + part(4, clock)
     header = number(1, seqno) + number(2, time_ns // 10**6 % 2**32) + number(3, 2)
-    return part(1, header) + part(2, feedback) + part(4, number(1, 1)) + double(10, 12.5)
+    message = part(1, header) + part(2, feedback) + part(4, number(1, 1)) + double(10, 12.5)
+    return message + (part(7, b"".join(double(1, s) for s in signals)) if signals else b"")
 
 
 def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
@@ -139,6 +144,19 @@ def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
         FILE_START + b"".join(map(frame, messages)),
         {"time": time, **_named(AXES, angles)},
     )
+
+
+def egm_torque(rows: int = ROWS, signals: int = 6) -> Written:
+    """The same messages with test signals, which are declared to be torques."""
+    angles, time = angles_deg(rows), EPOCH_NS + 4_032_000 * np.arange(rows)
+    loads = 100.0 * np.cos(np.arange(rows)[:, None] + np.arange(signals))
+    messages = [
+        egm_message(7 + i, int(time[i]), row, load)
+        for i, (row, load) in enumerate(zip(angles.tolist(), loads.tolist(), strict=True))
+    ]
+    columns = {"time": time, **_named(AXES, angles), **_named(SIGNALS[:signals], loads[:, :6])}
+    content = FILE_START + b"".join(map(frame, messages))
+    return Written("abb-egm-torque", ".egm", content, columns)
 
 
 # ---- ROS 2 bags

@@ -24,6 +24,7 @@ from cell.load import load_cell, load_robot
 from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
+from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.clearance import clearance, nearest
 from planning.crlb import moving, predict
@@ -34,7 +35,7 @@ from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
 from planning.krl import krl
 from planning.limits import violations
-from planning.plan import assess, covered, hints, scale_error
+from planning.plan import assess, covered, hints
 from planning.questions import question
 from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
 from planning.search import Progress, ranked, search
@@ -121,7 +122,7 @@ def test_the_prediction_is_the_bound_of_fits_afterwards(
         predicted_forces(evaluator.force_model, trajectory).tension[0],
     )
     both = np.hypot(
-        tcp_rms(evaluator, found), scale_error(evaluator.predictor.grid, evaluator.cell)
+        tcp_rms(evaluator, found), scale_error(evaluator.cell, evaluator.predictor.grid)
     )  # the fit counts the scale in
     mean_over_rms = found.tcp_sigma.mean() / tcp_rms(evaluator, found)
     assert both * mean_over_rms == pytest.approx(
