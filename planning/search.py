@@ -30,8 +30,8 @@ RANDOM_SHARE = 0.2  # of the time, at most, for random candidates
 DRAWS = 128  # batches of random candidates: enough for the starts of a race
 AHEAD = 16  # batches that are under way at a time, however many processes there are
 # Islands of a race: half of them continue after each round, until two are left.
-ENTRANTS, FINALISTS = 24, 2
-ROUND = 10  # generations
+ENTRANTS, FINALISTS = 12, 2
+ROUND = 25  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
 CHUNK = (
     24  # candidates that a process evaluates at a time, at most; of four, each takes twice as long
