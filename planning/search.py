@@ -33,9 +33,7 @@ AHEAD = 16  # batches that are under way at a time, however many processes there
 ENTRANTS, FINALISTS = 12, 2
 ROUND = 25  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
-CHUNK = (
-    24  # candidates that a process evaluates at a time, at most; of four, each takes twice as long
-)
+CHUNK = 24  # candidates that a process evaluates at a time, at most; of six, each takes 1.6 times
 INCUMBENTS = 24  # the last of them are evaluated in full, with all robots
 STEP = 0.01  # of the natural logarithm of the TCP sigma
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
