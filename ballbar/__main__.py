@@ -6,9 +6,11 @@ module too, and need none of it.
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
+from contextlib import suppress
 
 from cell.threads import ONE_THREAD
 
@@ -21,7 +23,24 @@ def main() -> None:
     from ballbar.commands.cli import main as run  # noqa: PLC0415
 
     signal.signal(signal.SIGINT, before)
-    run()
+    try:
+        run()
+    except SystemExit as leaving:
+        if isinstance(leaving.code, int):
+            _leave(leaving.code)
+        raise
+
+
+def _leave(code: int) -> None:
+    """Ends the process without taking down its libraries, which takes up to 0.4 s.
+
+    Where what was said cannot be delivered it does nothing, and Python ends as always.
+    """
+    with suppress(OSError, ValueError):  # of a closed pipe, of closed streams
+        sys.stdout.flush()
+        sys.stderr.flush()
+        atexit._run_exitfuncs()
+        os._exit(code)
 
 
 def _exit_at_once(*_: object) -> None:

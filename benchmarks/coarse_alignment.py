@@ -88,7 +88,7 @@ def draw(folder: Path, motion: Motion, rng: np.random.Generator) -> float:
     cycles = np.cumsum(rng.choice([2, 3], int((stop_b - start_b) / 0.010) + 1, p=[0.99, 0.01])) - 2
     t_bar = start_b + 0.005 * cycles
     t_bar = t_bar[t_bar < stop_b]
-    q, b = motion.at(t_robot)[0], motion.at(t_bar)[1][:, [0, 1, 3, 4]]
+    q, b = motion.shown_at(t_robot), motion.bar_at(t_bar)[:, [0, 1, 3, 4]]
     motors = joints_to_motors(robot, q + rng.normal(0, NOISE, q.shape))
     counts = (
         np.rint((b + rng.normal(0, NOISE, b.shape)) * PER_RAD + rng.integers(0, 2**32, 4)).astype(

@@ -26,8 +26,8 @@ simulation = simulate(load_scenario(file), relative_to=file.parent)
 rng = np.random.default_rng(1)
 t_robot = np.arange(0.0, 119.0, 0.004)  # (N,) [s]
 t_ballbar = np.arange(0.0, 118.0, 0.010)  # (M,) [s]
-q = simulation.motion.at(t_robot)[0] + rng.normal(0.0, 1e-5, (t_robot.size, 6))  # [rad]
-b = simulation.motion.at(t_ballbar + 0.2)[1] + rng.normal(0.0, 1e-5, (t_ballbar.size, 5))  # [rad]
+q = simulation.motion.shown_at(t_robot) + rng.normal(0.0, 1e-5, (t_robot.size, 6))  # [rad]
+b = simulation.motion.bar_at(t_ballbar + 0.2) + rng.normal(0.0, 1e-5, (t_ballbar.size, 5))  # [rad]
 
 # From here on as in a real cell. `joints` says which ball-bar joints have an encoder.
 robot_log = RobotLog(t_robot, q)

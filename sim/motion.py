@@ -44,31 +44,35 @@ class Motion:
     # (K, 3) or (1, 3) [m] by which the robot's links, grown since t = 0, carry the tool further
     growth: Array = field(default_factory=lambda: np.zeros((1, 3)))
 
-    def at(self, times: Array) -> tuple[Array, Array]:
-        """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at true times (N,) [s]."""
-        inside = np.clip(times, self.t[0], self.t[-1])
-        both = CubicSpline(self.t, np.concatenate((self.shown, self.b), axis=1))(inside)
-        joints = self.shown.shape[1]
-        return both[:, :joints], both[:, joints:]
+    def shown_at(self, times: Array) -> Array:
+        """(N, 6) [rad] joint angles that the motors show at true times (N,) [s]."""
+        return self._at(times, self.shown)
+
+    def bar_at(self, times: Array) -> Array:
+        """(N, 5) [rad] ball-bar angles at true times (N,) [s]."""
+        return self._at(times, self.b)
 
     def stretch_at(self, times: Array) -> Array:
         """(N,) [m] elongation of the rod at true times (N,) [s]."""
-        inside = np.clip(times, self.t[0], self.t[-1])
-        return np.asarray(CubicSpline(self.t, self.rod_stretch)(inside))
+        return self._at(times, self.rod_stretch)
 
     def tool_at(self, times: Array) -> tuple[Array, Array]:
         """Rotation (3, 3, N) and position (3, N) [m] of the tool at true times (N,) [s].
 
         In the base frame, with the bending of the plate and the growth of the links.
         """
-        inside, joints = np.clip(times, self.t[0], self.t[-1]), self.q.shape[1]
+        joints = self.q.shape[1]
         plate = np.broadcast_to(self.plate, self.t.size)
         growth = np.broadcast_to(self.growth, (self.t.size, 3))
-        all_of_them = CubicSpline(self.t, np.column_stack((self.q, plate, growth)))(inside)
+        all_of_them = self._at(times, np.column_stack((self.q, plate, growth)))
         q, bending, shift = np.split(all_of_them, (joints, joints + 1), axis=1)
         frames = robot_frames(self.geometry, q)
         rotation, tool, _ = bent_plate(self.geometry, frames, bending[:, 0])
         return rotation, tool + shift.T
+
+    def _at(self, times: Array, values: Array) -> Array:
+        inside = np.clip(times, self.t[0], self.t[-1])
+        return np.asarray(CubicSpline(self.t, values)(inside))
 
     def closure(self) -> tuple[Array, Array]:
         """Loop-closure errors (K / CLOSURE_STRIDE,) [m] and [rad], from the angles by DH alone.

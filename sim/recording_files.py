@@ -55,7 +55,7 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
 def _write_robot(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
     robot, times, seed = simulation.cell.robot, simulation.times, settings.recording_seed
     rows = simulation.rows.robot
-    q, _ = simulation.motion.at(times.robot_true)
+    q = simulation.motion.shown_at(times.robot_true)
     motors = motor_angles(robot, q, settings.errors, simulation.resolvers, seed)
     torques = None
     if settings.logs.torque:
@@ -103,7 +103,7 @@ def _write_tracker(simulation: Simulation, settings: SimulationSettings, folder:
 
 def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
     times, seed = simulation.times, settings.recording_seed
-    _, b = simulation.motion.at(times.bar_true)
+    b = simulation.motion.bar_at(times.bar_true)
     if outliers := settings.errors.outliers:
         fitted = [e.joint - 1 for e in simulation.encoders]
         b[:, fitted] += outliers.on_ballbar(len(b), len(fitted), seed)

@@ -102,7 +102,7 @@ def true_tool(simulation: Simulation, estimate: RecordingEstimate, t: Array) -> 
     """The truth at instants t (N,) [s] of the robot's clock."""
     times = simulation.times
     true_time = np.interp(t, times.robot_stamp - times.robot_stamp[0], times.robot_true)
-    q, _ = simulation.motion.at(true_time)
+    q = simulation.motion.shown_at(true_time)
     truth, grid = simulation.truth.geometry, accuracy_grid(simulation.cell.robot)
     actual = robot_frames(truth, q).tip.T
     rotation, shift = base_alignment(estimate.geometry, truth, grid)

@@ -53,7 +53,7 @@ def begin_parts(data: RunData, begin: Begin = partial) -> BegunParts:
     cell = data.identification.robot.cell
     shown = replace(data, simulation=None)  # no part needs its motion, which is large to send
     return BegunParts(
-        diagnosis=begin(_diagnosis, shown),
+        diagnosis=partial(_diagnosis, shown),
         tcp=begin(tcp_section, shown),
         spheres=[begin(sphere_figures, fitted) for fitted in data.recordings],
         cells=[begin(cell_figure, cell, fitted) for fitted in data.recordings],

@@ -12,7 +12,7 @@ def reporting_process(*, replay: bool) -> AbstractContextManager[Begin]:
 
     replay : whether it writes a replay, too.
     """
-    report = ("page", "sphere", "cell_picture", "diagnosis")
+    report = ("page", "sphere", "cell_picture")
     modules = [f"ballbar.report.{name}" for name in report]
     modules += ["matplotlib.backends.backend_svg"]
     if replay:

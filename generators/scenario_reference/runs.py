@@ -87,7 +87,8 @@ class View:
     @cached_property
     def true_angles(self) -> tuple[Array, Array]:
         """(N, 6), (N, 5) [rad] motor angles at the joints, ball-bar angles; before any sensor."""
-        return self.simulation.motion.at(self.t)
+        motion = self.simulation.motion
+        return motion.shown_at(self.t), motion.bar_at(self.t)
 
     @cached_property
     def q(self) -> Array:

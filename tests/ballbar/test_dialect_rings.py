@@ -52,7 +52,7 @@ def test_a_robots_log_is_read_as_it_was_simulated(dialect: str, tmp_path: Path) 
     log = recording.robot_log
     period = load_dialect(dialect).written.period_s
     assert np.median(np.diff(log.t)) == pytest.approx(period, abs=1e-6)
-    true = simulation.motion.at(simulation.times.robot_true)[0]
+    true = simulation.motion.shown_at(simulation.times.robot_true)
     fastest = np.abs(np.diff(true, axis=0)).max() / period
     angle, time = COARSE.get(dialect, (1e-9, 1e-9))
     if any(finding.kind == "quantised stamps" for finding in recording.report.findings):
@@ -72,7 +72,7 @@ def test_a_ball_bars_log_is_read_as_it_was_simulated(
     assert log is not None
     assert np.diff(log.t) == pytest.approx(0.004, abs=1e-9)
     count = 2.0 * np.pi / (3600 << 12)
-    true = done.simulation.motion.at(done.simulation.times.bar_true)[1]
+    true = done.simulation.motion.bar_at(done.simulation.times.bar_true)
     turned = true * [e.direction * e.declared for e in done.simulation.encoders]
     noise = (log.angles - log.angles[0]) - (turned - turned[0])
     assert np.abs(noise).max() < 12.0 * 1e-5 + count  # of the encoders, 10 urad

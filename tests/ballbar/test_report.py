@@ -450,7 +450,7 @@ def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) ->
         simulation.times.robot_stamp - simulation.times.robot_stamp[0],
         simulation.times.robot_true,
     )
-    q, _ = simulation.motion.at(true_time)
+    q = simulation.motion.shown_at(true_time)
     rod = robot_frames(simulation.truth.geometry, q).tip.T - simulation.truth.geometry.origin
     rod /= np.linalg.norm(rod, axis=1, keepdims=True)
     # 2 mm of base gauge over a rod of 600 mm

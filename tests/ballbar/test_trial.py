@@ -115,7 +115,8 @@ def test_samples_show_the_machine_that_a_recording_with_the_same_seed_shows() ->
     samples = trial_samples(drawn, SCENARIOS)
     simulation = simulate(drawn, relative_to=SCENARIOS)
     assert np.array_equal(samples.true.values, simulation.motion.geometry.values)
-    shown, b = simulation.motion.at(samples.t)
+    motion = simulation.motion
+    shown, b = motion.shown_at(samples.t), motion.bar_at(samples.t)
     missing = samples.q - shown
     assert np.abs(missing - missing.mean(axis=0)).max() < 1e-9  # the run is a spline through 10 ms
     read = np.stack(

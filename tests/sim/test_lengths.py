@@ -64,7 +64,7 @@ def test_the_log_is_the_distance_from_seat_to_tool_with_noise_and_zero(
     assert np.median(np.diff(log.t)) == pytest.approx(0.02)
     true, motion = simulation.truth.geometry, simulation.motion
     rows = np.concatenate(simulation.rows.ballbar)
-    q, _ = motion.at(simulation.times.bar_true[rows])
+    q = motion.shown_at(simulation.times.bar_true[rows])
     distance = np.linalg.norm(robot_frames(true, q).tip.T - true.origin, axis=1)
     assert simulation.instrument is not None
     zero = true["bd3"] - simulation.instrument.nominal

@@ -105,7 +105,7 @@ class Run:
 
     def error(self, joint: int) -> tuple[Array, Array]:
         """(M,) [rad] true angle of a joint at the rows, and its encoder's error without offset."""
-        true = self.motion.at(self.bar_time())[1][:, joint - 1]
+        true = self.motion.bar_at(self.bar_time())[:, joint - 1]
         return true, self.encoder(joint) - (true - true[0])
 
 
@@ -145,11 +145,13 @@ def taken_at(run: Run) -> tuple[np.ndarray, Array]:
     angles.
     """
     t = run.bar_time()
-    angles = np.stack([run.encoder(j) for j in range(1, 6)], axis=1) + run.motion.at(np.zeros(1))[1]
+    angles = np.stack([run.encoder(j) for j in range(1, 6)], axis=1) + run.motion.bar_at(
+        np.zeros(1)
+    )
     moving = (t > 3.0) & (t < run.motion.t[-1] - 3.0)
     found = t[moving]
     for _ in range(12):
-        here, after = run.motion.at(found)[1], run.motion.at(found + 1e-4)[1]
+        here, after = run.motion.bar_at(found), run.motion.bar_at(found + 1e-4)
         speed = (after - here) / 1e-4
         found = found + ((angles[moving] - here) * speed).sum(axis=1) / (speed**2).sum(axis=1)
     return np.flatnonzero(moving), found
@@ -220,7 +222,9 @@ def test_low_bits_freeze_at_the_asked_speed_and_one_more_an_octave_above(tmp_pat
     )
     t = run.bar_time()
     for joint in (1, 5):
-        speed = np.abs(run.motion.at(t + 1e-4)[1] - run.motion.at(t - 1e-4)[1])[:, joint - 1] / 2e-4
+        speed = (
+            np.abs(run.motion.bar_at(t + 1e-4) - run.motion.bar_at(t - 1e-4))[:, joint - 1] / 2e-4
+        )
         stuck = free.ballbar(f"b{joint}") ^ run.ballbar(f"b{joint}")
         onset = 0.5 * 750.0 * 2.0 * np.pi / 3600.0  # [rad/s] EL5021 at 12 bits
         assert speed[(stuck & 1) > 0].min() == pytest.approx(onset, rel=WITHIN)
@@ -300,7 +304,7 @@ def motor_errors(run: Run) -> Iterator[tuple[Array, Array]]:
     """True angle of each motor where it moves, and what its resolver adds."""
     t, motors = run.robot()
     at = run.truth.logs.first_rows.robot_s + t
-    true = joints_to_motors(CELL.robot, run.motion.at(at)[0])
+    true = joints_to_motors(CELL.robot, run.motion.shown_at(at))
     moving = (at > 3.0) & (at < 27.0)
     for m, read in zip(true[moving].T, motors[moving].T, strict=True):
         yield m, read - m
@@ -317,7 +321,9 @@ def test_offset_and_skew_are_the_line_through_both_clocks(tmp_path: Path) -> Non
     _, motors = run.robot()
     row = motors.shape[0] // 2
     times = run.truth.logs.first_rows.robot_s + row * PERIOD + np.linspace(-1e-3, 1e-3, 2001)
-    miss = np.abs(joints_to_motors(CELL.robot, run.motion.at(times)[0]) - motors[row]).sum(axis=1)
+    miss = np.abs(joints_to_motors(CELL.robot, run.motion.shown_at(times)) - motors[row]).sum(
+        axis=1
+    )
     assert bar_start - (times[miss.argmin()] - row * PERIOD) == pytest.approx(0.137, rel=1e-4)
     assert (run.truth.offset, run.truth.skew) == (0.137, 5e-5)
 
@@ -778,7 +784,7 @@ def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
     assert (t == t_plain).all()
     at = run.truth.logs.first_rows.robot_s + PERIOD * np.arange(t.size)
     noise, noise_plain = (
-        m - joints_to_motors(CELL.robot, r.motion.at(at)[0])
+        m - joints_to_motors(CELL.robot, r.motion.shown_at(at))
         for m, r in ((motors, run), (motors_plain, plain))
     )
     assert noise == pytest.approx(noise_plain, abs=1.1e-9)  # the file has nine decimals
@@ -813,7 +819,7 @@ def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path
     moved = run.truth.logs.clock_wander.at(run.ballbar()[:rows] * 1e-9)
     for joint in range(1, 6):
         direction = run.truth.directions[f"b{joint}"]
-        true = run.motion.at(run.bar_time()[:rows] + moved)[1][:, joint - 1]
+        true = run.motion.bar_at(run.bar_time()[:rows] + moved)[:, joint - 1]
         noise = direction * run.encoder(joint)[:rows] - (true - true[0])
         assert noise == pytest.approx(
             direction * plain.encoder(joint)[:rows] - (plain.error(joint)[0][:rows] - true[0]),
