@@ -6,6 +6,7 @@ can write to, so that neither side can change what the other one holds.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Any, get_args, get_type_hints
 
 import numpy as np
@@ -71,6 +72,7 @@ def _is_protected(array: NDArray[Any]) -> bool:
     return array.base is None or (isinstance(array.base, np.ndarray) and _is_protected(array.base))
 
 
+@cache
 def _shapes(description: type) -> dict[str, Shape]:
     """Shape by field name of the annotated fields of a dataclass, those of `... | None` too."""
     hints = get_type_hints(description, include_extras=True)
