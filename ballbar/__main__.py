@@ -37,9 +37,9 @@ def _leave(code: int) -> None:
     Where what was said cannot be delivered it does nothing, and Python ends as always.
     """
     with suppress(OSError, ValueError):  # of a closed pipe, of closed streams
+        atexit._run_exitfuncs()
         sys.stdout.flush()
         sys.stderr.flush()
-        atexit._run_exitfuncs()
         os._exit(code)
 
 

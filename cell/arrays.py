@@ -49,7 +49,8 @@ def protect_fields(description: object) -> None:
     of its shape.
     """
     sizes: dict[int | str, int] = {}
-    for name, shape in _shapes(type(description)).items():
+    kind: type = type(description)
+    for name, shape in _shapes(kind).items():
         if getattr(description, name) is None:
             continue
         values = read_only(getattr(description, name))
