@@ -37,7 +37,7 @@ from ident.loads.logged_tension import logged_torque
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
-from ident.model_choice import coefficients_of, lasting
+from ident.model_choice import coefficients_of, lasting, negative_coefficients
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.physical_bounds import impossible
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
@@ -83,9 +83,6 @@ from ident.verdict import (
 )
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
-# A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
-# gear may come out a little on either side.
-NEGATIVE, NOTHING = 2.0, 0.15
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
@@ -624,16 +621,7 @@ def _softer(fit: Fit) -> float:
 
 def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:
     """Compliances, plays and masses that are negative beyond their uncertainty."""
-    layout = fit.model.unknowns
-    sigma = np.sqrt(np.diag(covariance))
-    first = layout.coefficients.start
-    out = [
-        c.name
-        for i, c in enumerate(
-            (c for correction in fit.model.corrections for c in correction.coefficients), first
-        )
-        if c.never_negative and fit.x[i] < -max(NEGATIVE * sigma[i], NOTHING * c.sigma)
-    ]
+    out = [*negative_coefficients(fit, np.sqrt(np.diag(covariance)))]
     if payload is not None and payload.payload.mass < 0.0:
         out.append("the tool's mass")
     return tuple(out)

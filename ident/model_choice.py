@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cell.arrays import Array
 from ident.corrections import belongs_to_machine
 from ident.corrections.base import Correction
 from ident.corrections.gear_ratio import GEAR_RATIO
@@ -26,10 +27,14 @@ SUPPORT = 6.0
 # Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
 # bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).
 DECREASE = 30.0
-# Error of a gear's ratio that is one, and in standard deviations: sound machines of two recordings
-# of a minute show up to 1.1e-4, or 3 deviations, since a joint's error with few
-# cycles a turn looks like one; it brings up to 315 of held-out cost
-RATIO, RATIO_SIGMAS = 1.5e-4, 5.0
+# Error of a gear's ratio that is one, and in standard deviations. Over a part of a turn an error of
+# a joint with few cycles a turn looks like one: 1e-4 rad of the third order like 3e-4. On sound
+# machines such a term brought up to 3.7e-4, 7 deviations and twice the TCP error; another count of
+# teeth is 1e-3 or more.
+RATIO, RATIO_SIGMAS = 6e-4, 5.0
+# A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
+# gear may come out a little on either side.
+NEGATIVE, NOTHING = 2.0, 0.15
 
 
 def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction]:
@@ -66,20 +71,37 @@ def _wrong_ratio(fit: Fit, ratios: Correction) -> bool:
 def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell.
 
-    Neighbours with autocorrelation a leave `(1 - a) / (1 + a)` of the samples (Bartlett 1946). A
-    compliance that may well be absent, with a mean of 0, is not supported by coming out negative.
+    Neighbours with autocorrelation a leave `(1 - a) / (1 + a)` of the samples (Bartlett 1946). What
+    may well be absent, with a mean of 0, is not supported where a compliance of it came out
+    negative: it then stands for something else, and the robot is worse with it.
     """
     alike, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
     widening = result.chi2_per_dof * (1.0 + alike) / (1.0 - alike)
+    negative = negative_coefficients(result, np.sqrt(widening * np.diag(result.covariance)))
     for correction in present(result):
         position = coefficients_of(result, correction)
         values, white = result.x[position].copy(), result.covariance[position, position]
         absent = [c.never_negative and c.mean == 0.0 for c in correction.coefficients]
         values[absent] = np.maximum(values[absent], 0.0)
         chi2 = float(values @ np.linalg.solve(white, values)) / widening
-        if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
+        impossible = any(c.name in negative and c.mean == 0.0 for c in correction.coefficients)
+        if impossible or chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)
     return out
+
+
+def negative_coefficients(result: Fit, sigma: Array) -> tuple[str, ...]:
+    """Compliances and plays that came out negative beyond their uncertainty.
+
+    sigma : (P,) standard deviations of the unknowns.
+    """
+    coefficients = [c for correction in result.model.corrections for c in correction.coefficients]
+    first = result.model.unknowns.coefficients.start
+    return tuple(
+        c.name
+        for i, c in enumerate(coefficients, first)
+        if c.never_negative and result.x[i] < -max(NEGATIVE * sigma[i], NOTHING * c.sigma)
+    )
 
 
 def present(result: Fit) -> list[Correction]:

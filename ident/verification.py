@@ -6,12 +6,13 @@ identification. The difference of the two estimates is
     x = G (e + B d) + n,   G = 1 - H P^-1,
 
 with H the white covariance of the free fit, P the priors, e the error of the stored machine (its
-stated covariance C), n the noise of this recording (its autocorrelation-robust covariance), and d
-what changed since. Each single cause has columns B and a prior of d; its evidence is the Bayes
-factor of that cause against no change (Kass & Raftery 1995), in closed form as all of it is linear
-and Gaussian. Where the largest is beyond what an unchanged machine exceeds in FALSE_ALARMS of the
-checks, the machine changed. The distribution is that of draws of x with the tails of Student's t,
-as the noise is estimated from some tens of blocks of time.
+stated covariance C) and what an unchanged one is apart by from one recording to the next, n the
+noise of this recording (its autocorrelation-robust covariance), and d what changed since. Each
+single cause has columns B and a prior of d; its evidence is the Bayes factor of that cause against
+no change (Kass & Raftery 1995), in closed form as all of it is linear and Gaussian. Where the
+largest is beyond what an unchanged machine exceeds in FALSE_ALARMS of the checks, the machine
+changed. The distribution is that of draws of x with the tails of Student's t, as the noise is
+estimated from some tens of blocks of time.
 """
 
 from __future__ import annotations
@@ -48,6 +49,9 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 # [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
+# Likewise of what an unchanged machine is apart from one recording to the next: 50 um of a steel
+# rod by 1 K would be too much, 5 um is 0.7 K; friction and backlash leave an axis 10 urad.
+WANDERS = {"axis": 1e-5, "tool": 5e-6, "rod": 5e-6, "plate": 5e-6}
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01
@@ -361,6 +365,13 @@ class _Difference:
         return float(np.quantile(best, 1.0 - FALSE_ALARMS))
 
 
+def _wander(causes: Sequence[Cause], unknowns: int) -> Array:
+    """(U, U) covariance of what an unchanged machine is apart by `WANDERS`."""
+    shifts = [c.columns * WANDERS[c.kind] for c in causes if c.kind in WANDERS]
+    each = np.concatenate([np.zeros((unknowns, 1)), *shifts], axis=1)
+    return np.asarray(each @ each.T)
+
+
 @dataclass(frozen=True, eq=False)
 class _Compared:
     """A recording with a machine held, and with it free."""
@@ -377,12 +388,13 @@ def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) ->
     stated, names, layout = uncertainty(free), _free_names(machine, free), free.model.unknowns
     at = np.array([layout.names.index(name) for name in names])
     own = np.array([machine.names.index(name) for name in names])
+    wander = _wander(single_causes(machine, free), at.size)
     white, inflation = free.covariance[np.ix_(at, at)], stated.inflation[at]
     # what the priors of the recording's own unknowns contribute is noise as the data's part is
     by_data = white - white @ (white / layout.sigma[at][:, None] ** 2)
     noise = max(1.0, free.chi2_per_dof) * np.outer(inflation, inflation) * by_data
     seen = np.eye(at.size) - white / layout.sigma[at] ** 2
-    error = seen @ machine.covariance[np.ix_(own, own)] @ seen.T
+    error = seen @ (machine.covariance[np.ix_(own, own)] + wander) @ seen.T
     difference = _Difference(
         x=free.x[at] - closed.x[at],
         seen=seen,

@@ -18,7 +18,7 @@ from ident.corrections import ON_EVIDENCE, supported_corrections
 from ident.corrections.gear_ratio import GEAR_RATIO
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
-from ident.model_choice import lasting
+from ident.model_choice import lasting, unsupported
 from ident.options import SILENT, FitOptions
 from ident.recording_fit import Logs, fit_recording
 from ident.remarks import recording_remarks, wrong_ratios
@@ -104,6 +104,19 @@ def test_a_motor_that_is_scaled_is_a_gear_of_another_ratio() -> None:
 
 
 @pytest.mark.slow
+def test_a_slow_error_of_a_joint_is_no_other_ratio() -> None:
+    """Over part of a turn it looks like one; such a term doubled the TCP error."""
+
+    def wavy(_: Array, q: Array) -> Array:
+        out = q.copy()
+        out[:, 2] += 1e-4 * np.sin(3.0 * (q[:, 2] - q[:, 2].mean()))
+        return out
+
+    fit = fitted(changed(elastic(), wavy))
+    assert GEAR_RATIO not in names(fit)
+
+
+@pytest.mark.slow
 def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() -> None:
     compliance = 3e-7  # [rad/(N m)] of every axis
 
@@ -124,6 +137,11 @@ def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() ->
     for name in ("tilt1x", "tilt1y", "tilt2x"):
         assert values[name] == pytest.approx(compliance, rel=0.1), name
     assert "tilt2y" not in values  # gear 1 holds it
+    assert "bearing_tilt" not in unsupported(fit)
+    x = fit.x.copy()
+    x[fit.model.unknowns.names.index("tilt1x")] = -compliance
+    negative = replace(fit, linear=replace(fit.linear, x=x))
+    assert "bearing_tilt" in unsupported(negative)
 
 
 @pytest.mark.slow
