@@ -1,4 +1,4 @@
-"""How fast the identifier is, and what memory it takes.
+"""How fast the identifier is.
 
     python -m benchmarks.identifier_speed         # about half a minute
 
@@ -9,8 +9,6 @@ residual, vectorised, and scipy's Levenberg-Marquardt with its numeric Jacobian.
 from __future__ import annotations
 
 import multiprocessing
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -29,21 +27,21 @@ from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.load import load_cell
 from cell.threads import one_thread_each
-from ident.complete_fit import FIRST_EXCESS, approached, fit_pose, posed
-from ident.corrections import correction_named, supported_corrections
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.unknowns import kinematic_unknowns
+from ident.identify import identify_together
 from ident.options import FitOptions
-from ident.recording_fit import Logs, fit_recording, identifiable_parameters
+from ident.recording_fit import Logs, identifiable_parameters
+from ident.result import Identification
 from ident.thesis.paired_samples import through_samples
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 T = TypeVar("T")
-SAMPLES, MANY = 1500, 15_000
+SAMPLES = 1500
 JOINTS = (1, 2, 3, 4, 5)
 ROD = 2e-6  # [m]
 
@@ -113,12 +111,9 @@ def kinematic() -> None:
     mine, theirs = spent(ours, 15), spent(rival, 3)
     print(
         f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: "
-        f"{mine:.1f} ms (target 15)"
+        f"{mine:.1f} ms"
     )
-    print(
-        f"scipy lm with numeric Jacobian: {theirs:.0f} ms, "
-        f"{theirs / mine:.0f} times slower (target 15)"
-    )
+    print(f"scipy lm with numeric Jacobian: {theirs:.0f} ms, {theirs / mine:.0f} times slower")
     print(f"  largest difference of the answers: {apart.max():.1e} standard deviations")
 
 
@@ -136,44 +131,15 @@ def read(folder: Path) -> tuple[Cell, Logs]:
     )
 
 
-def corrected(folder: Path, count: int) -> tuple[float, int]:
-    """[ms] of a fit with all corrections, from the dh fit to the covariance; count of unknowns."""
+def corrected(folder: Path) -> tuple[float, int]:
+    """[ms] of an identification with all corrections, from logs to verdict; count of unknowns."""
     cell, logs = read(folder)
-    options = FitOptions(force="torque", samples=count)
-    recording = fit_recording(cell, logs, options)
-    names, encoders = supported_corrections(cell.robot), recording.samples.encoders
-    corrections = [correction_named(name, cell, encoders) for name in names]
-    pose = posed(cell, [recording], corrections, options)
+    options = FitOptions(model="complete", force="torque", samples=SAMPLES)
 
-    def fit() -> Fit:
-        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)
+    def identified() -> Identification:
+        return identify_together(cell, [logs], options=options)
 
-    return spent(fit, 5), pose.x.size
-
-
-IDENTIFY = """
-import resource, sys
-from acquisition.recording import read_recording
-from cell.load import load_cell
-from ident.identify import identify
-from ident.options import FitOptions
-read = read_recording(__import__("pathlib").Path(sys.argv[1]))
-cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)
-options = FitOptions(model="complete", samples=int(sys.argv[2]))
-identify(cell, read.robot_log, read.ballbar_log, options=options)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-"""
-
-
-def peak_memory(folder: Path, count: int) -> float:
-    """[MB] Largest resident memory of a process that only reads and identifies a recording."""
-    run = subprocess.run(
-        [sys.executable, "-c", IDENTIFY, str(folder), str(count)],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return float(run.stdout)
+    return spent(identified, 5), identified().fit.unknowns
 
 
 def in_own_process(function: Callable[..., T], *arguments: object) -> T:
@@ -189,14 +155,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as top:
         folder = Path(top) / "a"
         in_own_process(record, folder)
-        few, unknowns = in_own_process(corrected, folder, SAMPLES)
-        many, _ = in_own_process(corrected, folder, MANY)
-        print(f"all corrections, {unknowns} unknowns, {SAMPLES} samples: {few:.0f} ms (target 120)")
-        print(f"{MANY} samples: {many:.0f} ms, {many / few:.1f} times as long (target 12)")
-        print(
-            f"largest memory, {MANY} samples, everything: "
-            f"{peak_memory(folder, MANY):.0f} MB (target 400)"
-        )
+        took, unknowns = in_own_process(corrected, folder)
+        print(f"all corrections, {unknowns} unknowns, from logs to verdict: {took:.0f} ms")
 
 
 if __name__ == "__main__":
