@@ -16,20 +16,20 @@ run: .venv/installed
 	$(BIN)/ballbar run scenarios/irb2400.yaml
 
 test: .venv/installed check
-	$(BIN)/pytest -n 2 -m "not long"
+	$(BIN)/pytest -n 2 --dist worksteal -m "not long"
 
 long: .venv/installed
-	$(BIN)/pytest -n 2 -m long
+	$(BIN)/pytest -n 2 --dist worksteal -m long
 
 quick: .venv/installed
-	$(BIN)/pytest -n 2 -m "not slow and not long"
+	$(BIN)/pytest -n 2 --dist worksteal -m "not slow and not long"
 
 # Old libraries on today's Python warn of what is deprecated; that is no fault of ours.
 lowest: .venv/installed
 	$(BIN)/python -m tests.project.lowest_versions > .venv/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c .venv/lowest.txt -e '.[dev]'
-	.venv-lowest/bin/pytest -n 2 -m "not slow and not long" -W ignore::DeprecationWarning
+	.venv-lowest/bin/pytest -n 2 --dist worksteal -m "not slow and not long" -W ignore::DeprecationWarning
 
 check: .venv/installed
 	$(BIN)/ruff check .
