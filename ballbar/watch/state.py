@@ -25,6 +25,7 @@ class Estimate:
     sentence: str  # of the verdict
     tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid, with the scale
     without_scale: float  # [m] likewise, without it
+    doubt: float  # [m] of it what doubt of the masses adds
     acceptable: bool
     clock: tuple[float, float] | None  # [s] offset, [1] skew; None without encoders
     clock_sigma: tuple[float, float]  # [s], [1]

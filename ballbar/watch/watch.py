@@ -89,7 +89,6 @@ class Watch:
         self._fitted: RecordingFit | None = None
         self._next_fit = self._fitted_until = 0.0  # [s] of the recording
         self._estimate: Estimate | None = None
-        self._history: list[Estimate] = []  # of the model of the latest estimate
         self._complete: _Complete | None = None
         self._next_complete = COMPLETE_FIRST
         self._ended = False  # whether the recording is over, so that nothing need move any more
@@ -235,7 +234,7 @@ class Watch:
         self._fitted, self._fitted_until = fitted, until
         result = kinematic_result(cell, fitted, FitOptions(model="dh", accuracy=self._accuracy))
         if self._estimate is None or self._estimate.model == "dh" or result.verdict.acceptable:
-            self._know(_estimate(result, fitted.logs, until))
+            self._estimate = _estimate(result, fitted.logs, until)
 
     def _ask_complete(self, cell: Cell, logs: Logs, until: float) -> None:
         """Hands the recording over to be fitted by the complete model, if it is time."""
@@ -252,13 +251,8 @@ class Watch:
         if self._complete is None or not self._complete.result.ready():
             return
         with suppress(StartError):
-            self._know(replace(self._complete.result.get(), until=self._complete.until))
+            self._estimate = replace(self._complete.result.get(), until=self._complete.until)
         self._complete = None
-
-    def _know(self, estimate: Estimate) -> None:
-        self._history = [e for e in self._history if e.model == estimate.model]
-        self._history.append(estimate)
-        self._estimate = estimate
 
     def _stated(
         self,
@@ -273,8 +267,8 @@ class Watch:
         axes = joints_to_axes(cell.robot, logs.robot.q[:: 1 + logs.robot.q.shape[0] // 5000])
         span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
         end = None
-        if self._duration is not None:
-            end = foretold(self._history, self._duration, scale=scale_error(cell))
+        if self._duration is not None and estimate is not None:
+            end = foretold(estimate, self._duration, scale=scale_error(cell))
         enough = (
             estimate is not None
             and self._reached(estimate)
@@ -318,6 +312,7 @@ def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
         sentence=result.verdict.sentence,
         tcp_sigma=rms(result.robot.tcp_sigma),
         without_scale=rms(result.robot.tcp.without_scale),
+        doubt=result.robot.tcp.doubt,
         acceptable=result.verdict.acceptable,
         clock=None if clock is None else (clock.offset, clock.skew),
         clock_sigma=recording.clock_sigma,
