@@ -49,8 +49,8 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 # [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
-# Likewise of what an unchanged machine is apart from one recording to the next: 50 um of a steel
-# rod by 1 K would be too much, 5 um is 0.7 K; friction and backlash leave an axis 10 urad.
+# [rad], [m] standard deviations of what an unchanged machine is apart by from one recording to the
+# next: friction and play leave the zero of an axis 10 urad, and 0.7 K a rod of steel 5 um.
 WANDERS = {"axis": 1e-5, "tool": 5e-6, "rod": 5e-6, "plate": 5e-6}
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.

@@ -13,9 +13,12 @@ from ident.options import FitOptions
 from ident.result import Machine
 from ident.verification import (
     FALSE_ALARMS,
+    LENGTH,
+    ZERO,
     Cause,
     RecordingVerification,
     _Difference,
+    _wander,
     verify_recording,
 )
 from tests.helpers.minute_logs import TRUE, minute_logs
@@ -85,6 +88,20 @@ def test_two_changes_have_no_single_cause(machine: Machine) -> None:
 def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Machine) -> None:
     doubted = replace(machine, covariance=machine.covariance * 100.0**2)
     assert verified(doubted, moved(rtheta4=1e-4)).holds
+
+
+def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() -> None:
+    """20 urad of an axis and 10 um of a rod were called changed, at stated sigmas of 3 urad, 2 um."""
+    causes = [
+        Cause("axis", 4, (), np.array([[1.0], [0.0]]), np.array([ZERO])),
+        Cause("rod", 0, (), np.array([[0.0], [1.0]]), np.array([LENGTH])),
+    ]
+    stated = np.diag([3e-6, 2e-6]) ** 2
+    for x in (np.array([2e-5, 0.0]), np.array([0.0, 1e-5])):
+        sure = _Difference(x, np.eye(2), stated, blocks=20)
+        assert sure.ranked(causes)[0].evidence > sure.limit(causes)
+        honest = replace(sure, covariance=stated + _wander(causes, 2))
+        assert honest.ranked(causes)[0].evidence < honest.limit(causes)
 
 
 @pytest.mark.slow
