@@ -8,7 +8,8 @@
 
 Simulated recordings are written row by row, as their stamps say, into a folder that
 `ballbar.watch.Watch` reads once a second of recorded time: the code of `ballbar watch`, faster than
-the motion. To the instant of an alarm the processor time of its update is added.
+the motion. A complete fit, which takes some seconds beside a real recording, is there at once. To
+the instant of an alarm the processor time of its update is added.
 
 faults : each of twelve faults begins at a random instant in the middle of the motion; seconds until
 the first alarm. start : what is wrong with the files from their first row on; seconds of motion
@@ -33,9 +34,9 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from multiprocessing.pool import ThreadPool
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,20 @@ def _record(folder: Path, seed: int, seconds: float, **changes: object) -> Recor
     path = {"kind": "lissajous", "file": f"paths/irb2400_{'ab'[seed % 2]}.yaml"}
     times = {"duration_s": seconds, "dwell_s": DWELL, "stops": 2}
     return record(folder, path=path | times, seed=seed, **changes)
+
+
+class AtOnce:
+    """A pool whose results are there at once: its work takes no time of the recording."""
+
+    def apply_async(self, work: Callable[..., Any], arguments: tuple[object, ...]) -> AtOnce:
+        self._work = partial(work, *arguments)
+        return self
+
+    def ready(self) -> bool:
+        return True
+
+    def get(self) -> Any:
+        return self._work()
 
 
 @dataclass(frozen=True)
@@ -179,19 +194,18 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
     )
     alarms, foretold = Counter[str](), defaultdict[str, list[float]](list)
     begun, slowest = time.process_time(), 0.0
-    with ThreadPool(1) as pool:  # the complete fits take no time of the recording
-        watch, now = Watch(growing.folder, duration=growing.seconds, pool=pool), 0.0
-        while now < growing.seconds:
-            now += STEP
-            growing.write_until(now)
-            before = time.process_time()
-            state = watch.update(now)
-            slowest = max(slowest, time.process_time() - before)
-            for alarm in state.alarms:
-                alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
-            if now > 0.5 * growing.seconds and state.estimate and state.tcp_sigma_end:
-                foretold[state.estimate.model].append(state.tcp_sigma_end)
-        last = watch.finish(now + STEP).estimate
+    watch, now = Watch(growing.folder, duration=growing.seconds, pool=AtOnce()), 0.0
+    while now < growing.seconds:
+        now += STEP
+        growing.write_until(now)
+        before = time.process_time()
+        state = watch.update(now)
+        slowest = max(slowest, time.process_time() - before)
+        for alarm in state.alarms:
+            alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
+        if now > 0.5 * growing.seconds and state.estimate and state.tcp_sigma_end:
+            foretold[state.estimate.model].append(state.tcp_sigma_end)
+    last = watch.finish(now + STEP).estimate
     assert last is not None
     return Sound(
         seed=seed,
@@ -248,14 +262,13 @@ def enough(seed: int, scratch: Path, seconds: float, *, full: bool) -> Enough:
     made = _record(scratch / "enough", seed, seconds, **changes)
     growing = GrowingRecording(made.folder, scratch / "grow", CLOCK)
     alarms, state, now = Counter[str](), None, 0.0
-    with ThreadPool(1) as pool:
-        watch = Watch(growing.folder, accuracy=asked, duration=growing.seconds, pool=pool)
-        while now < growing.seconds and not (state and state.enough):
-            now += UPDATE
-            growing.write_until(now)
-            state = watch.update(now)
-            for alarm in state.alarms:
-                alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
+    watch = Watch(growing.folder, accuracy=asked, duration=growing.seconds, pool=AtOnce())
+    while now < growing.seconds and not (state and state.enough):
+        now += UPDATE
+        growing.write_until(now)
+        state = watch.update(now)
+        for alarm in state.alarms:
+            alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
     assert state is not None
     said, estimate = state.enough, state.estimate
     assert estimate is not None

@@ -49,7 +49,7 @@ REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from wh
 SHORTEST = 10.0  # [s] of a recording that is fitted; the columns of less cannot be compared
 YOUNG = 30.0  # [s] of a recording that may have been started wrongly (ident.causes says as much)
 FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
-COMPLETE_FIRST, COMPLETE_GROWTH = 45.0, 1.25  # [s] of the first complete fit; times, of the next
+COMPLETE_FIRST, COMPLETE_GROWTH = 45.0, 1.15  # [s] of the first complete fit; times, of the next
 CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates
 # Stated standard deviations within which the true TCP error lies in 95 %, also where the scale, one
 # number, is most of it.

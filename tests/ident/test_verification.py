@@ -91,7 +91,7 @@ def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Ma
 
 
 def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() -> None:
-    """20 urad of an axis and 10 um of a rod were called changed, at stated sigmas of 3 urad, 2 um."""
+    """20 urad of an axis, 10 um of a rod were called changed at stated sigmas of 3 urad, 2 um."""
     causes = [
         Cause("axis", 4, (), np.array([[1.0], [0.0]]), np.array([ZERO])),
         Cause("rod", 0, (), np.array([[0.0], [1.0]]), np.array([LENGTH])),
