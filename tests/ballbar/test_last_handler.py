@@ -85,6 +85,21 @@ def test_ctrl_c_while_libraries_load_gives_no_traceback() -> None:
     assert done.stderr == b"interrupted before it began\n"
 
 
+@pytest.mark.parametrize(("words", "code"), [(["--version"], 0), (["check", "nowhere"], 2)])
+def test_what_was_left_for_the_end_is_done_and_said(words: list[str], code: int) -> None:
+    """The command leaves without taking down its libraries."""
+    program = (
+        "import atexit, sys\n"
+        "from ballbar import __main__ as command\n"
+        "atexit.register(lambda: print('the last word'))\n"
+        f"sys.argv[1:] = {words!r}\n"
+        "command.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    assert done.returncode == code
+    assert done.stdout.endswith(b"the last word\n")
+
+
 def test_a_bag_whose_messages_are_numbered_by_text_is_refused(tmp_path: Path) -> None:
     bag = tmp_path / "a.db3"
     with sqlite3.connect(bag) as made:
