@@ -24,6 +24,10 @@ from ident.start.speed_scan import scan_speeds
 CANDIDATES = 12  # of the robot's columns that are compared with the encoders
 MUST_OVERLAP = 10.0  # [s] to compare speeds
 SAME_SCALE = 0.01  # ratio of angles beyond which a line count is wrong
+NEARLY = 0.1  # of the largest error of a ratio, or of a doubling: as well as ratios are known
+# Unexplained share above which ratios of several kinds are no line counts: where a short arc leaves
+# the centre of the sphere open, sound encoders have any, and leave 0.05 to 0.11 with them.
+ANYTHING = 0.03
 LEAST_SCALE = 1e-3  # smaller ratios are of encoders that stand still
 MOVES = 0.1  # [rad] a path for calibration turns some joint by more
 
@@ -91,24 +95,41 @@ def _of_other_gimbal(
 
 def encoder_scales(motion: Motion, path: ToolPath) -> list[Reading]:
     """The encoders with line counts by which they turn as far as the robot's pose says; or none."""
-    ratios = _ratios(motion, path)
-    wrong = {j: r for j, r in ratios.items() if abs(r - 1.0) > SAME_SCALE}
-    if not wrong or min(wrong.values()) < LEAST_SCALE:
+    wrong = _wrong_scales(_ratios(motion, path))
+    if not wrong:
         return []
     scale = np.array([wrong.get(joint, 1.0) for joint in motion.encoders])
     corrected = replace(motion, readings=motion.readings / scale)
     names = " and ".join(f"b{j}" for j in sorted(wrong))
     factors = [f"b{j} {ratio:.3f}" for j, ratio in sorted(wrong.items())]
+    share = left_of(corrected, path)
+    if not _of_one_kind(wrong) and share > ANYTHING:
+        return []
     return [
         Reading(
             f"the line count of encoder {names} is wrong",
             f"Multiply `lines` in recording.yaml ({', '.join(factors)}), or correct `bits`, which "
             "count as powers of two",
-            left_of(corrected, path),
+            share,
             path.rms,
             f"; angle of the encoder over that of the robot's pose: {', '.join(factors)}",
         )
     ]
+
+
+def _wrong_scales(ratios: dict[int, float]) -> dict[int, float]:
+    """Those of the ratios that are not 1, by joint, as well as the largest is known."""
+    off = np.array([abs(ratio - 1.0) for ratio in ratios.values()])
+    limit = max(SAME_SCALE, NEARLY * off.max(initial=0.0))
+    wrong = {joint: ratio for joint, ratio in ratios.items() if abs(ratio - 1.0) > limit}
+    return {} if min(wrong.values(), default=0.0) < LEAST_SCALE else wrong
+
+
+def _of_one_kind(wrong: dict[int, float]) -> bool:
+    """Whether ratios are equal, as of encoders of one kind, or powers of two, as of interpolation."""
+    doublings = np.log2(list(wrong.values()))
+    whole = np.abs(doublings - np.rint(doublings)).max() <= NEARLY
+    return bool(whole or np.ptp(doublings) <= NEARLY)
 
 
 def _ratios(motion: Motion, path: ToolPath) -> dict[int, float]:

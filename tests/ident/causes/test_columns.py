@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,16 @@ def test_line_counts_follow_from_the_poses(scale: tuple[float, ...]) -> None:
     for joint, factor in zip(ENCODERS, scale, strict=True):
         assert (f"b{joint} {factor:.3f}" in reading.remark) == (factor != 1.0)
     assert reading.left < 0.02
+
+
+def test_a_short_arc_makes_no_line_counts() -> None:
+    """The centre of its sphere is open: sound encoders were said to count 0.75 and 0.41 times."""
+    off = np.array([0.751, 1.026, 0.410, 1.030])
+    for shares, named in ((off, False), (np.where(off < 0.5, 0.5, 1.0), True)):
+        warped = motion(tuple(shares.tolist()))
+        noise = 0.1 * np.sin(np.arange(warped.readings.size)).reshape(warped.readings.shape)
+        unlike = replace(warped, readings=warped.readings + noise)
+        assert bool(encoder_scales(unlike, TOOL)) == named
 
 
 @pytest.mark.slow
