@@ -126,7 +126,7 @@ def _wrong_scales(ratios: dict[int, float]) -> dict[int, float]:
 
 
 def _of_one_kind(wrong: dict[int, float]) -> bool:
-    """Whether ratios are equal, as of encoders of one kind, or powers of two, as of interpolation."""
+    """Whether ratios are equal, as of encoders of one kind, or powers of two (interpolation)."""
     doublings = np.log2(list(wrong.values()))
     whole = np.abs(doublings - np.rint(doublings)).max() <= NEARLY
     return bool(whole or np.ptp(doublings) <= NEARLY)
