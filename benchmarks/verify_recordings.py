@@ -1,11 +1,15 @@
 """How often `ballbar verify` of a recording names rightly what changed, and how often falsely.
 
     python -m benchmarks.verify_recordings
+    python -m benchmarks.verify_recordings --everything-on --robots 10     # ten minutes
 
 Robots with drawn geometry, ripple of gears and resolvers, listed and not, and errors of the
 encoders, on the kinematic plant. Each is identified from 120 s of path a. Then come recordings of
 60 s of path b, with the ball-bar's base placed anew and its encoders mounted anew: of the robot as
 it was, and after one change (`CHANGES`). Writes docs/studies/verify_recordings.csv.
+
+--everything-on : robots with every error source in MuJoCo and motor torque, identified from both
+manual paths; then three recordings of each as it was (`AGAIN`). Prints whether they hold.
 """
 
 from __future__ import annotations
@@ -13,8 +17,11 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -37,7 +44,8 @@ from sim.path import reference_path
 from sim.path_files import load_lissajous
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.kinematic_plant import run_kinematic
-from tests.helpers.drawn_robots import DRAWN, ROOT, SCENARIOS
+from tests.helpers.drawn_robots import DRAWN, ROOT, SCENARIOS, scenario_of
+from tests.helpers.drawn_robots import recorded as recorded_robot
 
 STUDY = ROOT / "docs" / "studies" / "verify_recordings.csv"
 OPTIONS = FitOptions(model="complete", corrections=("gear_ripple", "encoder_harmonics"))
@@ -55,6 +63,9 @@ CHANGES = {
     "gear": (5e-5, 1e-3),  # [rad] of its zero
 }
 KINDS = tuple(CHANGES)
+# Paths and positions [m] of the ball-bar of recordings with every error source
+IDENTIFIED = (("a", None), ("b", None))
+AGAIN = (*IDENTIFIED, ("planned", [0.897, -0.195, 0.486]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +215,28 @@ def _columns(outcome: RecordingVerification) -> dict[str, object]:
     }
 
 
+def unchanged_with_everything(seed: int) -> Iterator[RecordingVerification]:
+    """Checks of one robot with every error source, as it was."""
+    options = FitOptions(model="complete", force="torque")
+    with tempfile.TemporaryDirectory() as folder:
+        logs = []
+        for number, (path, position) in enumerate((*IDENTIFIED, *AGAIN), start=1):
+            data = scenario_of("irb2400", "a", seed, 120.0).model_dump(
+                mode="json", by_alias=True, exclude_none=True
+            )
+            data["path"]["file"] = f"paths/irb2400_{path}.yaml"
+            data |= {"recording": number, "logs": {"torque": {}}}
+            if position:
+                data["cell"]["ballbar_position_m"] = position
+            scenario = Scenario.model_validate(data, strict=False)
+            cell, own, _ = recorded_robot(scenario, Path(folder) / str(number))
+            logs.append(own)
+    first = len(IDENTIFIED)
+    machine = identify_together(cell, logs[:first], options=options).machine
+    for own in logs[first:]:
+        yield verify_recording(machine, own, options=FitOptions(force="torque"))
+
+
 def main() -> None:
     """Runs the study and prints what it comes to."""
     parser = argparse.ArgumentParser(
@@ -212,7 +245,13 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=20)
     parser.add_argument("--checks", type=int, default=20, help="of each robot, unchanged")
     parser.add_argument("--changes", type=int, default=2, help="of each kind, of each robot")
+    parser.add_argument("--everything-on", action="store_true")
     options = parser.parse_args()
+    if options.everything_on:
+        for seed in range(1, options.robots + 1):
+            for outcome in unchanged_with_everything(seed):
+                print(seed, outcome.sentence, flush=True)
+        return
     rows: list[dict[str, object]] = []
     for seed in range(1, options.robots + 1):
         rows += rows_of(seed, options.checks, options.changes)

@@ -321,7 +321,7 @@ def brisk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder, "RETRY", 0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("brisk")
 def test_no_row_comes_from_whoever_meddles_with_the_answers_of_a_plc(tmp_path: Path) -> None:
     """Every tenth answer, by all kinds in turn; what the PLC made is in the files once."""

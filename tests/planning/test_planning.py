@@ -545,7 +545,7 @@ def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
         question(text)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_writes_a_scenario_that_can_be_loaded(
     tmp_path: Path, runnable: tuple[Evaluator, Candidate]
 ) -> None:

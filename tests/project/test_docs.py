@@ -239,7 +239,7 @@ ENDMODULE
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
