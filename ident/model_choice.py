@@ -29,8 +29,8 @@ SUPPORT = 6.0
 DECREASE = 30.0
 # Error of a gear's ratio that is one, and in standard deviations. Over a part of a turn an error of
 # a joint with few cycles a turn looks like one: 1e-4 rad of the third order like 3e-4. On sound
-# machines such a term brought up to 3.7e-4, 7 deviations and twice the TCP error; another count of
-# teeth is 1e-3 or more.
+# machines such a term came to 3.7e-4 and brought twice the TCP error; another count of teeth is
+# 1e-3 or more.
 RATIO, RATIO_SIGMAS = 6e-4, 5.0
 # A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
 # gear may come out a little on either side.
