@@ -5,12 +5,9 @@ Both return the same rows.
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -19,8 +16,8 @@ from functools import partial
 from ballbar.sweep.chunk import Row, Task, run_chunk, run_chunk_remotely
 from ballbar.sweep.version import DISTRIBUTION
 from cell.errors import InputError
+from cell.processes import process_pool as processes_of
 from cell.processes import stop_signals_blocked
-from cell.threads import one_thread_each
 
 CONNECT_TIMEOUT = 10.0  # [s] for a Dask scheduler to answer
 COUNT_PERIOD = 1.0  # [s] between two looks at how many Dask workers there are
@@ -45,32 +42,24 @@ def processes(task: Task, *, count: int) -> Iterator[Workers]:
 def process_pool(count: int) -> Iterator[Callable[[Task], AbstractContextManager[Workers]]]:
     """`count` worker processes on this machine, for one sweep after the other.
 
-    Their start takes as long as some dozens of short runs. They end with this process, even if it
-    is killed; an exception kills them.
+    Their start takes as long as some dozens of short runs.
     """
-    others = set(multiprocessing.active_children())
-    with one_thread_each():
-        pool = ProcessPoolExecutor(
-            count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_driver
-        )
+    with processes_of(count, _ready) as pool:
 
         def submit(task: Task, runs: Sequence[int]) -> Future[list[Row]]:
             try:
-                with stop_signals_blocked():  # the pool starts its processes in `submit`
+                with stop_signals_blocked():  # a pool may start its processes in `submit`
                     return pool.submit(run_chunk, task.text, runs, task.trial, task.top)
             except BrokenProcessPool as error:  # reported when the chunk's result is collected
                 broken: Future[list[Row]] = Future()
                 broken.set_exception(error)
                 return broken
 
-        try:
-            yield lambda task: nullcontext(Workers(partial(submit, task), lambda: count))
-        except BaseException:
-            for process in set(multiprocessing.active_children()) - others:
-                process.kill()  # not `terminate`: they block SIGTERM
-            raise
-        finally:
-            pool.shutdown(cancel_futures=True)
+        yield lambda task: nullcontext(Workers(partial(submit, task), lambda: count))
+
+
+def _ready() -> None:
+    """A worker needs nothing beforehand."""
 
 
 @contextmanager
@@ -114,15 +103,3 @@ def _refreshed(look: Callable[[], int]) -> Callable[[], int]:
         return count
 
     return latest
-
-
-def _end_with_driver() -> None:
-    """Ends this worker when the driver is gone (kill -9); else it would wait for chunks forever."""
-
-    def wait_for_driver() -> None:
-        driver = multiprocessing.parent_process()
-        if driver is not None:
-            driver.join()
-            os._exit(1)
-
-    threading.Thread(target=wait_for_driver, daemon=True).start()
