@@ -2,7 +2,7 @@
 
     python -m benchmarks.live_identification faults [--seeds 5] [--out FILE.csv]
     python -m benchmarks.live_identification start
-    python -m benchmarks.live_identification sound [--hours 1] [--seconds 120]
+    python -m benchmarks.live_identification sound [--hours 1] [--seconds 120] [--first 100]
     python -m benchmarks.live_identification enough [--runs 40] [--seconds 120]
     python -m benchmarks.live_identification recorder [--seconds 120]
 
@@ -369,7 +369,7 @@ def rows_of(part: str, given: argparse.Namespace, scratch: Path) -> Iterator[Any
             said, seed = said + np.isfinite(row.said_s), seed + 1
             yield row
     else:
-        watched, seed = 0.0, 100
+        watched, seed = 0.0, given.first
         while watched < 3600.0 * given.hours:
             yield sound(seed, scratch, given.seconds, full=seed % 2 == 1)
             watched, seed = watched + given.seconds, seed + 1
@@ -385,6 +385,7 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=1.0)
     parser.add_argument("--runs", type=int, default=40, help="of which enough is said")
     parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--first", type=int, default=100, help="seed of the first sound recording")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     rows = []
