@@ -14,9 +14,9 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar, cast
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -180,8 +180,12 @@ def load_yaml(path: Path) -> YamlDocument:
     Raises DescriptionError naming file and line if the file cannot be read, is not UTF-8, is not
     YAML as described above, or holds no mapping.
     """
+    return _document(path, _read_text(path))
+
+
+def _document(path: Path, text: str) -> YamlDocument:
     at = partial(Place, str(path))
-    root = _parsed(_read_text(path), at)
+    root = _parsed(text, at)
     if root is None:
         raise DescriptionError(f"{path}: the file is empty; expected `key: value` lines.")
     if not isinstance(root, yaml.MappingNode):
@@ -210,9 +214,17 @@ def load_model(path: Path, model: type[M], *, example: Path | None = None) -> M:
 
     example : a complete file of the same schema, from which an error quotes what is missing.
 
+    A text that was read before is not checked again: a recording that is followed names the same
+    descriptions every second.
+
     Raises DescriptionError with one line per error: file, line, key, value and what was expected.
     """
-    return parse_model(load_yaml(path), model, example=example)
+    return cast(M, _checked(path, _read_text(path), model, example))
+
+
+@lru_cache(maxsize=32)
+def _checked(path: Path, text: str, model: type[BaseModel], example: Path | None) -> BaseModel:
+    return parse_model(_document(path, text), model, example=example)
 
 
 def parse_model(document: YamlDocument, model: type[M], *, example: Path | None = None) -> M:

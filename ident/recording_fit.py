@@ -26,7 +26,7 @@ from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
 from ident.signals.smooth_log import SmoothLog, smooth_log
-from ident.start.automatic import Start, StartError, automatic_start, fit_hypothesis
+from ident.start.automatic import Hypothesis, Start, StartError, automatic_start, fit_hypothesis
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
@@ -83,9 +83,14 @@ class RecordingFit:
 
 
 def fit_recording(
-    cell: Cell, logs: Logs, options: FitOptions, listener: Listener = SILENT
+    cell: Cell,
+    logs: Logs,
+    options: FitOptions,
+    listener: Listener = SILENT,
+    *,
+    known: Hypothesis | None = None,
 ) -> RecordingFit:
-    """The `dh` fit of one recording.
+    """The `dh` fit of one recording; known : how its logs are to be read, which is searched else.
 
     Raises StartError when its logs cannot be brought together, InputError for the log of a robot
     with another number of axes.
@@ -110,6 +115,7 @@ def fit_recording(
         excess,
         spacing=spacing,
         zero_sigma=cell.ballbar.length_tolerance,
+        known=known,
     )
     chosen = start.chosen
     if listener.on_iteration:  # once more, to be followed alone among its rivals

@@ -42,7 +42,7 @@ from ident.prediction import Prediction, part_of, predict
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification
 from ident.robot.tcp_uncertainty import scale_error
-from ident.start.automatic import StartError
+from ident.start.automatic import Hypothesis, StartError
 
 HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
 REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from which it is fitted
@@ -180,7 +180,8 @@ class Watch:
             return wrong
         used = _but_last(logs, HELD_OUT)
         try:
-            fitted = fit_recording(cell, used, FitOptions(model="dh"))
+            known = self._known(prediction)
+            fitted = fit_recording(cell, used, FitOptions(model="dh"), known=known)
         except (StartError, ValueError):
             self._next_fit = seconds * FAILED_GROWTH
             return []
@@ -188,6 +189,15 @@ class Watch:
         self._take(cell, fitted, seconds - HELD_OUT)
         self._ask_complete(cell, used, seconds - HELD_OUT)
         return []
+
+    def _known(self, prediction: Prediction | None) -> Hypothesis | None:
+        """How the logs are to be read, once a fit of one reading alone has been confirmed."""
+        if self._fitted is None or self._fitted_until < YOUNG or not self._fitted.fit.converged:
+            return None
+        start = self._fitted.start
+        if start.ambiguous or prediction is None or prediction.ratio > AGREES:
+            return None
+        return replace(start.chosen.hypothesis, clock=self._fitted.clock)
 
     def _disagreement(
         self, cell: Cell, logs: Logs, seconds: float, prediction: Prediction

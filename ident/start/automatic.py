@@ -111,6 +111,7 @@ def automatic_start(
     *,
     spacing: float,
     zero_sigma: float = 0.0,
+    known: Hypothesis | None = None,
 ) -> Start:
     """Starting values for a recording.
 
@@ -118,6 +119,7 @@ def automatic_start(
     nominal : catalogue geometry; its base position and encoder offsets are ignored.
     spacing : [s] between the samples of the fit that follows.
     zero_sigma : [m] of the sensed length's zero.
+    known : how the logs are to be read; nothing is searched.
 
     Raises StartError when the logs share no motion or hold no complete pair of encoders.
     """
@@ -132,7 +134,9 @@ def automatic_start(
             f"encoders {encoders}: half a gimbal is fitted; use b1 with b2 and b4 with b5, or "
             "leave the odd one out"
         )
-    if ballbar is not None and not encoders:
+    if known is not None:
+        every = iter((known,))
+    elif ballbar is not None and not encoders:
         every = length_hypotheses(robot, ballbar, nominal, zero_sigma)
     else:
         every = _hypotheses(robot, ballbar, encoders, nominal)
@@ -161,9 +165,11 @@ def _hypotheses(
         for sphere in spheres:
             yield Hypothesis(Clock(0.0, 0.0), (), _with_base(nominal, sphere, {}), -sphere.cost)
         return
-    aligned = [h for s in spheres for h in _aligned(robot, ballbar, encoders, nominal, s)]
-    least = SCORE_KEPT * max((h.score for h in aligned), default=0.0)
-    yield from sorted((h for h in aligned if h.score >= least), key=lambda h: -h.score)
+    aligned = [a for s in spheres for a in _aligned(robot, ballbar, encoders, nominal, s)]
+    least = SCORE_KEPT * max((score for score, _ in aligned), default=0.0)
+    for score, hypotheses in sorted(aligned, key=lambda a: -a[0]):
+        if score >= least:
+            yield from hypotheses
 
 
 def _aligned(
@@ -172,8 +178,17 @@ def _aligned(
     encoders: tuple[int, ...],
     nominal: Geometry,
     sphere: Sphere,
-) -> Iterator[Hypothesis]:
-    """Hypotheses of the best lags about one sphere."""
+) -> Iterator[tuple[float, Iterator[Hypothesis]]]:
+    """The score of each of the best lags about one sphere, and the hypotheses that have it."""
+
+    def hypotheses(index: int, read: dict[int, tuple[int, float]]) -> Iterator[Hypothesis]:
+        offset = subsample(scan, index) * step + robot.start - ballbar.start
+        for readable in _with_roll(read, encoders, column, rotation, int(scan.lags[index])):
+            directions = tuple(readable[joint][0] for joint in encoders)
+            offsets = {f"btheta{joint}": readable[joint][1] for joint in encoders}
+            geometry = _with_base(nominal, sphere, offsets)
+            yield Hypothesis(Clock(offset, 0.0), directions, geometry, float(scan.score[index]))
+
     step = max(SCAN_STEP, _longest(robot, ballbar) / SCAN_ROWS)
     poses = _poses(robot, nominal, step)
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
@@ -190,18 +205,11 @@ def _aligned(
     }
     scan = scan_lags(list(pairs.values()))
     for index in best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / step)):
-        offset = subsample(scan, index) * step + robot.start - ballbar.start
         for branches in product(*(pair.branches(index) for pair in pairs.values())):
             read: dict[int, tuple[int, float]] = {}
             for (turning, tilting), branch in zip(pairs, branches, strict=True):
                 read |= _readings(turning, tilting, branch)
-            lag = int(scan.lags[index])
-            for readable in _with_roll(read, encoders, column, rotation, lag):
-                directions = tuple(readable[joint][0] for joint in encoders)
-                offsets = {f"btheta{joint}": readable[joint][1] for joint in encoders}
-                geometry = _with_base(nominal, sphere, offsets)
-                score = float(scan.score[index])
-                yield Hypothesis(Clock(offset, 0.0), directions, geometry, score)
+            yield float(scan.score[index]), hypotheses(index, read)
 
 
 def length_hypotheses(
