@@ -153,7 +153,7 @@ def _direction(direction: TcpDirection) -> str:
         return "scale of all lengths, which no recording shows"
     if direction.name == MASSES:
         return "masses that the fit took from the files"
-    return ""
+    return "" if _members(direction) else "many unknowns, each a little"
 
 
 def _meaning(name: str) -> str:

@@ -6,6 +6,7 @@ Its script shows values at the cursor and asks no host for anything.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup, escape
 
 from ballbar.report.log_figures import log_section
 from ballbar.report.machine import machine_section
@@ -111,4 +113,10 @@ def template(name: str) -> Template:
         lstrip_blocks=True,
     )
     environment.globals["significant"] = significant
+    environment.filters["with_code"] = _with_code
     return environment.get_template(name)
+
+
+def _with_code(text: str) -> Markup:
+    """A sentence, escaped, with what stands between backticks as code."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))

@@ -305,10 +305,12 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
         description=recording.description.model_copy(update={"notes": evil}),
         report=report,
     )
-    verdict = replace(run.identification.verdict, warnings=(evil,))
+    verdict = replace(run.identification.verdict, warnings=(f"`{evil}`",))
     result = replace(run.identification, verdict=verdict)
     data = replace(_with(run, recording=hostile), name=evil, identification=result)
-    parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
+    page = _page(data, tmp_path, command=f"ballbar run {evil}")
+    parsed = _Page(page)
+    assert "<code>&lt;script&gt;" in page, "what stands between backticks is code"
     assert parsed.tags.count("img") == 1, "our own picture of the cell, and none of the text's"
     assert parsed.tags.count("script") == 1
     assert parsed.text.count("onerror=alert(1)") >= 6
