@@ -14,10 +14,10 @@ the instant of an alarm the processor time of its update is added.
 faults : each of twelve faults begins at a random instant in the middle of the motion; seconds until
 the first alarm. start : what is wrong with the files from their first row on; seconds of motion
 until the alarm. sound : recordings of other machines, every second one with all errors of
-scenarios/irb2400_full.yaml; every alarm is false, and the uncertainty foretold for the end, from
-half of the recording on, is divided by the one stated once it has ended. enough : recordings of
-drawn machines, every second one with all errors and motor torque, and an accuracy that is asked of
-each; what had been recorded when the watch said that it is enough is identified as
+scenarios/irb2400_full.yaml and motor torque; every alarm is false, and the uncertainty foretold for
+the end, from half of the recording on, is divided by the one stated once it has ended. enough :
+recordings of drawn machines, every second one with all errors and motor torque, and an accuracy
+that is asked of each; what had been recorded when the watch said that it is enough is identified as
 `ballbar identify` does, and its true TCP error (rms) compared with what was asked. recorder :
 `ballbar record --identify` in real time, the encoders from the ADS test server at 100 Hz and the
 robot's axes by EGM at 248 Hz; rows lost and processor time.
@@ -76,6 +76,17 @@ def _record(folder: Path, seed: int, seconds: float, **changes: object) -> Recor
     path = {"kind": "lissajous", "file": f"paths/irb2400_{'ab'[seed % 2]}.yaml"}
     times = {"duration_s": seconds, "dwell_s": DWELL, "stops": 2}
     return record(folder, path=path | times, seed=seed, **changes)
+
+
+def _everything_on() -> dict[str, Any]:
+    """The errors and encoders of scenarios/irb2400_full.yaml, and the motor torque it logs."""
+    scenario = load_scenario(SCENARIOS / "irb2400_full.yaml")
+    parts = {name: getattr(scenario, name) for name in ("errors", "encoders")}
+    stated = {
+        name: part.model_dump(mode="json", by_alias=True, exclude_none=True)
+        for name, part in parts.items()
+    }
+    return stated | {"logs": {"torque": {}}}
 
 
 class AtOnce:
@@ -185,13 +196,9 @@ class Sound:
 
 def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
     """Watches one from its first row to its last."""
-    changes = {}
-    if full:
-        errors = load_scenario(SCENARIOS / "irb2400_full.yaml").errors
-        changes = {"errors": errors.model_dump(exclude_none=True)}
-    growing = GrowingRecording(
-        recorded(scratch / "sound", seed, seconds, **changes), scratch / "grow", CLOCK
-    )
+    changes = _everything_on() if full else {}
+    source = recorded(scratch / "sound", seed, seconds, **changes)
+    growing = GrowingRecording(source, scratch / "grow", CLOCK)
     alarms, foretold = Counter[str](), defaultdict[str, list[float]](list)
     begun, slowest = time.process_time(), 0.0
     watch, now = Watch(growing.folder, duration=growing.seconds, pool=AtOnce()), 0.0
@@ -249,16 +256,14 @@ class Enough:
 
 def enough(seed: int, scratch: Path, seconds: float, *, full: bool) -> Enough:
     """Watches a recording until the accuracy that is asked is said to be reached."""
-    rng, scenario = np.random.default_rng([seed, 7]), load_scenario(SCENARIOS / "irb2400_full.yaml")
+    rng, changes = np.random.default_rng([seed, 7]), _everything_on()
     lowest, highest = ASKED_OF_FULL if full else ASKED
     asked = float(np.exp(rng.uniform(np.log(lowest), np.log(highest))))
-    errors = scenario.errors.model_dump(mode="json", by_alias=True, exclude_none=True)
     if not full:
-        errors = {k: errors[k] for k in ("joint_noise", "plate_length", "ballbar_axes")}
-    changes: dict[str, object] = {"errors": errors | {"static": DRAWN}}
-    if full:
-        changes["encoders"] = scenario.encoders.model_dump(mode="json", exclude_none=True)
-        changes["logs"] = {"torque": {}}
+        errors = changes["errors"]
+        few = {k: errors[k] for k in ("joint_noise", "plate_length", "ballbar_axes")}
+        changes = {"errors": few}
+    changes["errors"] |= {"static": DRAWN}
     made = _record(scratch / "enough", seed, seconds, **changes)
     growing = GrowingRecording(made.folder, scratch / "grow", CLOCK)
     alarms, state, now = Counter[str](), None, 0.0
