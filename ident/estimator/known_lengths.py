@@ -2,8 +2,9 @@
 
 No log tells one of them from the other, only their sum: what the data take from the prior of each
 is less than all. With priors of covariance D and a posterior of C, the posterior mean is off the
-prior's by a normal deviate of covariance D - C where everything stated is true. Where it is off by
-more, the stated deviations are widened by as much (Birge 1932, as for constants that disagree).
+prior's by a normal deviate of covariance D - C, and what the inflation adds to C, where everything
+stated is true. Where it is off by more, the stated deviations are widened by as much (Birge 1932,
+as for constants that disagree).
 """
 
 from __future__ import annotations
@@ -35,8 +36,11 @@ class KnownLengths:
         return max(1.0, self.apart)
 
 
-def known_lengths(layout: Unknowns, x: Array, covariance: Array) -> KnownLengths:
-    """The known lengths of a fit with estimate x (P,) and white covariance (P, P)."""
+def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -> KnownLengths:
+    """The known lengths of a fit with estimate x (P,) and white covariance (P, P).
+
+    added : (P, P) to the covariance, by the inflation of what the data contribute.
+    """
     sigma, left = layout.sigma, np.diag(covariance) / layout.sigma**2
     known = np.array(
         [
@@ -50,8 +54,13 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array) -> KnownLengths
     )
     scale = sigma[known]
     off = (x - layout.mean)[known] / scale
-    moved = np.eye(known.size) - covariance[np.ix_(known, known)] / np.outer(scale, scale)
+    units = np.outer(scale, scale)
+    moved = np.eye(known.size) - covariance[np.ix_(known, known)] / units
     size, directions = np.linalg.eigh(moved)
-    seen = size > SEEN
-    squares = (directions[:, seen].T @ off) ** 2 / size[seen]
-    return KnownLengths(known, float(np.sqrt(squares.mean())) if seen.any() else 0.0)
+    seen = directions[:, size > SEEN]
+    if not seen.size:
+        return KnownLengths(known, 0.0)
+    expected = seen.T @ (moved + added[np.ix_(known, known)] / units) @ seen
+    along = seen.T @ off
+    square = float(along @ np.linalg.solve(expected, along))
+    return KnownLengths(known, float(np.sqrt(square / along.size)))

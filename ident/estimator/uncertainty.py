@@ -45,13 +45,15 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
         ident.estimator.considered.
     """
     layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
-    sigma, lengths = layout.sigma, known_lengths(layout, fit.x, fit.covariance)
+    sigma = layout.sigma
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
     variance, blocks = _left_out(fit)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
-    covariance = misfit * data * np.outer(inflation, inflation) + prior
+    inflated = misfit * data * np.outer(inflation, inflation)
+    covariance = inflated + prior
+    lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
     doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
     covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
     shifts = considered_shifts(fit, deviated)

@@ -26,9 +26,20 @@ def posterior(unknowns: Unknowns, error: float) -> tuple[Array, Array]:
     return unknowns.mean + covariance @ row * error / 1e-7**2, covariance
 
 
-def judged(error: float) -> tuple[Unknowns, KnownLengths]:
+def judged(error: float, noise: float = 1.0) -> tuple[Unknowns, KnownLengths]:
+    """noise : of the measurement over what its weight says, as the blocks of time show it."""
     unknowns = layout()
-    return unknowns, known_lengths(unknowns, *posterior(unknowns, error))
+    x, covariance = posterior(unknowns, error)
+    data = covariance - covariance @ (covariance / unknowns.sigma[:, None] ** 2)
+    return unknowns, known_lengths(unknowns, x, covariance, (noise**2 - 1.0) * data)
+
+
+def test_noise_that_is_worse_than_white_contradicts_no_length() -> None:
+    """The estimate is then off by what the data are off, of which the prior knows nothing."""
+    unknowns, lengths = judged(30e-6, noise=200.0)
+    plate = unknowns.sigma[unknowns.names.index("ra6")]
+    expected = np.sqrt(plate**2 + ROD**2 + 200.0**2 * 1e-7**2)
+    assert lengths.apart == pytest.approx(30e-6 / expected, rel=0.01)
 
 
 def test_a_contradiction_is_in_standard_deviations_of_the_sum() -> None:
@@ -53,7 +64,7 @@ def test_what_the_data_tell_alone_contradicts_nothing() -> None:
     covariance = np.linalg.inv(normal)
     x = unknowns.mean.copy()
     x[index] += 4.0 * ROD
-    lengths = known_lengths(unknowns, x, covariance)
+    lengths = known_lengths(unknowns, x, covariance, np.zeros_like(covariance))
     assert index not in lengths.unknowns
     assert lengths.apart == 0.0
 
@@ -65,6 +76,6 @@ def test_a_length_that_is_only_roughly_known_contradicts_nothing() -> None:
     rough = [n for n, s in zip(unknowns.names, unknowns.sigma, strict=True) if s > KNOWN]
     assert {"ra2", "rd4"} <= set(rough)
     _, covariance = posterior(unknowns, 0.0)
-    lengths = known_lengths(unknowns, x, covariance)
+    lengths = known_lengths(unknowns, x, covariance, np.zeros_like(covariance))
     assert not {unknowns.names[i] for i in lengths.unknowns} & set(rough)
     assert lengths.apart == pytest.approx(0.0, abs=1e-6)
