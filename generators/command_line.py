@@ -26,12 +26,13 @@ Written by `python -m generators.command_line` from the texts of `--help`; do no
 
 **Exit codes.** 0: done. 1: the command ran, but its result is not acceptable; the first line says
 why. 2: bad input; the message names file, line and key, and the remedy. 3: a fault of the program,
-whose details are written to a file to be reported, or too little memory. 130: ended by Ctrl-C.
+whose details are written to a file to be reported, or too little memory. 130: ended by Ctrl-C, but
+`record`, `watch` and the search of `plan`, which then go on to their result.
 
 **Output.** Results go to standard output, everything else to standard error.
 
-**`--json`** prints the result for a program: SI units, keys that carry them, no sentences. The exit
-code is the same.
+**`--json`** of commands with a result prints it for a program: SI units, keys that carry them. The
+exit code is the same.
 
 ```sh
 ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml --json

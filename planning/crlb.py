@@ -1,6 +1,6 @@
 """Cramer-Rao prediction of a trajectory: standard deviations of all parameters and of the tool.
 
-The bound is that of the complete model that `ballbar identify` fits (ident.estimator.joint_fit:
+The bound is that of the complete model that `ballbar identify` fits (ident.complete_fit:
 geometry, clock, corrections with their priors, the rod's tension as a spline), at samples of a
 noise-free run. The information of a sample does not depend on how many are computed, so some
 hundreds represent the 1500 that are fitted. Of a length it fits geometry and clock alone, and so

@@ -1,4 +1,4 @@
-"""Search for the best path: random candidates, then races of CMA-ES islands until time is up.
+"""Search for the best path: random candidates, then races of CMA-ES islands while time is left.
 
 CMA-ES (Hansen, arXiv:1604.00772; library `cma`) varies centres, amplitudes, phases and position;
 each island keeps the cycles and the rod that it began with. How far an island descends shows only

@@ -34,7 +34,7 @@ from sim.plant.kinematic_plant import refuse_forces
 from sim.settings import SimulationSettings
 from sim.streams import stream
 
-# [rad/s] joint speed from which the robot counts as moving (ident.estimator.sampling)
+# [rad/s] joint speed from which the robot counts as moving (ident.estimator.samples)
 MOVING = 1e-3
 STICKING = 1e-3  # [m/s] speed below which friction keeps its sign; assumed
 STRETCH = 2.0  # [s] mean time between two drawn changes of the rod's force; assumed

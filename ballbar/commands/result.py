@@ -1,4 +1,4 @@
-"""Commands for a result: `ballbar replay`, `compare`, `export` and `correct`."""
+"""Commands for a result: `ballbar replay`, `compare`, `verify`, `export` and `correct`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Targets of a KRL program: E6AXIS and AXIS, E6POS, POS and FRAME, declared or in the motion.
 
 A .src file and the .dat file of the same name are one program. Read are aggregates with constant
-values, in declarations, in assignments to points, and in PTP, LIN, CIRC, SPTP, SLIN and SCIRC.
+values, in declarations, in assignments to points, and in PTP, LIN, CIRC, SPTP, SLIN, SCIRC and SPL.
 Tools and bases come from assignments of constant frames to $TOOL and $BASE outside of branches,
 else from the options by the number in FDAT, TOOL_DATA or BASE_DATA. Whatever else goes to a target
 is refused with its line. $BASE is taken to be stated in the robot's base frame.

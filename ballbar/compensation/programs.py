@@ -161,7 +161,10 @@ def _payload_notes(
 ) -> list[str]:
     if isinstance(result, PoseResult):
         return ["sag is that with the payload of the measurement"] if any(parts) else []
-    if () not in parts or "joint_compliance" not in result.calibration.file.corrections:
+    identified = result.calibration.file.corrections
+    if "unit_weights" in identified and any(parts):
+        return ["sag is that with the payload of the recording: the robot's file has no masses"]
+    if () not in parts or "joint_compliance" not in identified:
         return []
     tools = sorted({program.targets[k].setup.tool_name for k in parts[()]} - {""})
     of = f" of {', '.join(tools)}" if tools else ""

@@ -65,12 +65,7 @@ def correct_file(path: Path, result: AnyResult) -> Correction:
 def _corrected(result: AnyResult, q: Array) -> CorrectedTargets:
     """Corrected targets (N, J) [rad]; raises TargetError, and InputError for five axes."""
     if isinstance(result, PoseResult):
-        try:
-            return corrected_arm_targets(result.calibration.arm(), q)
-        except TargetError:
-            raise
-        except ValueError as error:
-            raise InputError(str(error)) from None
+        return corrected_arm_targets(result.calibration.arm(), q)
     robot = result.calibration.unloaded_robot(result.cell)
     return corrected_targets(robot, result.calibration.nominal, q)
 

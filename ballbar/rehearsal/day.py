@@ -1,4 +1,4 @@
-"""The day: plan, record live, identify, plan on, identify together, correct, verify.
+"""The day: record live, identify, plan on, record and identify together, correct, verify.
 
     scenario -> simulated devices -> recorder -> path1 -> result1 -> plan -> path2
              -> result -> corrected targets -> plant;  path3 -> verify

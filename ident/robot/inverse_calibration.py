@@ -19,6 +19,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
+from cell.errors import InputError
 from cell.geometry import Geometry, nominal_chain
 from cell.inverse import pose_error, refine_reachable
 from cell.robot_angles import joints_to_axes
@@ -71,11 +72,11 @@ def corrected_arm_targets(arm: IdentifiedArm, q: Array) -> CorrectedTargets:
 
     q : (N, J) [rad] targets as DH joint angles; of seven axes and more the shortest way is taken.
 
-    Raises TargetError as `corrected_targets`, and ValueError for fewer than six axes, which cannot
+    Raises TargetError as `corrected_targets`, and InputError for fewer than six axes, which cannot
     keep a whole pose.
     """
     if arm.robot.joints < FULL:
-        raise ValueError(
+        raise InputError(
             f"{arm.robot.title}: {arm.robot.joints} axes cannot keep a whole pose, so targets "
             "cannot be corrected"
         )

@@ -25,6 +25,7 @@ from cell.inverse import refine
 from cell.load import load_robot
 from cell.payload import Payload, with_payload
 from cell.robot_angles import controller_to_joints
+from ident.corrections.unit_weights import unit_weights
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_results import write_pose_result
@@ -183,6 +184,19 @@ def test_the_load_of_the_tool_counts_and_an_option_replaces_it(
     assert np.abs(declared.corrected.q - none.corrected.q).max() > 1e-6
     assert any("payload of tGun, tool0 is not known" in note for note in none.notes)
     assert any("payload of tool0 is not known" in note for note in declared.notes)
+
+
+def test_where_no_masses_are_known_the_load_of_a_program_is_said_to_be_left_out(
+    tmp_path: Path, result: Result
+) -> None:
+    weightless = replace(result.cell, robot=replace(result.robot, links=None))
+    file, (entry, *_) = result.calibration.file, result.calibration.file.corrections.values()
+    value = next(iter(entry.values())).model_copy(update={"value": 0.0})
+    sag = {c.name: value for c in unit_weights(weightless.robot).coefficients}
+    own = file.model_copy(update={"corrections": {"unit_weights": sag}})
+    bare = replace(result, calibration=replace(result.calibration, file=own), cell=weightless)
+    notes = corrected(tmp_path / "weld.mod", module(result.robot), bare).notes
+    assert any("payload of the recording: the robot's file has no masses" in n for n in notes)
 
 
 REFUSED = {

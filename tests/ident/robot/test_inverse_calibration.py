@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
 from cell.arrays import Array
 from cell.descriptions import Cell
+from cell.errors import InputError
 from cell.geometry import Geometry, robot_frames
 from cell.robot_angles import joints_to_axes
 from ident.corrections import CORRECTIONS
-from ident.robot.inverse_calibration import TargetError, corrected_targets
+from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.inverse_calibration import TargetError, corrected_arm_targets, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.synthetic_recording import minute
@@ -93,3 +98,9 @@ def test_a_correction_that_leaves_the_range_is_refused(
     edge[0, 0] += limit[0] - joints_to_axes(robot, edge)[0, 0] - turn * 1e-7
     with pytest.raises(TargetError, match="of the corrected target"):
         corrected_targets(identified, nominal, edge)
+
+
+def test_five_axes_cannot_keep_a_whole_pose() -> None:
+    five = cast(IdentifiedArm, SimpleNamespace(robot=SimpleNamespace(title="Five", joints=5)))
+    with pytest.raises(InputError, match="Five: 5 axes cannot keep a whole pose"):
+        corrected_arm_targets(five, np.zeros((1, 5)))
