@@ -49,7 +49,9 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Ring:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["irb2400_telescoping", "irb2400_drawwire"])
+@pytest.mark.parametrize(
+    "name", ["irb2400_telescoping", pytest.param("irb2400_drawwire", marks=pytest.mark.long)]
+)
 def test_clock_and_robot_lie_within_the_stated_deviations(name: str, ring: Ring) -> None:
     result, (_, truth) = ring.identified(name), ring.recorded(name)
     assert result.verdict.status is Status.GOOD, result.verdict.sentence

@@ -94,7 +94,7 @@ def said(folder: Path, *commands: list[str]) -> list[str]:
     return texts
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_command_that_writes_names_a_folder_that_it_cannot_write_to(folder: Path) -> None:
     new = ["robot.csv", "bar.csv", *CELL, "--yes"]
     commands = [

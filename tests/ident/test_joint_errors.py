@@ -59,7 +59,7 @@ def amplitudes(result: Identification) -> dict[str, float]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_error_that_no_list_holds_is_found_and_the_tool_with_it() -> None:
     result = identified()
     assert result.verdict.status is Status.GOOD

@@ -287,7 +287,7 @@ def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
     return by_plan, by_random
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_real_error_follows_the_prediction(tracker: PosePlan, wire: PosePlan) -> None:
     """Robots with sag and with joint errors that are not fitted, as in docs/planning.md."""
     by_plan, by_random = errors(tracker, range(100, 105))

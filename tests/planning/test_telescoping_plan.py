@@ -463,7 +463,7 @@ def test_a_path_is_found_for_any_arm(robot: str, tmp_path: Path) -> None:
     assert not outcome.violations
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("few_candidates")
 def test_a_ballbar_with_encoders_is_planned_on_a_complete_file_of_another_arm(
     tmp_path: Path,

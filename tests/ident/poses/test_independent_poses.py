@@ -60,7 +60,7 @@ def test_a_robot_of_another_generator_is_predicted_to_the_noise(kind: str, tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["sockets", "lengths"])
+@pytest.mark.parametrize("kind", [pytest.param("sockets", marks=pytest.mark.long), "lengths"])
 def test_the_stated_regions_hold_held_out_poses_about_as_often_as_they_claim(
     kind: str, tmp_path: Path
 ) -> None:
