@@ -13,9 +13,9 @@ import numpy as np
 
 from ballbar.watch.state import Estimate
 
-# Exponent with which the rest falls. Of 64 forecasts for 16 machines with all errors 88 % are then
-# within 1.3 times of what came, as many as of any of 28 rules; a repeated path would give 0.5.
-POWER = 0.65
+# Exponent with which the rest falls while a path covers ever more. Of nine machines with all errors
+# 98 % of 45 forecasts are then within 1.3 times of what came; a repeated path would give 0.5.
+POWER = 0.8
 
 
 def foretold(last: Estimate, duration: float, *, scale: float) -> float:
