@@ -43,6 +43,8 @@ _PUBLIC = {
     "ballbar.result.pose_calibration": "PoseCalibration",
     "ballbar.result.run_data": "RunData",
     "ballbar.result.run_recordings": "identify_recordings",
+    "ballbar.result.verification": "verify_folder",
+    "ident.verification": "RecordingVerification",
 }
 _HOME = {name: module for module, names in _PUBLIC.items() for name in names.split()}
 __all__ = sorted(_HOME)  # noqa: PLE0605  the table is the list
@@ -57,6 +59,7 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ballbar.result.pose_calibration import PoseCalibration as PoseCalibration
     from ballbar.result.run_data import RunData as RunData
     from ballbar.result.run_recordings import identify_recordings as identify_recordings
+    from ballbar.result.verification import verify_folder as verify_folder
     from ballbar.scenario import Scenario as Scenario
     from ballbar.scenario import load_scenario as load_scenario
     from ballbar.scenario import scenario_file as scenario_file
@@ -103,6 +106,7 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ident.robot.inverse_calibration import corrected_targets as corrected_targets
     from ident.robot.tool_covariance import PositionUncertainty as PositionUncertainty
     from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
+    from ident.verification import RecordingVerification as RecordingVerification
     from sim.recording_files import write_recording as write_recording
     from sim.simulate import Simulation as Simulation
     from sim.simulate import simulate as simulate
