@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.figure_style import FAINT, FRAME, INK, LINES, QUIET, svg_text
+from ballbar.figure_style import FAINT, FRAME, INK, LINES, QUIET, logarithmic, svg_text
 from ballbar.plan.beam import GRAVITY
 from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
 from ballbar.units import MM, UM
@@ -159,7 +159,7 @@ def _sigma(axes: Axes, plan: Plan) -> None:
     ratio, x = [sigma[name] / priors[name] for name in robot], np.arange(len(robot))
     axes.vlines(x, 1e-4, ratio, color=FAINT, lw=2.0)
     axes.plot(x, ratio, "o", color=INK, ms=3.0)
-    axes.set_yscale("log")
+    logarithmic(axes, "y")
     axes.set_ylim(1e-4, 1.5)
     axes.set_xticks(x, robot, rotation=90, fontsize=6)
     axes.set(ylabel="predicted sigma / prior sigma")

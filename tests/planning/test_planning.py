@@ -566,6 +566,7 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
         "request.yaml",
         "mine.mod",
     }
+    assert "mathdefault" not in (out / "plan.svg").read_text(), "numbers, not what makes them"
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output
     assert "% (within 10 deg of the path; shipped plans cover 5 to 21%" in result.output
