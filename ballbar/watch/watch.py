@@ -6,7 +6,8 @@ is left out by the reader, and is whole at the next update. Then
 
 1. the latest rows are compared with the fit of the earlier ones (ident.prediction), which they
    took no part in;
-2. where they agree, the recording but its last seconds is fitted by kinematics alone;
+2. where they agree, the recording but its last seconds is fitted by kinematics alone, and the logs
+   are read as by the fit before, once that was confirmed;
 3. where that leaves something, the complete model is fitted in growing intervals, elsewhere.
 
 Nothing here waits or looks at a clock: `update` is given the time.

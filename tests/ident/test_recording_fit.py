@@ -22,6 +22,7 @@ from ident.recording_fit import (
     nominal_robot_fit,
     smoothed,
 )
+from ident.start import automatic
 from sim.errors.static_errors import THESIS_3_1
 from tests.helpers.minute_logs import LATE, NOISE, minute_logs
 from tests.helpers.six_axes import INDEX, NAMES
@@ -92,6 +93,18 @@ def test_a_ball_bar_with_few_encoders_or_none_is_fitted_alike(encoders: tuple[in
     assert found.fit.converged
     assert found.samples.has_clock == bool(encoders)
     assert found.fit.chi2_per_dof == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.slow
+def test_a_known_reading_of_the_logs_leads_to_the_same_fit_without_a_search(
+    fitted: RecordingFit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(automatic, "_hypotheses", lambda *_: pytest.fail("searched"))
+    known = replace(fitted.start.chosen.hypothesis, clock=fitted.clock)
+    again = fit_recording(CELL, minute_logs(true=TRUE), OPTIONS, known=known)
+    sigma = np.sqrt(np.diag(fitted.fit.covariance))
+    assert np.abs((again.fit.x - fitted.fit.x) / sigma).max() < 0.02
+    assert again.start.tried == 1
 
 
 @pytest.mark.slow
