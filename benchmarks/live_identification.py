@@ -15,12 +15,12 @@ faults : each of twelve faults begins at a random instant in the middle of the m
 the first alarm. start : what is wrong with the files from their first row on; seconds of motion
 until the alarm. sound : recordings of other machines, every second one with all errors of
 scenarios/irb2400_full.yaml and motor torque; every alarm is false, and the uncertainty foretold for
-the end, from half of the recording on, is divided by the one stated once it has ended. enough :
-recordings of drawn machines, every second one with all errors and motor torque, and an accuracy
-that is asked of each; what had been recorded when the watch said that it is enough is identified as
-`ballbar identify` does, and its true TCP error (rms) compared with what was asked. recorder :
-`ballbar record --identify` in real time, the encoders from the ADS test server at 100 Hz and the
-robot's axes by EGM at 248 Hz; rows lost and processor time.
+the end, from half of the recording on and while the fit is good, is divided by the one stated once
+it has ended. enough : recordings of drawn machines, every second one with all errors and motor
+torque, and an accuracy that is asked of each; what had been recorded when the watch said that it is
+enough is identified as `ballbar identify` does, and its true TCP error (rms) compared with what was
+asked. recorder : `ballbar record --identify` in real time, the encoders from the ADS test server at
+100 Hz and the robot's axes by EGM at 248 Hz; rows lost and processor time.
 """
 
 from __future__ import annotations
@@ -189,7 +189,8 @@ class Sound:
     processor_s: float
     slowest_s: float  # processor time of one update
     model: str
-    foretold: float  # largest and smallest uncertainty, foretold from half time on, over the last
+    foretold_s: float  # of the recording, from which its end was foretold, half time or later
+    foretold: float  # largest and smallest uncertainty foretold from then on, over the last
     least_foretold: float
     last_mm: float
 
@@ -199,7 +200,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
     changes = _everything_on() if full else {}
     source = recorded(scratch / "sound", seed, seconds, **changes)
     growing = GrowingRecording(source, scratch / "grow", CLOCK)
-    alarms, foretold = Counter[str](), defaultdict[str, list[float]](list)
+    alarms, foretold, since = Counter[str](), defaultdict[str, list[float]](list), np.inf
     begun, slowest = time.process_time(), 0.0
     watch, now = Watch(growing.folder, duration=growing.seconds, pool=AtOnce()), 0.0
     while now < growing.seconds:
@@ -212,6 +213,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
             alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
         if now > 0.5 * growing.seconds and state.estimate and state.tcp_sigma_end:
             foretold[state.estimate.model].append(state.tcp_sigma_end)
+            since = min(since, now)
     last = watch.finish(now + STEP).estimate
     assert last is not None
     return Sound(
@@ -222,6 +224,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
         processor_s=round(time.process_time() - begun, 1),
         slowest_s=round(slowest, 2),
         model=last.model,
+        foretold_s=since,
         foretold=round(max(foretold[last.model], default=np.nan) / last.tcp_sigma, 3),
         least_foretold=round(min(foretold[last.model], default=np.nan) / last.tcp_sigma, 3),
         last_mm=round(1e3 * last.tcp_sigma, 5),

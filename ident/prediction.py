@@ -167,7 +167,8 @@ def _recordings(linear: NormalEquations) -> tuple[Samples, ...]:
 def _largest_left(fitted: RecordingFit, rows: Samples) -> float:
     """Largest mean square of a sample's residuals, in units of the noise of a row."""
     (residual,), own = fitted.fit.linear.residuals, fitted.samples
-    noise = [own.joint_noise / rows.joint_noise]
+    still = rows.joint_noise == 0.0  # an axis that is logged as zero throughout
+    noise = [np.where(still, 1.0, own.joint_noise / np.where(still, 1.0, rows.joint_noise))]
     if own.encoders:
         noise.append(own.encoder_noise[rows.encoder_noise > 0.0] / rows.encoder_noise.max())
     beyond = float((residual * residual).mean(axis=0).max()) - 1.0

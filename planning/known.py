@@ -67,18 +67,26 @@ class Known:
         unlike: set[str] = set() if cell.ballbar.name == self.ballbar else {*self.of_ballbar}
         unlike |= set() if cell.plate.name == self.plate else {table.plate}
         named = set(unlike)
-        for result in self.results:
+        for k, result in enumerate(self.results):
             own = [n for n in result.names if n in layout.names and n not in unlike]
             at = np.array([layout.names.index(name) for name in own])
             stated = [result.names.index(name) for name in own]
-            out[np.ix_(at, at)] += inverse(result.covariance[np.ix_(stated, stated)])
-            out[at, at] -= identified[at] ** -2.0
+            information = inverse(result.covariance[np.ix_(stated, stated)])
+            added = information - np.diag(identified[at] ** -2.0)
+            units = np.sqrt(np.diag(information))
+            out[np.ix_(at, at)] += added if k == 0 else _positive(added, units)
             named |= set(own)
         for i in range(first):
             on_robot = table.parameters[layout.shared[i]].side == "robot"
             if on_robot and layout.names[i] not in named:
                 out[i, i] = (EXACT_SHARE * layout.sigma[i]) ** -2.0
         return out
+
+
+def _positive(information: Array, units: Array) -> Array:
+    """(P, P) information without directions of which a result states less than its priors."""
+    values, vectors = np.linalg.eigh(information / np.outer(units, units))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(units, units))
 
 
 def known_of(machines: Sequence[Machine]) -> Known:

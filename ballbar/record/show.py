@@ -67,6 +67,7 @@ class Recorded:
 
     recording: LiveRecording
     identified: Data | None  # the last state of the process that has identified it meanwhile
+    failure: str = ""  # why that process has ended too early
 
 
 Meanwhile = Callable[[LiveRecording, WatchBeside | None], None]
@@ -111,9 +112,11 @@ def record(
             try:
                 shown(recording, beside)
             finally:
-                recording.finish()
-                identified = None if beside is None else beside.finish()
-    return Recorded(recording, identified)
+                try:
+                    recording.finish()
+                finally:
+                    identified = None if beside is None else beside.finish()
+    return Recorded(recording, identified, "" if beside is None else beside.failure)
 
 
 def silent(recording: LiveRecording) -> list[str]:
@@ -138,6 +141,8 @@ def record_data(folder: Path, recorded: Recorded) -> dict[str, object]:
         for source in recording.progress
     }
     data = {"recording": str(folder), "sources": sources, "missing": list(recording.missing)}
+    if recorded.failure:
+        data["identification_ended"] = recorded.failure
     return {**data, **({"identified": recorded.identified} if recorded.identified else {})}
 
 
@@ -154,6 +159,8 @@ def say(out: Console, folder: Path, recorded: Recorded) -> None:
         out.print(f"Still missing: {escape(item)}.")
     if recorded.identified is not None:
         out.print(panel(recorded.identified))
+    if recorded.failure:
+        out.print(f"[red]identification ended: {escape(recorded.failure)}[/]")
     hint = "" if recording.missing else f", look at it with: ballbar check {name}"
     out.print(f"Recording {name}{hint}")
 

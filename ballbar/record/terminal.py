@@ -182,7 +182,7 @@ class _Lines:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._printed: dict[str, str] = {}
-        self._updates = 0
+        self._updates, self._failure = 0, ""
 
     def print_changes(self, progress: list[Progress]) -> None:
         """Prints the sources whose state, file or reason has changed."""
@@ -200,3 +200,6 @@ class _Lines:
         if beside.latest is not None and beside.updates != self._updates:
             self._updates = beside.updates
             self._console.print(escape(line(beside.latest)))
+        if beside.failure != self._failure:
+            self._failure = beside.failure
+            self._console.print(f"[red]identification ended: {escape(self._failure)}[/]")

@@ -275,6 +275,8 @@ def _recorded(
             _wait(lambda: plc.written == len(logs["ballbar"].cells), "the simulated PLC hangs")
             time.sleep(3.0 * POLL)
             follower.wait_for_last()
+            if recording.wait(0.0):
+                raise KeyboardInterrupt
 
         recorded = record(folder, options, err, meanwhile=follow)
     taken = {source.name: source.records for source in recorded.recording.progress}

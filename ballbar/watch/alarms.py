@@ -43,7 +43,7 @@ SEEN_TWICE = 2  # updates in which a finding stands; the last row of a file may 
 SILENT = 5.0  # [s] without new rows; writers keep some seconds back
 STANDS = 5.0  # [s] for which a robot may stand after it has moved; a dwell takes 2 to 4
 LOOK = 8.0  # [s] of the robot's log that show whether it stands
-NEW, SAME = 8.0, 0.5  # [s] before the end of a fit; between the times of one step in two fits
+NEW, SAME = 8.0, 0.5  # [s] before the end of the fit before; between one step's times in two fits
 MOVED = 0.1  # [rad] by which a joint has moved before
 FEWEST = 50  # rows that show whether the robot stands
 
@@ -60,7 +60,7 @@ class Findings:
         keys = {(f.file, f.kind) for f in entries}
         self._seen = {key: self._seen.get(key, 0) + 1 for key in keys}
         sure = [f for f in entries if self._seen[f.file, f.kind] >= SEEN_TWICE]
-        return [Alarm(f.kind, _sentence(f), seconds) for f in sure]
+        return [Alarm(f.kind, _sentence(f), seconds, f.file) for f in sure]
 
 
 def _sentence(entry: Finding) -> str:
@@ -86,7 +86,7 @@ class Silence:
             if now - since >= SILENT:
                 others = ", while others grow" if last > since + SILENT else ""
                 sentence = f"{printable(name)}: no new row for {now - since:.0f} s{others}"
-                alarms.append(Alarm("silent", sentence, seconds))
+                alarms.append(Alarm("silent", sentence, seconds, name))
         return alarms
 
 
@@ -95,7 +95,7 @@ def standing(logs: Logs) -> list[Alarm]:
     robot, seconds = logs.robot, float(logs.robot.t[-1])
     late = np.searchsorted(robot.t, robot.t[-1] - LOOK)
     t, q = robot.t[late:], robot.q[late:]
-    if t.size < FEWEST:
+    if t.size < FEWEST or t[-1] - t[0] < STANDS:
         return []
     intervals = find_dwells(t, q).intervals
     if not intervals.size or intervals[-1, 1] < t.size - 1:
@@ -110,23 +110,26 @@ def standing(logs: Logs) -> list[Alarm]:
 class Steps:
     """Steps between two rows, which the fits have taken out of the logs.
 
-    A step is believed where it was new when a fit first showed it. A fit that takes steps out of
-    rows in which the earlier ones saw none has read the log wrongly: noise of few rows.
+    A step is believed where it was new when a fit first showed it, and all that the first fit shows
+    are. A fit that takes steps out of rows in which the earlier ones saw none has read the log
+    wrongly: noise of few rows.
     """
 
     def __init__(self) -> None:
         self._known: list[tuple[str, float]] = []  # channel and time [s]
+        self._seen = 0.0  # [s] end of the latest fit
 
     def alarms(self, samples: Samples, clock: Clock, seconds: float) -> list[Alarm]:
         """The steps of a fit; seconds : [s] of the recording."""
         every = list(_steps(samples, clock))
         end = clock.ballbar_time(samples.robot.end) if samples.has_clock else samples.robot.end
-        believed = [s for s in every if s[1] > end - NEW or self._is_known(*s[:2])]
+        believed = [s for s in every if s[1] > self._seen - NEW or self._is_known(*s[:2])]
+        self._seen = end
         if len(believed) < len(every):
             return []
         self._known = [(channel, at) for channel, at, _ in believed]
         return [
-            Alarm("step", f"{channel} {what} at t = {at:.2f} s", seconds)
+            Alarm("step", f"{channel} {what} at t = {at:.2f} s", seconds, channel)
             for channel, at, what in believed
         ]
 
@@ -149,6 +152,6 @@ def _steps(samples: Samples, clock: Clock) -> Iterator[tuple[str, float, str]]:
 
 
 def since_first(alarms: Iterable[Alarm], before: Iterable[Alarm]) -> tuple[Alarm, ...]:
-    """The alarms, each with the time at which its kind was first raised."""
-    raised = {alarm.kind: alarm.raised for alarm in before}
-    return tuple(replace(a, raised=raised.get(a.kind, a.raised)) for a in alarms)
+    """The alarms, each with the time at which it was first raised."""
+    raised = {alarm.key: alarm.raised for alarm in before}
+    return tuple(replace(a, raised=raised.get(a.key, a.raised)) for a in alarms)

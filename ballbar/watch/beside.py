@@ -24,6 +24,7 @@ class WatchBeside:
         command += [] if duration is None else ["--duration", repr(duration)]
         self.latest: Data | None = None
         self.updates = 0
+        self._duration, self._finished = duration, False
         with one_thread_each():  # Ctrl-C is for the recorder, which ends this one when it has ended
             self._process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
@@ -39,14 +40,16 @@ class WatchBeside:
 
     @property
     def failure(self) -> str:
-        """Why the process has ended by itself; empty while it runs."""
-        code = self._process.poll()
-        if code in (None, 0, 1):
+        """Why the process has ended too early; empty while it runs, or where its work is done."""
+        code, reached = self._process.poll(), self.latest["recorded_s"] if self.latest else 0.0
+        over = self._finished or (self._duration is not None and reached >= self._duration - 1.0)
+        if code is None or (over and code in (0, 1)):
             return ""
         return f"exit code {code}; say `ballbar watch` in another terminal to see why"
 
     def finish(self) -> Data | None:
-        """The last state, with a fit of the whole recording."""
+        """The last state, with a fit of the whole recording; None where the process has failed."""
+        self._finished = not self.failure
         if self._process.poll() is None:
             self._process.terminate()
         try:
@@ -57,4 +60,4 @@ class WatchBeside:
         self._reader.join(1.0)
         if self._process.stdout is not None and not self._reader.is_alive():
             self._process.stdout.close()
-        return self.latest
+        return None if self.failure else self.latest

@@ -13,6 +13,12 @@ class Alarm:
     kind: str  # a few words that stay the same while the numbers in the sentence change
     sentence: str
     raised: float  # [s] of the recording when it was first seen
+    subject: str = ""  # the file or channel, where there may be several of a kind
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What it has in common with itself at another instant."""
+        return self.kind, self.subject
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,6 @@ class Estimate:
     sentence: str  # of the verdict
     tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid, with the scale
     without_scale: float  # [m] likewise, without it
-    doubt: float  # [m] of it what doubt of the masses adds
     acceptable: bool
     clock: tuple[float, float] | None  # [s] offset, [1] skew; None without encoders
     clock_sigma: tuple[float, float]  # [s], [1]
@@ -44,7 +49,7 @@ class State:
     axes: tuple[float, ...] = ()  # share of each axis's range in the workspace, 0 to 1
     estimate: Estimate | None = None
     predicted: float | None = None  # residual of the latest rows by the earlier ones' fit
-    tcp_sigma_end: float | None = None  # [m] where the uncertainty will be at the end, estimated
+    tcp_sigma_end: float | None = None  # [m] where it will be at the end, once the fit is good
     enough: bool = False  # the requested accuracy is reached in 95 %, and later rows agree
 
     def to_dict(self) -> dict[str, Any]:

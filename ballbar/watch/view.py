@@ -25,10 +25,10 @@ class WatchView:
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._stream = stream
-        self._said: set[str] = set()
+        self._standing: set[tuple[str, str]] = set()
 
     def show(self, data: Data) -> None:
-        """Adds a state; an alarm stands in the list once."""
+        """Adds a state; an alarm stands in the list once for as long as it is there."""
         self._stream.set_time(TIMELINE, duration=data["recorded_s"])
         shown = {
             SIGMA: (data["tcp_sigma_m"], MM),
@@ -39,11 +39,11 @@ class WatchView:
         for entity, (value, scale) in shown.items():
             if value is not None:
                 self._stream.log(entity, rr.Scalars(value * scale))
-        for alarm in data["alarms"]:
-            if alarm["kind"] not in self._said:
-                self._said.add(alarm["kind"])
-                text = f"{alarm['kind']}: {alarm['sentence']}"
-                self._stream.log(ALARMS, rr.TextLog(text, level=rr.TextLogLevel.ERROR))
+        alarms = {(alarm["kind"], alarm["subject"]): alarm["sentence"] for alarm in data["alarms"]}
+        for key in alarms.keys() - self._standing:
+            text = f"{key[0]}: {alarms[key]}"
+            self._stream.log(ALARMS, rr.TextLog(text, level=rr.TextLogLevel.ERROR))
+        self._standing = set(alarms)
 
 
 def layout() -> rrb.Blueprint:

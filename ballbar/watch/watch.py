@@ -15,6 +15,7 @@ Nothing here waits or looks at a clock: `update` is given the time.
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.pool import AsyncResult, Pool
@@ -26,12 +27,12 @@ from acquisition.recording import Recording
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
 from ballbar.sphere_coverage import coverage
-from ballbar.watch.alarms import Findings, Silence, Steps, since_first, standing
+from ballbar.watch.alarms import SEEN_TWICE, Findings, Silence, Steps, since_first, standing
 from ballbar.watch.forecast import foretold
 from ballbar.watch.state import Alarm, Estimate, State
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.errors import DescriptionError, InputError, LogError, UnfinishedLogError
+from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
 from cell.geometry import robot_frames
 from cell.load import load_cell, load_measured_cell
 from cell.robot_angles import joints_to_axes
@@ -43,7 +44,8 @@ from ident.prediction import Prediction, part_of, predict
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification
 from ident.robot.tcp_uncertainty import scale_error
-from ident.start.automatic import Hypothesis, StartError
+from ident.start.automatic import Hypothesis
+from ident.verdict import Status
 
 HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
 REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from which it is fitted
@@ -55,6 +57,9 @@ CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen
 # Stated standard deviations within which the true TCP error lies in 95 %, also where the scale, one
 # number, is most of it.
 CERTAIN_SIGMAS = 1.96
+PATIENCE = 6  # updates without files that are being written anew, up to which one waits for them
+# A start that leads nowhere, a fit that is singular or out of reach, logs that cannot be used.
+NO_FIT = (FailureError, ValueError)
 AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
 SAME_MODEL = 3.0  # times chi-square: a fit of all rows that leaves no more has only more to tell
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
@@ -85,15 +90,20 @@ class Watch:
     ) -> None:
         self._folder, self._accuracy, self._duration = folder, accuracy, duration
         self._pool = pool
-        self._findings, self._silence, self._steps = Findings(), Silence(), Steps()
         self._cell: Cell | None = None
+        self._ended = False  # whether the recording is over, so that nothing need move any more
+        self._unread = 0  # updates in a row in which nothing could be read
+        self._begin()
+
+    def _begin(self) -> None:
+        """Knows nothing: of a recording that begins, or begins anew in the same files."""
+        self._findings, self._silence, self._steps = Findings(), Silence(), Steps()
+        self._encoders: tuple[int, ...] | None = None
         self._fitted: RecordingFit | None = None
         self._next_fit = self._fitted_until = 0.0  # [s] of the recording
         self._estimate: Estimate | None = None
         self._complete: _Complete | None = None
         self._next_complete = COMPLETE_FIRST
-        self._ended = False  # whether the recording is over, so that nothing need move any more
-        self._unread = 0  # updates in a row in which the files were refused
         self._misfit: Alarm | None = None
         self._state = State(0.0, {}, "no recording yet", ())
 
@@ -102,17 +112,20 @@ class Watch:
         try:
             recording = read_with_causes(self._folder)
             self._cell = self._cell or _cell(self._folder, recording)
+            sizes = self._sizes(recording)
         except (UnfinishedLogError, DescriptionError, OSError) as error:
-            self._state = replace(self._state, waiting=str(error))
-            return self._state
+            return self._refused(str(error), patience=PATIENCE)
         except LogError as error:
-            return self._refused(str(error))
+            return self._refused(str(error), patience=SEEN_TWICE)
         self._unread = 0
         logs = logs_of(self._folder.name, recording)
-        seconds = _seconds(logs)
+        seconds, encoders = _seconds(logs), logs.ballbar.joints if logs.ballbar else ()
+        if seconds < self._state.seconds - HELD_OUT or self._encoders not in (None, encoders):
+            self._begin()
+        self._encoders = encoders
         over = self._ended or (self._duration is not None and seconds >= self._duration - 1.0)
         alarms = self._findings.alarms(recording.report, seconds)
-        silent = self._silence.alarms(self._sizes(recording), now, seconds)
+        silent = self._silence.alarms(sizes, now, seconds)
         if not over:
             alarms += [*silent, *standing(logs)]
         prediction = self._predicted(self._cell, logs)
@@ -129,12 +142,14 @@ class Watch:
         """
         self._ended = True
         state = self.update(now)
-        if self._cell is None or self._estimate is None or self._misfit is not None:
+        known = self._cell is not None and self._estimate is not None and not self._unread
+        if self._cell is None or not known or self._misfit is not None:
             return state
-        with suppress(StartError, InputError):  # files that are refused keep what was known before
+        try:
             logs = logs_of(self._folder.name, read_with_causes(self._folder))
-            self._estimate = complete_estimate(self._cell, logs, self._accuracy)
-        estimate = self._estimate
+            estimate = complete_estimate(self._cell, logs, self._accuracy)
+        except (*NO_FIT, OSError):  # what was known before is shown, and is not enough
+            return replace(state, enough=False)
         enough = self._reached(estimate) and not state.alarms
         return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma, enough=enough)
 
@@ -143,14 +158,21 @@ class Watch:
         certain = CERTAIN_SIGMAS * estimate.tcp_sigma
         return self._accuracy is not None and estimate.acceptable and certain <= self._accuracy
 
-    def _refused(self, sentence: str) -> State:
-        """The last state with an alarm for files that cannot be trusted, if they stay so."""
-        self._unread += 1
-        if self._unread > 1:
+    def _refused(self, sentence: str, *, patience: int) -> State:
+        """The last state, with an alarm for files that could be read and no longer can.
+
+        patience : updates from which it is one.
+        """
+        self._state = replace(self._state, enough=False)
+        if self._state.rows or patience == SEEN_TWICE:
+            self._unread += 1
+        else:
+            self._state = replace(self._state, waiting=sentence)
+        if self._unread >= patience:
             alarm = Alarm("refused", sentence, self._state.seconds)
             others = [a for a in self._state.alarms if a.kind != alarm.kind]
             alarms = since_first((*others, alarm), self._state.alarms)
-            self._state = replace(self._state, alarms=alarms, enough=False)
+            self._state = replace(self._state, alarms=alarms)
         return self._state
 
     def _sizes(self, recording: Recording) -> dict[str, int]:
@@ -183,11 +205,11 @@ class Watch:
         try:
             known = self._known(prediction)
             fitted = fit_recording(cell, used, FitOptions(model="dh"), known=known)
-        except (StartError, ValueError):
+            self._take(cell, fitted, seconds - HELD_OUT)
+        except NO_FIT:
             self._next_fit = seconds * FAILED_GROWTH
             return []
         self._next_fit = seconds + max(REFIT, REFIT_SHARE * seconds)
-        self._take(cell, fitted, seconds - HELD_OUT)
         self._ask_complete(cell, used, seconds - HELD_OUT)
         return []
 
@@ -215,17 +237,14 @@ class Watch:
         if self._misfit is None:
             before = self._fitted
             assert before is not None  # it has predicted
-            try:
+            with suppress(*NO_FIT):
                 fitted = fit_recording(cell, logs, FitOptions(model="dh"))
-            except (StartError, ValueError):
-                fitted = None
-            young = self._fitted_until < YOUNG or not before.fit.converged
-            if fitted is not None and (young or fitted.fit.converged):
+                young = self._fitted_until < YOUNG or not before.fit.converged
                 left = fitted.fit.chi2_per_dof / max(1.0, before.fit.chi2_per_dof)
-                if young or left < SAME_MODEL:
+                if young or (fitted.fit.converged and left < SAME_MODEL):
                     self._take(cell, fitted, seconds)
                     return None
-        sure = self._misfit is not None or prediction.ratio > CERTAIN
+        sure = self._misfit is not None or prediction.ratio > CERTAIN or self._ended
         self._misfit = Alarm("misfit", sentence, seconds)
         return self._misfit if sure else None
 
@@ -242,8 +261,8 @@ class Watch:
 
     def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
         """Makes a fit the one that predicts, and its result the estimate."""
-        self._fitted, self._fitted_until = fitted, until
         result = kinematic_result(cell, fitted, FitOptions(model="dh", accuracy=self._accuracy))
+        self._fitted, self._fitted_until = fitted, until
         if self._estimate is None or self._estimate.model == "dh" or result.verdict.acceptable:
             self._estimate = _estimate(result, fitted.logs, until)
 
@@ -261,7 +280,7 @@ class Watch:
     def _collect_complete(self) -> None:
         if self._complete is None or not self._complete.result.ready():
             return
-        with suppress(StartError):
+        with suppress(*NO_FIT):
             self._estimate = replace(self._complete.result.get(), until=self._complete.until)
         self._complete = None
 
@@ -278,7 +297,7 @@ class Watch:
         axes = joints_to_axes(cell.robot, logs.robot.q[:: 1 + logs.robot.q.shape[0] // 5000])
         span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
         end = None
-        if self._duration is not None and estimate is not None:
+        if self._duration is not None and estimate is not None and estimate.status == Status.GOOD:
             end = foretold(estimate, self._duration, scale=scale_error(cell))
         enough = (
             estimate is not None
@@ -289,7 +308,7 @@ class Watch:
         )
         self._state = State(
             seconds=seconds,
-            rows={file.source: file.rows_read for file in recording.report.files},
+            rows=_rows(recording),
             waiting="" if estimate else "too little motion yet to identify anything",
             alarms=since_first(alarms, self._state.alarms),
             axes=tuple(np.minimum(1.0, np.ptp(axes, axis=0) / span).tolist()),
@@ -323,7 +342,6 @@ def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
         sentence=result.verdict.sentence,
         tcp_sigma=rms(result.robot.tcp_sigma),
         without_scale=rms(result.robot.tcp.without_scale),
-        doubt=result.robot.tcp.doubt,
         acceptable=result.verdict.acceptable,
         clock=None if clock is None else (clock.offset, clock.skew),
         clock_sigma=recording.clock_sigma,
@@ -336,6 +354,14 @@ def _cell(folder: Path, recording: Recording) -> Cell:
     named = recording.description
     load = load_measured_cell if named.ballbar is None else load_cell
     return load(named.robot, named.measured_by, named.plate, relative_to=folder)
+
+
+def _rows(recording: Recording) -> dict[str, int]:
+    """Rows of each source, in all of its files."""
+    rows = Counter[str]()
+    for file in recording.report.files:
+        rows[file.source] += file.rows_read
+    return dict(rows)
 
 
 def _seconds(logs: Logs) -> float:

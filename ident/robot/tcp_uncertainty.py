@@ -53,7 +53,6 @@ class TcpUncertainty:
     sigma: Array  # (G,) [m] with the scale
     without_scale: Array  # (G,) [m]
     directions: tuple[TcpDirection, ...]  # the largest first; small ones are left out
-    doubt: float = 0.0  # [m] rms, without the scale: what was added as doubt
 
     def share(self, direction: TcpDirection) -> float:
         """Share of a direction in the mean square of `sigma`."""
@@ -68,7 +67,6 @@ class TcpUncertainty:
             sigma=np.hypot(self.sigma, share * doubt.error),
             without_scale=np.hypot(self.without_scale, share * doubt.error_without_scale),
             directions=tuple(directions),
-            doubt=float(np.hypot(self.doubt, share * rms(doubt.error_without_scale))),
         )
 
 

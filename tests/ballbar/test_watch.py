@@ -17,13 +17,18 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from ballbar.result.run_recordings import identify_recordings
+from ballbar.watch.alarms import standing
+from ballbar.watch.beside import WatchBeside
 from ballbar.watch.forecast import POWER, foretold
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, line
 from ballbar.watch.state import Estimate, State
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
-from ballbar.watch.watch import Watch
+from ballbar.watch.watch import PATIENCE, Watch
+from cell.logs import RobotLog
 from cell.statistics import rms
+from ident.estimator.gauss_newton import SingularError
+from ident.recording_fit import Logs
 from sim.live.device_logs import GrowingRecording
 from tests.helpers.simulated_recordings import CLOCK, Recorded
 
@@ -34,7 +39,6 @@ ESTIMATE = Estimate(
     sentence="",
     tcp_sigma=1.0,
     without_scale=1.0,
-    doubt=0.0,
     acceptable=True,
     clock=None,
     clock_sigma=(0.0, 0.0),
@@ -231,11 +235,112 @@ def test_the_scale_stays_and_the_rest_falls_until_the_end() -> None:
     assert foretold(half, 50.0, scale=scale) == pytest.approx(half.tcp_sigma)  # it went on longer
 
 
-def test_doubts_may_be_gone_at_the_end() -> None:
-    """Recordings whose fits state 0.077 mm with doubt end at 0.041 mm without it."""
-    sound = replace(ESTIMATE, until=119.0, tcp_sigma=5e-5, without_scale=4e-5, doubt=0.0)
-    doubted = replace(sound, without_scale=6.4e-5, tcp_sigma=7.1e-5, doubt=5e-5)
-    without, with_doubt = (foretold(e, 120.0, scale=3e-5) for e in (sound, doubted))
-    assert without < with_doubt < 0.85 * doubted.tcp_sigma
-    apart = replace(sound, tcp_sigma=float(np.hypot(4e-5, 9e-5)))  # lengths contradict each other
-    assert foretold(apart, 120.0, scale=3e-5) < 0.75 * apart.tcp_sigma
+def test_where_lengths_contradict_each_other_half_the_widening_is_foretold() -> None:
+    apart = replace(ESTIMATE, until=120.0, tcp_sigma=np.hypot(4e-5, 9e-5), without_scale=4e-5)
+    assert foretold(apart, 120.0, scale=3e-5) == pytest.approx(np.hypot(4e-5, np.sqrt(27e-10)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", ["gone", "short", "empty", "description"])
+def test_nothing_is_enough_while_files_that_were_read_cannot_be(
+    growing: GrowingRecording, loss: str
+) -> None:
+    growing.write_until(50.0)
+    watch = Watch(growing.folder, accuracy=1.0)
+    assert [watch.update(50.0).enough, watch.update(51.0).enough] == [False, True]
+    file, described = growing.folder / "raw" / "ballbar.csv", growing.folder / "recording.yaml"
+    if loss == "description":
+        described.write_text("schema: [")
+    elif loss == "gone":
+        file.unlink()
+    else:
+        file.write_bytes(b"" if loss == "empty" else file.read_bytes()[:500])
+    states = [watch.update(52.0 + k) for k in range(PATIENCE)]
+    assert not any(state.enough for state in states)
+    assert [alarm.kind for alarm in states[-1].alarms] == ["refused"]
+    assert states[-1].estimate is not None, "what was known is still shown"
+    assert not watch.finish(60.0).enough
+
+
+@pytest.mark.slow
+def test_a_recording_that_begins_anew_in_the_same_files_is_a_new_one(
+    growing: GrowingRecording, tmp_path: Path, recorded: Recorded
+) -> None:
+    growing.write_until(50.0)
+    watch = Watch(growing.folder, accuracy=1.0)
+    watch.update(50.0)
+    assert watch.update(51.0).enough
+    anew = GrowingRecording(recorded.folder, tmp_path / "anew", CLOCK)
+    for at in (8.0, 9.0):
+        anew.write_until(at)
+        for name in ("robot.csv", "ballbar.csv"):
+            (growing.folder / "raw" / name).write_bytes((anew.folder / "raw" / name).read_bytes())
+        state = watch.update(60.0 + at)
+        assert state.estimate is None
+        assert not state.enough
+        assert state.alarms == ()
+
+
+@pytest.mark.slow
+def test_encoders_that_come_later_are_fitted_from_then_on(growing: GrowingRecording) -> None:
+    text = (growing.folder / "recording.yaml").read_text()
+    source = re.search(r"  ballbar:\n(    .*\n)+", text)
+    encoders = re.search(r"encoders:\n(  .*\n)+", text)
+    alone = text.replace(source[0], "").replace(encoders[0], "encoders: {}\n")
+    (growing.folder / "recording.yaml").write_text(alone)
+    growing.write_until(40.0)
+    watch = Watch(growing.folder)
+    watch.update(40.0)
+    first = watch.update(41.0)
+    (growing.folder / "recording.yaml").write_text(text)
+    growing.write_until(43.0)
+    second = watch.update(43.0)
+    assert first.estimate.clock is None
+    assert second.estimate.clock is not None
+
+
+@pytest.mark.slow
+def test_a_step_is_named_by_a_watch_that_begins_long_after_it_and_so_is_the_next(
+    growing: GrowingRecording,
+) -> None:
+    log = growing.logs["ballbar"]
+    for name, since in (("b2", 15.0), ("b4", 44.6)):
+        rows = np.flatnonzero(log.t >= since)
+        log.put(rows, name, log.numbers(name)[rows] + 3e-3 * log.scales[name])
+    before, after = watched(growing, 44.0, 45.0)
+    assert [alarm.subject for alarm in before.alarms] == ["encoder b2"]
+    assert [alarm.subject for alarm in after.alarms] == ["encoder b2", "encoder b4"]
+    assert after.alarms[1].raised > before.alarms[0].raised
+
+
+def test_fast_logs_of_a_robot_are_judged_from_five_seconds_on() -> None:
+    """Fifty rows at 500 Hz are a tenth of a second, of which no dwell can be told."""
+    t = 0.002 * np.arange(60)
+    log = RobotLog(t=t, q=np.zeros((60, 6)))
+    assert standing(Logs(log, None, name="short")) == []
+
+
+@pytest.mark.slow
+def test_a_fit_that_fails_is_tried_again_later(
+    growing: GrowingRecording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise SingularError("singular")
+
+    growing.write_until(30.0)
+    watch = Watch(growing.folder)
+    with monkeypatch.context() as patch:
+        patch.setattr("ballbar.watch.watch.kinematic_result", fails)
+        assert watch.update(30.0).estimate is None
+    growing.write_until(50.0)
+    assert watch.update(50.0).estimate is not None
+
+
+def test_a_process_that_ends_by_itself_has_failed(tmp_path: Path) -> None:
+    """Exit code 1 is also that of work that came to no result."""
+    beside = WatchBeside(tmp_path / "nowhere", accuracy=None, duration=None)
+    assert beside.failure == ""
+    beside._process.kill()
+    beside._process.wait()
+    assert "exit code -9" in beside.failure
+    assert beside.finish() is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,3 +87,16 @@ def test_rows_that_a_fit_has_not_seen_are_predicted_within_its_uncertainty(
 
 def test_too_few_rows_are_no_prediction(cell: Cell, logs: Logs, fitted: RecordingFit) -> None:
     assert predict(cell, fitted, part_of(logs, fitted.clock, 0.0, 0.05), 1.0) is None
+
+
+@pytest.mark.slow
+def test_an_axis_that_is_logged_as_zero_hides_no_fault(
+    cell: Cell, fitted: RecordingFit, growing: GrowingRecording
+) -> None:
+    """Its noise is none; nothing is divided by it."""
+    known = fitted.samples.robot.noise * (np.arange(6) < 5)
+    samples = replace(fitted.samples, robot=replace(fitted.samples.robot, noise=known))
+    model = replace(fitted.fit.model, recordings=(samples,))
+    still = replace(fitted, fit=replace(fitted.fit, model=model))
+    wrong = spoilt(growing, growing.logs["ballbar"], "b1", -1.0, 41.5)
+    assert predict(cell, still, wrong, 2.0).since is not None

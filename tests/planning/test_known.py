@@ -116,3 +116,20 @@ def test_what_a_result_took_as_exact_stays_exact(cell: Cell, first: Prediction) 
     normal, names = known_normal(cell, replace(known, results=(fewer,)))
     i = names.index("ra3")
     assert normal[i, i] ** -0.5 < 10.0 * EXACT
+
+
+def test_results_that_state_less_than_their_priors_leave_a_plan_sound(
+    cell: Cell, first: Prediction
+) -> None:
+    """A widened length is known worse than its file says; three such results know it once."""
+    known = known_by(first)
+    (stated,) = known.results
+    covariance = stated.covariance.copy()
+    k = stated.names.index("bd3")
+    covariance[k, k] += (2.0 * cell.ballbar.length_tolerance) ** 2
+    wide = Stated(stated.names, covariance)
+    one, names = known_normal(cell, replace(known, results=(wide,)))
+    three, _ = known_normal(cell, replace(known, results=(wide,) * 3))
+    assert np.linalg.eigvalsh(three / np.sqrt(np.outer(np.diag(one), np.diag(one)))).min() > 0.0
+    j = names.index("ra2")
+    assert three[j, j] > 1.5 * one[j, j]
