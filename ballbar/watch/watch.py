@@ -133,6 +133,7 @@ class Watch:
         if self._fitted is not None:
             alarms += self._steps.alarms(self._fitted.samples, self._fitted.clock, seconds)
         self._collect_complete()
+        alarms += self._implausible(seconds)
         return self._stated(recording, logs, seconds, prediction, alarms)
 
     def finish(self, now: float) -> State:
@@ -258,6 +259,13 @@ class Watch:
             for suspect in suspects(cell, logs)[:1]
             if suspect.hopeless
         ]
+
+    def _implausible(self, seconds: float) -> list[Alarm]:
+        """The alarm for a fit that is of no such machine, though it is no longer young."""
+        estimate = self._estimate
+        if estimate is None or estimate.status != Status.IMPLAUSIBLE or estimate.until < YOUNG:
+            return []
+        return [Alarm("implausible", estimate.sentence, seconds)]
 
     def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
         """Makes a fit the one that predicts, and its result the estimate."""

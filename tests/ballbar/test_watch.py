@@ -10,6 +10,7 @@ import threading
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,10 @@ from ballbar.watch.watch import PATIENCE, Watch
 from cell.logs import RobotLog
 from cell.statistics import rms
 from ident.estimator.gauss_newton import SingularError
+from ident.identify import kinematic_result
 from ident.recording_fit import Logs
+from ident.result import Identification
+from ident.verdict import Status
 from sim.live.device_logs import GrowingRecording
 from tests.helpers.simulated_recordings import CLOCK, Recorded
 
@@ -334,6 +338,20 @@ def test_a_fit_that_fails_is_tried_again_later(
         assert watch.update(30.0).estimate is None
     growing.write_until(50.0)
     assert watch.update(50.0).estimate is not None
+
+
+@pytest.mark.slow
+def test_a_fit_that_is_of_no_such_machine_is_an_alarm_once_it_is_no_longer_young(
+    growing: GrowingRecording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def implausible(*given: Any) -> Identification:
+        result = kinematic_result(*given)
+        return replace(result, verdict=replace(result.verdict, status=Status.IMPLAUSIBLE))
+
+    monkeypatch.setattr("ballbar.watch.watch.kinematic_result", implausible)
+    young, later = watched(growing, 25.0, 40.0)
+    assert young.alarms == ()
+    assert [alarm.kind for alarm in later.alarms] == ["implausible"]
 
 
 def test_a_process_that_ends_by_itself_has_failed(tmp_path: Path) -> None:
