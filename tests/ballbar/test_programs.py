@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from contextlib import suppress
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar.compensation.configurations import axes_of_pose
+from ballbar.compensation.configurations import axes_of_pose, configuration_changes
 from ballbar.compensation.frames import FrameOptions, angles_near, frame_options, pose_of_angles
 from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget, Setup
 from ballbar.compensation.programs import CorrectedProgram, correct_program, read_programs
@@ -267,6 +268,47 @@ def test_an_axis_that_passes_its_quadrant_takes_the_data_along(
     assert crossed == 2
 
 
+@pytest.mark.parametrize("given", [0, -1])
+def test_axes_4_and_6_at_zero_take_the_quadrant_that_they_are_corrected_into(
+    tmp_path: Path, result: Result, given: int
+) -> None:
+    """Regression: digits leave a zero on either side of zero, and the quadrant was kept then."""
+    changed = 0
+    for axes in ([0, 10, 5, 0, 40, 0], [20, 0, 0, 0, 60, 0], [-50, 30, 10, 0, -40, 0]):
+        point = robtarget(result.robot, np.array(axes, dtype=float), np.eye(4), np.eye(4))
+        quadrants = f"[{int(axes[0] // 90)},{given},{given},{int(axes[4] < 0)}]"
+        point = re.sub(r"\[[-\d]+,[-\d]+,[-\d]+,[-\d]+\]", quadrants, point)
+        text = f"MODULE m\nPROC a()\nMoveL {point},v1,z1,tool0;\nENDPROC\nENDMODULE\n"
+        done = corrected(tmp_path / "m.mod", text, result)
+        after = axes + np.degrees(done.axis_changes[0])
+        written = re.findall(r"\],\[(-?\d),(-?\d),(-?\d),\d\],\[9", done.text)[0]
+        assert [int(v) for v in written] == [int(after[j] // 90.0) for j in (0, 3, 5)]
+        changed += any("configuration" in note for note in done.notes)
+    assert changed
+
+
+@pytest.mark.parametrize("place", range(3))
+@pytest.mark.parametrize("border", [-180.0, -90.0, 0.0, 90.0])
+def test_a_quadrant_is_left_only_for_that_of_an_axis_that_moved_beyond_it(
+    result: Result, place: int, border: float
+) -> None:
+    offsets, axis = (-0.1, -1e-3, -1e-6, 0.0, 1e-6, 1e-3, 0.1), (0, 3, 5)[place]
+    before, after = (np.array([20.0, 10.0, 5.0, 30.0, 40.0, 50.0]) for _ in range(2))
+    for quadrant in (int(border // 90.0) - 1, int(border // 90.0)):
+        data = [int(v // 90.0) for v in before[[0, 3, 5]]]
+        data[place] = quadrant
+        numbers = tuple(Number(str(v), k, k, 1) for k, v in enumerate((*data, 0)))
+        target = ProgramTarget("p", 1, (), "quaternion", Setup(), numbers)
+        for start, end in itertools.product(offsets, offsets):
+            before[axis], after[axis] = border + start, border + end
+            changes = configuration_changes(result.robot, target, before, after)
+            stays = 90.0 * quadrant <= after[axis] <= 90.0 * (quadrant + 1)
+            if stays or abs(end - start) <= 1e-6:
+                assert changes == []
+            else:
+                assert changes == [(numbers[place], str(int(after[axis] // 90.0)))]
+
+
 def test_module_calls_without_arguments_are_named_as_not_corrected(
     tmp_path: Path, result: Result
 ) -> None:
@@ -371,6 +413,53 @@ def test_an_axis_that_passes_zero_takes_its_turn_bit_along(tmp_path: Path, kuka:
     assert crossed >= 1
 
 
+@pytest.mark.parametrize("given", [0, 8, 32, 40])
+def test_axes_4_and_6_at_zero_have_the_turn_of_the_sign_that_they_are_corrected_to(
+    tmp_path: Path, kuka: Path, given: int
+) -> None:
+    """Regression: the bit was reversed where digits put the solved axis on the other side."""
+    robot, result, changed = load_robot("kr10_r1100"), load_result(kuka), 0
+    for start in ([10, -80, 95, 0, 60, 0], [-40, -95, 100, 0, 30, 0], [70, -60, 70, 0, -45, 0]):
+        axes = np.array(start, dtype=float)
+        turn = int(((axes < 0.0) * 2 ** np.arange(6)).sum())
+        point = e6pos(robot, axes, np.eye(4), np.eye(4)).replace(f"T {turn}", f"T {turn | given}")
+        text = f"DEF m()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nLIN {point}\nEND\n"
+        done = corrected(tmp_path / "m.src", text, result)
+        after = axes + np.degrees(done.axis_changes[0])
+        written = int(re.findall(r",T (\d+)", done.text)[0])
+        assert written == int(((after < 0.0) * 2 ** np.arange(6)).sum())
+        changed += written != (turn | given)
+    assert changed
+
+
+def test_a_turn_of_a_robot_without_errors_stays_with_axes_at_zero(kuka: Path) -> None:
+    robot, axes = load_robot("kr10_r1100"), np.array([10.0, -80.0, 95.0, 1e-9, 60.0, 0.0])
+    for given in ("2", "10", "'B101010'"):
+        numbers = Number("2", 0, 1, 1), Number(given, 2, 3, 1)
+        target = ProgramTarget("p", 1, (), "zyx", Setup(), numbers)
+        assert configuration_changes(robot, target, axes, axes - 2e-7) == []
+
+
+@pytest.mark.parametrize("name", ["kr10_r1100", "kr210"])
+def test_every_posture_of_a_kuka_robot_is_found_from_its_status_and_turn(name: str) -> None:
+    """Regression: the search missed 10 of these 200 of the KR 10; one S took the other elbow."""
+    robot, rng = load_robot(name), np.random.default_rng(1)
+    drawn = np.degrees(rng.uniform(robot.axis_lower, robot.axis_upper, (200, 6)))
+    for axes in drawn:
+        front, behind = _in_front(robot, axes), _behind(robot, axes)
+        turn = int(((axes < 0.0) * 2 ** np.arange(6)).sum())
+        for status in (behind + 2 * front + 4 * (axes[4] >= 0.0), behind + 2 * (not front)):
+            numbers = tuple(Number(str(v), 0, 1, 1) for v in (int(status), turn))
+            target = ProgramTarget("p", 1, (), "zyx", Setup(), numbers)
+            if bool(status & 2) == front:
+                solved = axes_of_pose(robot, flange(robot, axes), target)
+                np.testing.assert_allclose(solved, axes, atol=1e-5)
+                continue
+            with suppress(ProgramError):
+                other = axes_of_pose(robot, flange(robot, axes), target)
+                assert _in_front(robot, other) is not front, "the other elbow, as stated"
+
+
 @pytest.mark.slow
 def test_cfx_tells_elbow_up_from_elbow_down_where_quadrants_do_not() -> None:
     """Of an IRB 120, both of whose elbows are often within range and in the same quadrants."""
@@ -399,8 +488,7 @@ def _joints_of(robot: Robot, axes: Array) -> tuple[Array, Array, Array]:
     """Shoulder, elbow and wrist, turned into the plane of the arm."""
     q = controller_to_joints(robot, np.radians(axes))[None]
     points = forward(nominal_chain(robot), q).origin[[1, 2, 4], :, 0]
-    turn = np.radians(axes[0])
-    plane = points[:, :2] @ [np.cos(turn), np.sin(turn)]
+    plane = points[:, :2] @ [np.cos(q[0, 0]), np.sin(q[0, 0])]
     shoulder, elbow, wrist = np.column_stack((plane, points[:, 2]))
     return shoulder, elbow, wrist
 
