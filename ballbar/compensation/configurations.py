@@ -3,9 +3,9 @@
 RAPID's confdata has the quadrants of axes 1, 4 and 6 (0 from 0 to 90 deg, -1 from -90 to 0) and
 cfx, whose bits are: axis 5 negative, wrist behind the lower arm, wrist behind axis 1. KRL's S has
 the bits: wrist behind axis 1, wrist in front of the line through axes 2 and 3, axis 5; T has a bit
-for every axis with a negative angle. Quadrants and turns decide, and the arm's two bits of S; cfx and
-the wrist's bit of S only between solutions that have all of these right, for their meaning differs
-from robot to robot.
+for every axis with a negative angle. Quadrants, turns and the arm's two bits of S decide. cfx, and
+the wrist's bit of S, decide only between solutions that have all of these right: their meaning
+differs from robot to robot.
 
 Sources: ABB, Technical reference manual, RAPID, confdata (3HAC050917-001); KUKA System Software
 8.3, Operating and Programming Instructions for System Integrators, Status and Turn.
@@ -81,7 +81,9 @@ def configuration_changes(
     """New numbers of the configuration where an axis that moves ends beyond a limit of it.
 
     It is the stated number that `after` is compared with: at a limit the solved `before` is on
-    either side of it by rounding. before, after : (J,) [deg] axis angles. Raises ProgramError where the posture itself changes.
+    either side of it by rounding.
+
+    before, after : (J,) [deg] axis angles. Raises ProgramError where the posture itself changes.
     """
     if not target.configuration:
         return []

@@ -232,6 +232,25 @@ REFUSED = {
     r"VAR robtarget late; MoveL late,v1,z1,tGun;": r":21: late has no constant value",
     r"CONST robtarget idle:=[[900,0,900],[1,0,0,0],[0,0,0,0],[9E9]];": r":21: idle: no move of th",
     rf"Pick [[900,0,900],[1,0,0,0],[0,0,0,0],{FAR}],v1;": r":21: a target is written where no move",
+    r"MoveL p10,v1,z1,;": r":21: tool of MoveL is no name",
+    r"MoveL p10,v1,z1,tl{2}\WObj:=table1;": r":21: tool of MoveL is no name .*\(tl\{2\}\)",
+    r"MoveL p10,v1,z1,st.tool\WObj:=table1;": r":21: tool of MoveL is no name .*\(st.tool\)",
+    r"MoveL p10,v1,z1,tGun\WObj:=wo{2};": r":21: work object of MoveL is no name .*wo\{2\}",
+    r"MoveL p10,v1,z1,tGun\WObj?w;": r":21: .WObj is not given by :=",
+    r"table1.oframe.trans.x:=5;": r":21: table1 is used outside of a move",
+    r"table1{1}.oframe.trans.x:=5;": r":21: table1 is used outside of a move",
+    r"MToolTCPCalib j1,j2,j3,j4,tGun,max,mean;": r":21: tGun is used outside of a move",
+    r"ENDPROC PROC b(PERS tooldata tGun)": r":21: tGun is used outside of a move",
+    r"MoveL [[900,0,900],[1,0,0,0],[0,0,0,0],[1200,9E9]],v1,z1,tool0;": r":21: .*axis 1 stands",
+    r"MoveL [[900,0,900],[1,0,0,0],[0,0,0,0],[9E9,0]],v1,z1,tool0;": r":21: .*axis 2 stands at 0,",
+    r"MoveL [[900,0,900],[1,0,0,0],[0,0.5,0,0],[9E9]],v1,z1,tool0;": r":21: .*whole numbers",
+    r"MoveL [[-\n10,0,0],[1,0,0,0],[0,0,0,0],[9E9]],v1,z1,tool0;".replace(
+        r"\n", "\n"
+    ): r":21: .*sign",
+    r"ConfL\Off;": r":21: after ConfL the robot takes the nearest configuration",
+    r"ConfJ \Off;": r":21: after ConfJ",
+    r"SingArea\Wrist;": r":21: after SingArea",
+    r"SingArea\LockAxis4;": r":21: after SingArea",
     r"MoveL p10,v1": r":21: MoveL has \d arguments|:21: ",
 }
 
@@ -243,6 +262,34 @@ def test_what_is_not_understood_is_refused_with_its_line(
     with pytest.raises(InputError, match=REFUSED[line]) as refusal:
         corrected(tmp_path / "weld.mod", module(result.robot, line), result)
     assert str(refusal.value).startswith("nothing was written.")
+
+
+def test_instructions_that_leave_targets_as_they_are_taken_are_accepted(
+    tmp_path: Path, exact: Result
+) -> None:
+    lines = r"ConfL\On; ConfJ\On; SingArea\Off; now:=CRobT(\Tool:=tGun\WObj:=table1);"
+    text = module(exact.robot, lines)
+    assert corrected(tmp_path / "weld.mod", text, exact).text == text
+    joints = f"MoveAbsJ [[0,10,0,0,30,0],[1200,{FAR[1:]}],v1,z1,tool0;"
+    text = f"MODULE m\nPROC a()\nConfJ\\Off;\n{joints}\nENDPROC\nENDMODULE\n"
+    assert corrected(tmp_path / "joints.mod", text, exact).text == text, "no configuration counts"
+
+
+def test_a_tool_that_a_routine_is_given_is_not_that_of_an_option_for_all_others(
+    tmp_path: Path, exact: Result
+) -> None:
+    point = robtarget(exact.robot, AXES[0], np.eye(4), np.eye(4))
+    text = (
+        "MODULE m\nPROC a(PERS tooldata tArg, PERS wobjdata wArg)\n"
+        f"MoveL {point},v1,z1,tArg\\WObj:=wArg;\nENDPROC\nENDMODULE\n"
+    )
+    others = FrameOptions({"": np.eye(4)}, {"": np.eye(4)})
+    with pytest.raises(InputError, match=r":3: tArg is given to the routine"):
+        corrected(tmp_path / "m.mod", text, exact, others)
+    with pytest.raises(InputError, match=r":3: wArg is given to the routine"):
+        corrected(tmp_path / "m.mod", text, exact, replace(others, tools={"targ": np.eye(4)}))
+    named = FrameOptions({"targ": np.eye(4)}, {"warg": np.eye(4)})
+    assert corrected(tmp_path / "m.mod", text, exact, named).text == text
 
 
 def test_a_configuration_that_no_solution_has_is_refused(tmp_path: Path, result: Result) -> None:
@@ -631,7 +678,20 @@ def test_the_command_writes_the_program_and_says_what_changed_most(
 
 @pytest.mark.parametrize(
     "content",
-    [b"\0\0", b"MODULE m\nMoveL", b"MoveL [[[[[[", b'"', b"CONST robtarget", b"PERS tooldata t:="],
+    [
+        b"\0\0",
+        b"MODULE m\nMoveL",
+        b"MoveL [[[[[[",
+        b'"',
+        b"CONST robtarget",
+        b"PERS tooldata t:=",
+        b"CONST robtarget p{2",
+        b"MoveL " + 3000 * b"[",
+        b"MoveL p,v,z,;",
+        b"CONST robtarget p:=" + 3000 * b"[",
+        b"p := " + 3000 * b"[",
+        b"MoveL [[-\n10,0,0]]",
+    ],
 )
 @pytest.mark.parametrize("suffix", [".mod", ".src", ".pdl"])
 def test_hostile_text_is_refused_or_has_no_targets(
