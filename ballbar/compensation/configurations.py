@@ -96,8 +96,8 @@ def configuration_changes(
     if len(target.configuration) == 2:  # S, T
         turn = target.configuration[1]
         bits = given = int(turn.value)
-        for axis in np.flatnonzero(moved):
-            bits = bits & ~(1 << int(axis)) | int(after[axis] < 0.0) << int(axis)
+        for j in np.flatnonzero(moved).tolist():
+            bits = (bits & ~(1 << j)) | (int(after[j] < 0.0) << j)
         return [(turn, turn.with_integer(bits))] if bits != given else []
     out = []
     for number, axis in zip(target.configuration, QUADRANTS, strict=False):

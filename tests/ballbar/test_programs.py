@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
 import re
@@ -15,11 +16,16 @@ import pytest
 from ballbar.compensation.configurations import axes_of_pose, configuration_changes
 from ballbar.compensation.frames import FrameOptions, angles_near, frame_options, pose_of_angles
 from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget, Setup
-from ballbar.compensation.programs import CorrectedProgram, correct_program, read_programs
+from ballbar.compensation.programs import (
+    CorrectedProgram,
+    correct_program,
+    read_programs,
+    write_programs,
+)
 from ballbar.export.result import Result, load_result
 from cell.arrays import Array
 from cell.chain import forward
-from cell.descriptions import Cell, Robot
+from cell.descriptions import Cell, ProgramLanguage, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_chain, robot_frames
 from cell.inverse import refine
@@ -110,7 +116,15 @@ def corrected(
     path: Path, text: str, result: Result, options: FrameOptions = NONE
 ) -> CorrectedProgram:
     path.write_bytes(text.encode("latin-1"))
+    if path.suffix == ".pdl":
+        result = programmed(result, "pdl2")
     return correct_program(read_programs(path, options)[0], result)
+
+
+def programmed(result: Result, language: ProgramLanguage) -> Result:
+    """The result of a robot whose controller takes another language."""
+    robot = replace(result.robot, program_language=language)
+    return replace(result, cell=replace(result.cell, robot=robot))
 
 
 def without_numbers(text: str) -> str:
@@ -354,6 +368,62 @@ def test_a_quadrant_is_left_only_for_that_of_an_axis_that_moved_beyond_it(
                 assert changes == []
             else:
                 assert changes == [(numbers[place], str(int(after[axis] // 90.0)))]
+
+
+def test_a_program_of_another_controller_than_the_robots_is_refused(
+    tmp_path: Path, result: Result, kuka: Path
+) -> None:
+    text = module(result.robot)
+    with pytest.raises(InputError, match=r"weld.mod: nothing .* is RAPID .* takes KRL"):
+        corrected(tmp_path / "weld.mod", text, load_result(kuka))
+    with pytest.raises(InputError, match=r"weld.MODX: nothing .* takes PDL2"):
+        corrected(tmp_path / "weld.MODX", text, programmed(result, "pdl2"))
+    unstated = replace(result.robot, program_language=None)
+    unknown = replace(result, cell=replace(result.cell, robot=unstated))
+    assert corrected(tmp_path / "weld.mod", text, unknown).text != text
+
+
+def test_notes_of_configurations_do_not_compare_the_targets_with_one_another(
+    tmp_path: Path, result: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: each target was compared with the changes of all, a minute for 5000."""
+
+    def compared(number: Number, other: object) -> bool:
+        raise AssertionError(f"{number} is compared with {other}")
+
+    monkeypatch.setattr(Number, "__eq__", compared)
+    axes = np.array([[20.0, 10.0, 5.0, angle, 40.0, 30.0] for angle in (0.001, -0.001)])
+    points = (robtarget(result.robot, row, np.eye(4), np.eye(4)) for row in axes)
+    moves = "\n".join(f"MoveL {point},v1,z1,tool0;" for point in points)
+    text = f"MODULE m\nPROC a()\n{moves}\nENDPROC\nENDMODULE\n"
+    notes = [n for n in corrected(tmp_path / "m.mod", text, result).notes if "becomes" in n]
+    assert len(notes) == 1
+    assert re.match(r"m.mod:[34]: configuration (0 becomes -1|-1 becomes 0), since", notes[0])
+
+
+@pytest.mark.parametrize("full_suffix", [".src", ".dat"])
+def test_of_two_files_none_is_written_where_one_cannot_be(
+    tmp_path: Path, kuka: Path, monkeypatch: pytest.MonkeyPatch, full_suffix: str
+) -> None:
+    """Regression: the second file failed, and the first stayed without it."""
+    texts = src(load_robot("kr10_r1100"))
+    path = write_pair(tmp_path, *texts)
+    programs = read_programs(path, options_of(tool_frame(), table_frame()))
+    done = [correct_program(program, load_result(kuka)) for program in programs]
+    out = tmp_path / "out" / "weld.src"
+    renamed = Path.replace
+
+    def full(source: Path, target: Path) -> Path:
+        if target.suffix == full_suffix:
+            raise OSError(errno.ENOSPC, "No space left on device", str(source))
+        return renamed(source, target)
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_programs(out, done)
+    assert list(out.parent.iterdir()) == []
+    monkeypatch.undo()
+    assert sorted(write_programs(out, done)) == sorted(out.parent.iterdir())
 
 
 def test_module_calls_without_arguments_are_named_as_not_corrected(
