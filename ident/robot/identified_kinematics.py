@@ -132,17 +132,27 @@ class IdentifiedKinematics:
         if away.any():
             starts = self._chosen(poses[away], previous[away])
             searched = _single(self._solved(starts[None], poses[away]))
+            rows = np.flatnonzero(away)
+            better = self._distance(searched.q, previous[rows]) < self._distance(
+                out.q[rows], previous[rows]
+            )
+            better |= searched.within & ~out.within[rows]
+            taken = ~out.reached[rows] | (searched.reached & better)
             for values, new in zip(vars(out).values(), vars(searched).values(), strict=True):
-                values[away] = new
+                values[rows[taken]] = new[taken]
         return out
+
+    def _distance(self, q: Array, previous: Array) -> Array:
+        """(..., N) [rad^2] sum of squares of axis angles from previous ones (N, J); NaN of NaN."""
+        away = joints_to_axes(self.robot, q) - joints_to_axes(self.robot, previous)
+        return np.asarray((away**2).sum(axis=-1))
 
     def _chosen(self, poses: Array, previous: Array) -> Array:
         """(N, J) [rad] starts of the configuration nearest to previous angles (N, J) [rad]."""
         starts = self._starts(poses @ np.linalg.inv(self.tool))
         turned = np.stack([turned_near(self.robot, start, previous) for start in starts])
-        away = joints_to_axes(self.robot, turned) - joints_to_axes(self.robot, previous)
-        distance = np.where(np.isnan(away).any(axis=2), np.inf, (away**2).sum(axis=2))
-        nearest = distance.argmin(axis=0)[None, :, None]
+        distance = self._distance(turned, previous)
+        nearest = np.where(np.isnan(distance), np.inf, distance).argmin(axis=0)[None, :, None]
         return np.asarray(np.take_along_axis(turned, nearest, axis=0)[0])
 
     def uncertainty(self, q: Array) -> PositionUncertainty:
