@@ -22,7 +22,7 @@ from cell.chain import Chain, cross, forward, joint_screws
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_chain
-from cell.inverse import has_closed_form, robot_branches
+from cell.inverse import arm_branches, has_arm_branches, has_closed_form
 from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
 from cell.payload import Payload, with_payload
 from cell.robot_angles import joints_to_axes
@@ -189,7 +189,7 @@ class IdentifiedKinematics:
 
     def _starts(self, ends: Array) -> Array:
         """(S, N, J) [rad] configurations close to frames of the last row; NaN where none."""
-        if not has_closed_form(self.nominal):
+        if not has_arm_branches(self.nominal):
             return pose_branches(self.chain, ends)
         starts = self._closed_form(ends)
         if (lost := np.isnan(starts).any(axis=2).all(axis=0)).any():
@@ -201,9 +201,9 @@ class IdentifiedKinematics:
 
     def _closed_form(self, ends: Array) -> Array:
         """(8, N, 6) [rad] of the nominal robot."""
-        return np.concatenate(
-            [robot_branches(self.nominal, ends, behind=behind) for behind in (False, True)]
-        )
+        branches = arm_branches(self.nominal, ends)
+        assert branches is not None
+        return branches
 
     def _solved(self, starts: Array, poses: Array) -> JointSolutions:
         """Solutions from starts (S, N, J) [rad] close by, for poses (N, 4, 4) of the tool."""
