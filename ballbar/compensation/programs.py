@@ -42,6 +42,7 @@ from cell.errors import InputError
 from cell.files import write_new_together
 from cell.foreign_text import printable
 from cell.geometry import nominal_chain
+from cell.inverse import refine_reachable
 from cell.payload import Payload, with_payload
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import quat_wxyz
@@ -52,6 +53,7 @@ from ident.robot.inverse_calibration import (
     corrected_targets,
 )
 
+WRITTEN = 1e-11  # [rad] last step to the axes that a text stands for
 SHOWN = 10  # targets of the largest changes in the report
 
 
@@ -81,8 +83,10 @@ def correct_program(program: Program, result: AnyResult) -> CorrectedProgram:
     before, after = (np.degrees(joints_to_axes(robot, angles)) for angles in (q, corrected.q))
     for k, target in enumerate(program.targets):
         try:
-            changes += _numbers(robot, target, before[k], after[k])
-            configured = configuration_changes(robot, target, before[k], after[k])
+            numbers = _numbers(robot, target, before[k], after[k])
+            written = _axes_as_written(robot, target, numbers, after[k])
+            configured = configuration_changes(robot, target, before[k], written)
+            changes += numbers
             changes += configured
             turned += [
                 f"{program.path.name}:{number.line}: configuration {number.text} becomes {text}, "
@@ -137,15 +141,23 @@ def _axes(target: ProgramTarget, robot: Robot) -> Array:
             target.line, f"{target.name}: cartesian targets are corrected for six axes alone"
         )
     try:
-        pose = (
-            pose_of_quaternion(values[:3], values[3:])
-            if target.rotation == "quaternion"
-            else pose_of_angles(values)
-        )
+        flange = _flange(target, values)
     except ValueError as error:
         raise ProgramError(target.line, f"{target.name}: {error}") from None
-    flange = target.setup.frame @ pose @ np.linalg.inv(target.setup.tool)
     return axes_of_pose(robot, flange, target)
+
+
+def _flange(target: ProgramTarget, values: Sequence[float]) -> Array:
+    """(4, 4) of the flange for position [mm] and rotation of a target, base frame.
+
+    Raises ValueError for a quaternion that is far from unit.
+    """
+    pose = (
+        pose_of_quaternion(values[:3], values[3:])
+        if target.rotation == "quaternion"
+        else pose_of_angles(values)
+    )
+    return np.asarray(target.setup.frame @ pose @ np.linalg.inv(target.setup.tool))
 
 
 def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[CorrectedTargets, list[str]]:
@@ -211,6 +223,23 @@ def _numbers(
         for number, old, new, unit in zip(target.numbers, *values, units, strict=True)
     )
     return list(zip(target.numbers, texts, strict=True))
+
+
+def _axes_as_written(
+    robot: Robot, target: ProgramTarget, numbers: Sequence[tuple[Number, str]], after: Array
+) -> Array:
+    """(J,) [deg] axis angles that the nominal robot has at a target's new text.
+
+    At zero the last digit decides the sign that the controller finds. after : (J,) [deg] without
+    rounding.
+    """
+    if target.rotation is None:
+        return after
+    values = [replace(number, text=text).value for number, text in numbers]
+    start = controller_to_joints(robot, np.radians(after))[None]
+    pose = _flange(target, values)[None]
+    q, reached = refine_reachable(nominal_chain(robot), start, pose, tolerance=WRITTEN)
+    return np.asarray(np.degrees(joints_to_axes(robot, q))[0]) if reached[0] else after
 
 
 def _pose_values(robot: Robot, target: ProgramTarget, axes: Array, given: Sequence[float]) -> Array:

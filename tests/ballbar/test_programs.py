@@ -31,7 +31,7 @@ from cell.geometry import Geometry, nominal_chain, robot_frames
 from cell.inverse import refine
 from cell.load import load_robot
 from cell.payload import Payload, with_payload
-from cell.robot_angles import controller_to_joints
+from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.corrections.unit_weights import unit_weights
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
@@ -547,6 +547,25 @@ def test_axes_4_and_6_at_zero_have_the_turn_of_the_sign_that_they_are_corrected_
         assert written == int(((after < 0.0) * 2 ** np.arange(6)).sum())
         changed += written != (turn | given)
     assert changed
+
+
+def test_the_turn_is_that_of_the_digits_where_they_decide_the_sign(
+    tmp_path: Path, kuka: Path
+) -> None:
+    """Axis 6 is corrected to a few 1e-5 deg, less than what the digits are rounded to."""
+    robot, result = load_robot("kr10_r1100"), load_result(kuka)
+    axes, shift = np.array([10.0, -80.0, 95.0, 20.0, 60.0, 0.0]), 0.0
+    for offset in (0.0, *np.linspace(-4e-5, 4e-5, 9)):
+        axes[5] = offset - shift
+        point = e6pos(robot, axes, np.eye(4), np.eye(4))
+        text = f"DEF m()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nLIN {point}\nEND\n"
+        done = corrected(tmp_path / "m.src", text, result)
+        shift = float(np.degrees(done.axis_changes[0, 5]))
+        values = [float(re.search(rf"[{{,]{c} (-?[\d.]+)", done.text)[1]) for c in "XYZABC"]
+        q = refine(nominal_chain(robot), done.corrected.q, pose_of_angles(values)[None])
+        solved = np.degrees(joints_to_axes(robot, q))[0]
+        turn = int(re.findall(r",T (\d+)", done.text)[0])
+        assert turn == int(((solved < 0.0) * 2 ** np.arange(6)).sum())
 
 
 def test_a_turn_of_a_robot_without_errors_stays_with_axes_at_zero(kuka: Path) -> None:
