@@ -5,8 +5,8 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import yaml
@@ -61,11 +61,30 @@ def require_writable(folder: Path) -> None:
 
 def write_new(path: Path, content: bytes) -> None:
     """Writes a file that does not exist yet. Raises InputError rather than replace a file."""
-    if path.exists():
-        raise InputError(
-            f"{path}: exists already; nothing was written. Name another file with --out."
-        )
-    write_whole(path, content)
+    write_new_together({path: content})
+
+
+def write_new_together(contents: Mapping[Path, bytes]) -> None:
+    """Writes files that do not exist yet, all of them or none.
+
+    Raises InputError rather than replace a file, and the error of the disk.
+    """
+    for path in contents:
+        if path.exists():
+            raise InputError(
+                f"{path}: exists already; nothing was written. Name another file with --out."
+            )
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as written:
+        for path, content in contents.items():
+            written.enter_context(written_whole(path)).write_bytes(content)
+        renames = written.pop_all()
+    try:
+        renames.close()
+    except BaseException:
+        for path in contents:
+            path.unlink(missing_ok=True)
+        raise
 
 
 DESCRIPTIONS = "descriptions"  # folder of the files of one's own that a recording or result names

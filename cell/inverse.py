@@ -94,6 +94,51 @@ def robot_branches(chain: Chain, poses: Array, *, behind: bool = False) -> Array
     return branches
 
 
+def arm_branches(chain: Chain, poses: Array) -> Array | None:
+    """All configurations of `robot_branches`, also where axes are counted in the other direction.
+
+    poses : (N, 4, 4) tool frames in the base frame.
+
+    Returns (8, N, 6) [rad], NaN where a configuration does not exist; None for a robot of another
+    structure.
+    """
+    usual, sign = _usual(chain)
+    if not has_closed_form(usual):
+        return None
+    ends = poses.copy()
+    ends[:, :3, 1:3] *= sign[-1]
+    q = [robot_branches(usual, ends, behind=behind) for behind in (False, True)]
+    return np.asarray(np.concatenate(q) * sign[:-1])
+
+
+def has_arm_branches(chain: Chain) -> bool:
+    """Whether `arm_branches` holds for a chain."""
+    return has_closed_form(_usual(chain)[0])
+
+
+def _usual(chain: Chain) -> tuple[Chain, Array]:
+    """The chain with those z axes reversed that bring its twists nearest to the structure's.
+
+    Reversing the z axis of a frame changes a twist by half a turn, and negates angle and offset d
+    of the row that follows. Returns the chain, and (J+1,) the sign of each frame's z axis.
+    """
+    if chain.rows != _ARM_ALPHA.size:
+        return chain, np.ones(chain.rows + 1)
+    turned, alpha = np.zeros(chain.rows + 1), np.empty(chain.rows)  # half turns of each frame
+    for i, twist in enumerate(_ARM_ALPHA):
+        alpha[i] = _wrapped(chain.alpha[i] + np.pi * turned[i])
+        turned[i + 1] = abs(_wrapped(alpha[i] - twist)) > np.pi / 2.0
+        alpha[i] = _wrapped(alpha[i] - np.pi * turned[i + 1])
+    sign = 1.0 - 2.0 * turned
+    d, theta = sign[:-1] * chain.d, sign[:-1] * chain.theta
+    return Chain(chain.a, d, alpha, theta, chain.beta), sign
+
+
+def _wrapped(angle: float) -> float:
+    """[rad] between -pi and pi."""
+    return float(np.angle(np.exp(1j * angle)))
+
+
 def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
     first = Chain(*(getattr(chain, field.name)[:3] for field in fields(chain)))
     forearm = forward(first, arm).rotation().transpose(2, 0, 1)

@@ -3,8 +3,9 @@
 RAPID's confdata has the quadrants of axes 1, 4 and 6 (0 from 0 to 90 deg, -1 from -90 to 0) and
 cfx, whose bits are: axis 5 negative, wrist behind the lower arm, wrist behind axis 1. KRL's S has
 the bits: wrist behind axis 1, wrist in front of the line through axes 2 and 3, axis 5; T has a bit
-for every axis with a negative angle. Quadrants and turns decide; cfx and S only between solutions
-that have both right, for their meaning differs from robot to robot.
+for every axis with a negative angle. Quadrants, turns and the arm's two bits of S decide. cfx, and
+the wrist's bit of S, decide only between solutions that have all of these right: their meaning
+differs from robot to robot.
 
 Sources: ABB, Technical reference manual, RAPID, confdata (3HAC050917-001); KUKA System Software
 8.3, Operating and Programming Instructions for System Integrators, Status and Turn.
@@ -22,7 +23,7 @@ from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.descriptions import Robot
 from cell.geometry import nominal_chain
-from cell.inverse import has_closed_form, robot_branches
+from cell.inverse import arm_branches
 from cell.numerical_inverse import pose_branches
 from cell.robot_angles import controller_to_joints, joints_to_axes
 
@@ -30,6 +31,7 @@ QUADRANTS = (0, 3, 5)  # axes that confdata has the quadrant of, from 0
 # [deg] beyond its quadrant that an axis may stand for the rounding of a target's numbers
 ROUNDING = 0.5
 ALIKE = 0.1  # [deg] of all axes within which two solutions are one
+STILL = 1e-6  # [deg] of an axis that the correction does not move
 FULL_TURN = 360.0
 
 
@@ -76,12 +78,16 @@ def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
 def configuration_changes(
     robot: Robot, target: ProgramTarget, before: Array, after: Array
 ) -> list[tuple[Number, str]]:
-    """New numbers of the configuration where an axis passes a limit of it.
+    """New numbers of the configuration where an axis that moves ends beyond a limit of it.
+
+    It is the stated number that `after` is compared with: at a limit the solved `before` is on
+    either side of it by rounding.
 
     before, after : (J,) [deg] axis angles. Raises ProgramError where the posture itself changes.
     """
     if not target.configuration:
         return []
+    moved = np.abs(after - before) > STILL
     chain = nominal_chain(robot)
     if _posture(robot, chain, before) != _posture(robot, chain, after):
         raise ProgramError(
@@ -89,25 +95,21 @@ def configuration_changes(
         )
     if len(target.configuration) == 2:  # S, T
         turn = target.configuration[1]
-        flipped = (before < 0.0) != (after < 0.0)
-        flipped &= np.abs(after - before) > 1e-6
-        bits = int(turn.value) ^ int((flipped * 2 ** np.arange(len(before))).sum())
-        return [(turn, turn.with_integer(bits))] if flipped.any() else []
+        bits = given = int(turn.value)
+        for j in np.flatnonzero(moved).tolist():
+            bits = (bits & ~(1 << j)) | (int(after[j] < 0.0) << j)
+        return [(turn, turn.with_integer(bits))] if bits != given else []
     out = []
     for number, axis in zip(target.configuration, QUADRANTS, strict=False):
-        given = int(number.value)
-        if _outside(before[axis], given) == 0.0 < _outside(after[axis], given):
+        if moved[axis] and _outside(after[axis], int(number.value)) > 0.0:
             out.append((number, number.with_integer(int(np.floor(after[axis] / 90.0)))))
     return out
 
 
 def _solutions(robot: Robot, chain: Chain, pose: Array) -> Array:
     """(K, J) [deg] axis angles of all configurations at a pose."""
-    if has_closed_form(chain):
-        every = [robot_branches(chain, pose[None], behind=b)[:, 0] for b in (False, True)]
-        q = np.concatenate(every)
-    else:
-        q = pose_branches(chain, pose[None])[:, 0]
+    closed = arm_branches(chain, pose[None])
+    q = (pose_branches(chain, pose[None]) if closed is None else closed)[:, 0]
     q = q[~np.isnan(q).any(axis=1)]
     return np.degrees(joints_to_axes(robot, q)) if len(q) else q
 
@@ -135,13 +137,24 @@ def _turned(robot: Robot, axes: Array, target: ProgramTarget) -> Array:
 
 
 def _decided(robot: Robot, chain: Chain, axes: Array, target: ProgramTarget) -> Array:
-    """The solution that cfx or S tells from the others; all where one is left anyhow."""
+    """The solution that cfx or S tells from the others; none that S says the arm is not in.
+
+    cfx is not held against a solution that is alone with its quadrants; bit 2 of S neither, since
+    T tells the wrist's two postures apart.
+    """
     data = [int(number.value) for number in target.configuration]
-    if len(axes) < 2:
+    krl = len(data) == 2
+    if not len(axes) or (len(axes) == 1 and not krl):
         return axes
-    stated = data[-1] if len(data) == 4 else data[0]
-    bits = np.array([_bits(_posture(robot, chain, row), krl=len(data) == 2) for row in axes])
-    missed = (bits != [(stated >> k) & 1 for k in range(3)]) @ np.array([1, 1, 1])
+    stated = data[0] if krl else data[-1]
+    bits = np.array([_bits(_posture(robot, chain, row), krl=krl) for row in axes])
+    differs = bits != [(stated >> k) & 1 for k in range(3)]
+    if krl:
+        right = ~differs[:, :2].any(axis=1)
+        axes, differs = axes[right], differs[right]
+        if len(axes) < 2:
+            return axes
+    missed = differs.sum(axis=1)
     best = axes[missed == missed.min()]
     if np.ptp(best, axis=0).max() > ALIKE:
         raise ProgramError(

@@ -206,6 +206,8 @@ class Reader:
                 first.line, f"{what}: {self.shown} is no number; computed values are not corrected"
             )
         last = self.next()
+        if signed and self.text[first.end : last.start].strip(" \t"):
+            raise ProgramError(first.line, f"{what}: a sign stands apart from its number")
         start = first.start if signed else last.start
         return Number(self.text[start : last.end], start, last.end, last.line)
 

@@ -37,11 +37,12 @@ from ballbar.export.result import AnyResult, PoseResult
 from ballbar.units import MM, MRAD
 from cell.arrays import Array
 from cell.chain import forward
-from cell.descriptions import Robot
+from cell.descriptions import ProgramLanguage, Robot
 from cell.errors import InputError
-from cell.files import write_new
+from cell.files import write_new_together
 from cell.foreign_text import printable
 from cell.geometry import nominal_chain
+from cell.inverse import refine_reachable
 from cell.payload import Payload, with_payload
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import quat_wxyz
@@ -52,6 +53,7 @@ from ident.robot.inverse_calibration import (
     corrected_targets,
 )
 
+WRITTEN = 1e-11  # [rad] last step to the axes that a text stands for
 SHOWN = 10  # targets of the largest changes in the report
 
 
@@ -68,27 +70,32 @@ class CorrectedProgram:
 
 
 def correct_program(program: Program, result: AnyResult) -> CorrectedProgram:
-    """Corrects every target. Raises InputError naming the lines of those that cannot be."""
+    """Corrects every target. Raises InputError naming the lines of those that cannot be.
+
+    So it does for a program in another language than that of the robot's controller.
+    """
     robot = result.robot
+    _require_language(program.path, robot)
     q = _nominal_joints(program, robot)
     corrected, notes = _corrected(program, result, q)
     changes: list[tuple[Number, str]] = []
-    faults = []
+    turned, faults = [], []
     before, after = (np.degrees(joints_to_axes(robot, angles)) for angles in (q, corrected.q))
     for k, target in enumerate(program.targets):
         try:
-            changes += _numbers(robot, target, before[k], after[k])
-            changes += configuration_changes(robot, target, before[k], after[k])
+            numbers = _numbers(robot, target, before[k], after[k])
+            written = _axes_as_written(robot, target, numbers, after[k])
+            configured = configuration_changes(robot, target, before[k], written)
+            changes += numbers
+            changes += configured
+            turned += [
+                f"{program.path.name}:{number.line}: configuration {number.text} becomes {text}, "
+                "since an axis passes a limit of it"
+                for number, text in configured
+            ]
         except ProgramError as fault:
             faults.append((fault.line, fault.why))
     refuse(program.path, faults)
-    turned = [
-        f"{program.path.name}:{number.line}: configuration {number.text} becomes {text}, since an "
-        "axis passes a limit of it"
-        for target in program.targets
-        for number, text in changes
-        if number in target.configuration
-    ]
     return CorrectedProgram(
         program=program,
         text=rewritten(program.text, changes),
@@ -97,6 +104,16 @@ def correct_program(program: Program, result: AnyResult) -> CorrectedProgram:
         axis_changes=np.radians(after - before),
         notes=(*program.notes, *notes, *turned),
     )
+
+
+def _require_language(path: Path, robot: Robot) -> None:
+    language = LANGUAGES[path.suffix.lower()]
+    if robot.program_language not in {None, language}:
+        raise InputError(
+            f"{path}: nothing was written. The program is {language.upper()} by its ending, and "
+            f"{robot.title} takes {str(robot.program_language).upper()} (program_language of its "
+            "file). Is it the result of another robot?"
+        )
 
 
 def _nominal_joints(program: Program, robot: Robot) -> Array:
@@ -124,15 +141,23 @@ def _axes(target: ProgramTarget, robot: Robot) -> Array:
             target.line, f"{target.name}: cartesian targets are corrected for six axes alone"
         )
     try:
-        pose = (
-            pose_of_quaternion(values[:3], values[3:])
-            if target.rotation == "quaternion"
-            else pose_of_angles(values)
-        )
+        flange = _flange(target, values)
     except ValueError as error:
         raise ProgramError(target.line, f"{target.name}: {error}") from None
-    flange = target.setup.frame @ pose @ np.linalg.inv(target.setup.tool)
     return axes_of_pose(robot, flange, target)
+
+
+def _flange(target: ProgramTarget, values: Sequence[float]) -> Array:
+    """(4, 4) of the flange for position [mm] and rotation of a target, base frame.
+
+    Raises ValueError for a quaternion that is far from unit.
+    """
+    pose = (
+        pose_of_quaternion(values[:3], values[3:])
+        if target.rotation == "quaternion"
+        else pose_of_angles(values)
+    )
+    return np.asarray(target.setup.frame @ pose @ np.linalg.inv(target.setup.tool))
 
 
 def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[CorrectedTargets, list[str]]:
@@ -200,6 +225,23 @@ def _numbers(
     return list(zip(target.numbers, texts, strict=True))
 
 
+def _axes_as_written(
+    robot: Robot, target: ProgramTarget, numbers: Sequence[tuple[Number, str]], after: Array
+) -> Array:
+    """(J,) [deg] axis angles that the nominal robot has at a target's new text.
+
+    At zero the last digit decides the sign that the controller finds. after : (J,) [deg] without
+    rounding.
+    """
+    if target.rotation is None:
+        return after
+    values = [replace(number, text=text).value for number, text in numbers]
+    start = controller_to_joints(robot, np.radians(after))[None]
+    pose = _flange(target, values)[None]
+    q, reached = refine_reachable(nominal_chain(robot), start, pose, tolerance=WRITTEN)
+    return np.asarray(np.degrees(joints_to_axes(robot, q))[0]) if reached[0] else after
+
+
 def _pose_values(robot: Robot, target: ProgramTarget, axes: Array, given: Sequence[float]) -> Array:
     """Position [mm] and rotation of the target at axis angles (J,) [deg] of the nominal robot."""
     q = controller_to_joints(robot, np.radians(axes))[None]
@@ -228,18 +270,14 @@ def read_programs(path: Path, options: FrameOptions) -> list[Program]:
 def write_programs(out: Path, programs: Sequence[CorrectedProgram]) -> list[Path]:
     """Writes corrected programs to new files, of several with the endings that they had.
 
-    Raises InputError, and writes none, if one of the files exists.
+    Raises InputError, and writes none, if one of the files exists. If one cannot be written, such
+    as on a full disk, the others are removed.
     """
     paths = (
         [out] if len(programs) == 1 else [out.with_suffix(p.program.path.suffix) for p in programs]
     )
-    for path in paths:
-        if path.exists():
-            raise InputError(
-                f"{path}: exists already; nothing was written. Name another file with --out."
-            )
-    for path, program in zip(paths, programs, strict=True):
-        write_new(path, program.text.encode("latin-1"))
+    texts = (program.text.encode("latin-1") for program in programs)
+    write_new_together(dict(zip(paths, texts, strict=True)))
     return paths
 
 
@@ -291,6 +329,11 @@ def program_lines(programs: Sequence[CorrectedProgram]) -> list[str]:
     ]
 
 
+LANGUAGES: dict[str, ProgramLanguage] = {
+    **dict.fromkeys((".mod", ".modx", ".sys", ".prg"), "rapid"),
+    **dict.fromkeys((".src", ".dat"), "krl"),
+    ".pdl": "pdl2",
+}
 READERS: dict[str, Callable[[Path, FrameOptions], list[Program]]] = {
     **dict.fromkeys((".mod", ".modx", ".sys", ".prg"), lambda p, o: [read_rapid(p, o)]),
     **dict.fromkeys((".src", ".dat"), read_krl),

@@ -2,7 +2,9 @@
 
 Read are declarations with constant values (CONST, PERS, VAR) of targets, tools and work objects,
 and the move instructions of `MOVES`. Whatever else goes to a target, or reckons with one, is
-refused with its line. The robot's base frame is taken for the world frame.
+refused with its line; so are robtargets whose axes the text does not tell, since external axes have
+values, or the controller chooses the configuration (`ConfL\\Off`, `ConfJ\\Off`, `SingArea\\Wrist`).
+The robot's base frame is taken for the world frame.
 
 Source: ABB, Technical reference manual, RAPID Instructions, Functions and Data types,
 3HAC050917-001. No result was loaded into a controller.
@@ -11,7 +13,7 @@ Source: ABB, Technical reference manual, RAPID Instructions, Functions and Data 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,6 +56,10 @@ _SHIFTS = {
     "pdispset": "a program displacement",
     "gripload": "the load",
 }
+# the one argument with which the controller goes by the configuration of a target
+_GOES_BY_CONFIGURATION = {"confl": "on", "confj": "on", "singarea": "off"}
+NESTED = 12  # lists in one another, of targets in an array of three dimensions five
+_TAKES_A_FRAME = (["\\", "tool", ":="], ["\\", "wobj", ":="])
 _DECLARED = ("jointtarget", "robtarget", "tooldata", "wobjdata")
 
 
@@ -88,6 +94,8 @@ class _Module:
         self.targets: list[ProgramTarget] = []
         self.data: dict[str, _Data] = {}
         self.routines = self._routines()
+        self.parameters = self._parameters()
+        self.choices: list[Token] = []  # instructions that leave the configuration to the robot
         self.uses: dict[str, list[tuple[int, bool, Setup]]] = {}
         self.parsed = np.zeros(len(self.tokens), dtype=bool)  # tokens of declarations and moves
 
@@ -105,6 +113,9 @@ class _Module:
         for name, data in self.data.items():
             if data.kind in ("jointtarget", "robtarget"):
                 self._guard(self._declared_target, name)
+        if any(target.rotation for target in self.targets):
+            for token in self.choices:
+                self._guard(self._chosen_by_the_robot, token)
 
     def _guard(self, read: Callable[..., None], what: object) -> None:
         try:
@@ -115,6 +126,23 @@ class _Module:
     def _routines(self) -> set[str]:
         pairs = zip(self.tokens, self.tokens[1:], strict=False)
         return {b.text.lower() for a, b in pairs if a.isword("proc", "func", "trap")}
+
+    def _parameters(self) -> set[str]:
+        """Tools and work objects that routines are given."""
+        threes = zip(self.tokens, self.tokens[1:], self.tokens[2:], strict=False)
+        return {
+            b.text.lower()
+            for a, b, c in threes
+            if a.isword("tooldata", "wobjdata") and c.issymbol(",", ")", "|")
+        }
+
+    def _chosen_by_the_robot(self, token: Token) -> None:
+        raise ProgramError(
+            token.line,
+            f"after {token.text} the robot takes the nearest configuration, not the one that a "
+            "robtarget states, so its axes there are not known; take the line out if the stated "
+            "ones are right, or state jointtargets",
+        )
 
     def _declaration(self, i: int) -> None:
         reader = Reader(self.tokens, self.text, i + 1)
@@ -128,6 +156,8 @@ class _Module:
             )
         if reader.take("{"):
             while not reader.take("}"):
+                if reader.token.kind == "end":
+                    raise ProgramError(name.line, f"the size of {name.text} does not end")
                 sizes += reader.next().kind != "symbol"
         failure: ProgramError | None = ProgramError(name.line, f"{name.text} has no constant value")
         try:
@@ -147,13 +177,18 @@ class _Module:
         if before is not None and before.issymbol(".", "\\"):
             return
         if data is not None:
-            self._reference(token, following, data)
+            self._reference(i, data)
         elif following.issymbol(":=", "(", ".", ",", "{") or (
             before is not None and before.isword("proc", "func", "trap", "module")
         ):
             return
         elif word in MOVES:
             self._move(i)
+        elif word in _GOES_BY_CONFIGURATION:
+            after = self.tokens[i + 1 : i + 4]
+            texts = [part.text.lower() for part in after]
+            if texts != ["\\", _GOES_BY_CONFIGURATION[word], ";"]:
+                self.choices.append(token)
         elif word in _SHIFTS and not (word == "gripload" and self.options.payloads):
             raise ProgramError(
                 token.line,
@@ -187,16 +222,24 @@ class _Module:
                 "to it by MoveAbsJ, MoveJ, MoveL or MoveC",
             )
 
-    def _reference(self, token: Token, following: Token, data: _Data) -> None:
+    def _reference(self, i: int, data: _Data) -> None:
         """A name of a target, tool or work object outside of declarations and moves."""
+        token = self.tokens[i]
         if data.kind in ("jointtarget", "robtarget"):
             raise ProgramError(
                 token.line,
                 f"{token.text} is assigned or used outside of a move instruction, so the target is "
                 "computed; write it with constant values",
             )
-        if following.issymbol(":=", "."):
+        if self.tokens[i + 1].issymbol(":="):
             raise ProgramError(token.line, f"{token.text} is changed by the program")
+        given = self.tokens[max(i - 3, 0) : i]
+        if [part.text.lower() for part in given] not in _TAKES_A_FRAME:
+            raise ProgramError(
+                token.line,
+                f"{token.text} is used outside of a move instruction, where its value may change "
+                "or another be meant by the name",
+            )
 
     def _move(self, i: int) -> None:
         name, first, end = self.tokens[i], i + 1, i + 1
@@ -261,14 +304,18 @@ class _Module:
 
     def _setup(self, tokens: list[Token], move: Token, *, joints: bool) -> Setup:
         """Tool, work object and payload of a move."""
-        named = {"tool": tokens[0], **dict(_switches(tokens))}
+        given, *switches = _switches(tokens)
+        tool_name = _name(given, f"tool of {move.text}", move)
+        named = {switch[0].text.lower(): switch[1:] for switch in switches if switch}
         if "tload" in named and not self.options.payloads:
             raise ProgramError(move.line, "\\TLoad replaces the tool's load: state it by --payload")
-        tool_name = named["tool"].text
         tool, payload = self._tool(tool_name, move, needed=not joints)
         frame = np.eye(4)
-        if not joints and "wobj" in named and named["wobj"].text.lower() != "wobj0":
-            frame = self._work_object(named["wobj"].text, move)
+        if not joints and "wobj" in named:
+            if not (value := named["wobj"]) or not value[0].issymbol(":="):
+                raise ProgramError(move.line, "\\WObj is not given by :=, so it is not known")
+            name = _name(value[1:], f"work object of {move.text}", move)
+            frame = frame if name.lower() == "wobj0" else self._work_object(name, move)
         return Setup(tool, frame, payload, tool_name)
 
     def _tool(self, name: str, move: Token, *, needed: bool) -> tuple[Array, Payload | None]:
@@ -276,6 +323,7 @@ class _Module:
         if name.lower() == "tool0":
             return np.eye(4), stated
         if data is None or data.kind != "tooldata":
+            self._not_given(name, move, self.options.tools)
             tool = self.options.tool(name)
             if tool is None and needed:
                 raise ProgramError(
@@ -290,9 +338,17 @@ class _Module:
         declared = payload_of(values[0], values[1:4]) if values[0] >= 0.0 else None
         return _pose(frame, name, data.line), stated or declared
 
+    def _not_given(self, name: str, move: Token, stated: Mapping[str, object]) -> None:
+        """Refuses a parameter of a routine that no option states by its name."""
+        if name.lower() in self.parameters and name.lower() not in stated:
+            raise ProgramError(
+                move.line, f"{name} is given to the routine by whoever calls it, so it is not known"
+            )
+
     def _work_object(self, name: str, move: Token) -> Array:
         data = self.data.get(name.lower())
         if data is None or data.kind != "wobjdata":
+            self._not_given(name, move, self.options.frames)
             if (frame := self.options.frame(name)) is not None:
                 return frame
             raise ProgramError(
@@ -340,17 +396,22 @@ class _Module:
             return
         place, turn = _number_list(parts[0], 3, name, line), _number_list(parts[1], 4, name, line)
         configuration = _number_list(parts[2], 4, name, line)
+        if any(number.value % 1.0 for number in configuration):
+            raise ProgramError(line, f"{name}: confdata are whole numbers")
+        _require_no_external_axes(parts[3], name, line)
         self.targets.append(
             ProgramTarget(name, place[0].line, place + turn, "quaternion", setup, configuration)
         )
 
 
-def _aggregate(reader: Reader, what: str) -> object:
+def _aggregate(reader: Reader, what: str, depth: int = 0) -> object:
     """A constant value: numbers, words TRUE and FALSE, strings, and lists of them."""
     if reader.take("["):
-        items = [_aggregate(reader, what)]
+        if depth == NESTED:
+            raise ProgramError(reader.token.line, f"{what}: lists more than {NESTED} deep")
+        items = [_aggregate(reader, what, depth + 1)]
         while reader.take(","):
-            items.append(_aggregate(reader, what))
+            items.append(_aggregate(reader, what, depth + 1))
         reader.expect("]", f"in the value of {what}")
         return items
     if reader.token.isword("true", "false") or reader.token.kind == "string":
@@ -379,18 +440,44 @@ def _arguments(tokens: Sequence[Token]) -> Iterator[list[Token]]:
     yield part
 
 
-def _switches(tokens: Sequence[Token]) -> Iterator[tuple[str, Token]]:
-    """Names and values of optional arguments such as \\WObj:=table."""
-    for k, token in enumerate(tokens):
-        if token.issymbol("\\") and k + 1 < len(tokens):
-            value = tokens[k + 3] if k + 3 < len(tokens) and tokens[k + 2].issymbol(":=") else token
-            yield tokens[k + 1].text.lower(), value
+def _switches(tokens: Sequence[Token]) -> list[list[Token]]:
+    """An argument, and the optional ones after it such as \\WObj:=table."""
+    parts: list[list[Token]] = [[]]
+    for token in tokens:
+        if token.issymbol("\\"):
+            parts.append([])
+        else:
+            parts[-1].append(token)
+    return parts
+
+
+def _name(tokens: Sequence[Token], what: str, move: Token) -> str:
+    """The name that an argument consists of."""
+    if len(tokens) == 1 and tokens[0].kind == "word":
+        return tokens[0].text
+    shown = one_line("".join(token.text for token in tokens))
+    raise ProgramError(move.line, f"{what} is no name of a declaration ({shown}); name one")
+
+
+def _require_no_external_axes(value: object, name: str, line: int) -> None:
+    """Refuses values of external axes: one of them may carry the robot or the work object."""
+    numbers = value if isinstance(value, list) else [value]
+    for k, number in enumerate(numbers):
+        if not isinstance(number, Number) or abs(number.value) < 9e8:
+            text = number.text if isinstance(number, Number) else "no number"
+            raise ProgramError(
+                line,
+                f"{name}: external axis {k + 1} stands at {text}, not 9E9; whether it moves the "
+                "robot's base or the work object is not known: state a jointtarget",
+            )
 
 
 def _constant(data: _Data, count: int) -> list[object]:
     """The parts of a declared tool or work object."""
     if data.failure is not None:
         raise data.failure
+    if len(data.values) != 1:
+        raise ProgramError(data.line, f"{data.name} is an array where one is expected")
     value = data.values[0]
     if not isinstance(value, list) or len(value) != count:
         raise ProgramError(data.line, f"{data.name}: expected {count} parts")
@@ -416,6 +503,8 @@ def _numbers(value: object, least: int, name: str, line: int) -> list[float]:
         flat += [part.value] if isinstance(part, Number) else []
     if len(flat) < least:
         raise ProgramError(line, f"{name}: expected {least} numbers, there are {len(flat)}")
+    if not np.isfinite(flat).all():
+        raise ProgramError(line, f"{name}: a number is too large")
     return flat
 
 

@@ -22,7 +22,7 @@ from cell.chain import Chain, cross, forward, joint_screws
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_chain
-from cell.inverse import has_closed_form, robot_branches
+from cell.inverse import arm_branches, has_arm_branches, has_closed_form
 from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
 from cell.payload import Payload, with_payload
 from cell.robot_angles import joints_to_axes
@@ -132,17 +132,27 @@ class IdentifiedKinematics:
         if away.any():
             starts = self._chosen(poses[away], previous[away])
             searched = _single(self._solved(starts[None], poses[away]))
+            rows = np.flatnonzero(away)
+            better = self._distance(searched.q, previous[rows]) < self._distance(
+                out.q[rows], previous[rows]
+            )
+            better |= searched.within & ~out.within[rows]
+            taken = ~out.reached[rows] | (searched.reached & better)
             for values, new in zip(vars(out).values(), vars(searched).values(), strict=True):
-                values[away] = new
+                values[rows[taken]] = new[taken]
         return out
+
+    def _distance(self, q: Array, previous: Array) -> Array:
+        """(..., N) [rad^2] sum of squares of axis angles from previous ones (N, J); NaN of NaN."""
+        away = joints_to_axes(self.robot, q) - joints_to_axes(self.robot, previous)
+        return np.asarray((away**2).sum(axis=-1))
 
     def _chosen(self, poses: Array, previous: Array) -> Array:
         """(N, J) [rad] starts of the configuration nearest to previous angles (N, J) [rad]."""
         starts = self._starts(poses @ np.linalg.inv(self.tool))
         turned = np.stack([turned_near(self.robot, start, previous) for start in starts])
-        away = joints_to_axes(self.robot, turned) - joints_to_axes(self.robot, previous)
-        distance = np.where(np.isnan(away).any(axis=2), np.inf, (away**2).sum(axis=2))
-        nearest = distance.argmin(axis=0)[None, :, None]
+        distance = self._distance(turned, previous)
+        nearest = np.where(np.isnan(distance), np.inf, distance).argmin(axis=0)[None, :, None]
         return np.asarray(np.take_along_axis(turned, nearest, axis=0)[0])
 
     def uncertainty(self, q: Array) -> PositionUncertainty:
@@ -179,7 +189,7 @@ class IdentifiedKinematics:
 
     def _starts(self, ends: Array) -> Array:
         """(S, N, J) [rad] configurations close to frames of the last row; NaN where none."""
-        if not has_closed_form(self.nominal):
+        if not has_arm_branches(self.nominal):
             return pose_branches(self.chain, ends)
         starts = self._closed_form(ends)
         if (lost := np.isnan(starts).any(axis=2).all(axis=0)).any():
@@ -191,9 +201,9 @@ class IdentifiedKinematics:
 
     def _closed_form(self, ends: Array) -> Array:
         """(8, N, 6) [rad] of the nominal robot."""
-        return np.concatenate(
-            [robot_branches(self.nominal, ends, behind=behind) for behind in (False, True)]
-        )
+        branches = arm_branches(self.nominal, ends)
+        assert branches is not None
+        return branches
 
     def _solved(self, starts: Array, poses: Array) -> JointSolutions:
         """Solutions from starts (S, N, J) [rad] close by, for poses (N, 4, 4) of the tool."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import itertools
 import json
 import re
 from contextlib import suppress
@@ -11,20 +13,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar.compensation.configurations import axes_of_pose
+from ballbar.compensation.configurations import axes_of_pose, configuration_changes
 from ballbar.compensation.frames import FrameOptions, angles_near, frame_options, pose_of_angles
 from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget, Setup
-from ballbar.compensation.programs import CorrectedProgram, correct_program, read_programs
+from ballbar.compensation.programs import (
+    CorrectedProgram,
+    correct_program,
+    read_programs,
+    write_programs,
+)
 from ballbar.export.result import Result, load_result
 from cell.arrays import Array
 from cell.chain import forward
-from cell.descriptions import Cell, Robot
+from cell.descriptions import Cell, ProgramLanguage, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_chain, robot_frames
 from cell.inverse import refine
 from cell.load import load_robot
 from cell.payload import Payload, with_payload
-from cell.robot_angles import controller_to_joints
+from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.corrections.unit_weights import unit_weights
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
@@ -109,7 +116,15 @@ def corrected(
     path: Path, text: str, result: Result, options: FrameOptions = NONE
 ) -> CorrectedProgram:
     path.write_bytes(text.encode("latin-1"))
+    if path.suffix == ".pdl":
+        result = programmed(result, "pdl2")
     return correct_program(read_programs(path, options)[0], result)
+
+
+def programmed(result: Result, language: ProgramLanguage) -> Result:
+    """The result of a robot whose controller takes another language."""
+    robot = replace(result.robot, program_language=language)
+    return replace(result, cell=replace(result.cell, robot=robot))
 
 
 def without_numbers(text: str) -> str:
@@ -231,6 +246,25 @@ REFUSED = {
     r"VAR robtarget late; MoveL late,v1,z1,tGun;": r":21: late has no constant value",
     r"CONST robtarget idle:=[[900,0,900],[1,0,0,0],[0,0,0,0],[9E9]];": r":21: idle: no move of th",
     rf"Pick [[900,0,900],[1,0,0,0],[0,0,0,0],{FAR}],v1;": r":21: a target is written where no move",
+    r"MoveL p10,v1,z1,;": r":21: tool of MoveL is no name",
+    r"MoveL p10,v1,z1,tl{2}\WObj:=table1;": r":21: tool of MoveL is no name .*\(tl\{2\}\)",
+    r"MoveL p10,v1,z1,st.tool\WObj:=table1;": r":21: tool of MoveL is no name .*\(st.tool\)",
+    r"MoveL p10,v1,z1,tGun\WObj:=wo{2};": r":21: work object of MoveL is no name .*wo\{2\}",
+    r"MoveL p10,v1,z1,tGun\WObj?w;": r":21: .WObj is not given by :=",
+    r"table1.oframe.trans.x:=5;": r":21: table1 is used outside of a move",
+    r"table1{1}.oframe.trans.x:=5;": r":21: table1 is used outside of a move",
+    r"MToolTCPCalib j1,j2,j3,j4,tGun,max,mean;": r":21: tGun is used outside of a move",
+    r"ENDPROC PROC b(PERS tooldata tGun)": r":21: tGun is used outside of a move",
+    r"MoveL [[900,0,900],[1,0,0,0],[0,0,0,0],[1200,9E9]],v1,z1,tool0;": r":21: .*axis 1 stands",
+    r"MoveL [[900,0,900],[1,0,0,0],[0,0,0,0],[9E9,0]],v1,z1,tool0;": r":21: .*axis 2 stands at 0,",
+    r"MoveL [[900,0,900],[1,0,0,0],[0,0.5,0,0],[9E9]],v1,z1,tool0;": r":21: .*whole numbers",
+    r"MoveL [[-\n10,0,0],[1,0,0,0],[0,0,0,0],[9E9]],v1,z1,tool0;".replace(
+        r"\n", "\n"
+    ): r":21: .*sign",
+    r"ConfL\Off;": r":21: after ConfL the robot takes the nearest configuration",
+    r"ConfJ \Off;": r":21: after ConfJ",
+    r"SingArea\Wrist;": r":21: after SingArea",
+    r"SingArea\LockAxis4;": r":21: after SingArea",
     r"MoveL p10,v1": r":21: MoveL has \d arguments|:21: ",
 }
 
@@ -242,6 +276,34 @@ def test_what_is_not_understood_is_refused_with_its_line(
     with pytest.raises(InputError, match=REFUSED[line]) as refusal:
         corrected(tmp_path / "weld.mod", module(result.robot, line), result)
     assert str(refusal.value).startswith("nothing was written.")
+
+
+def test_instructions_that_leave_targets_as_they_are_taken_are_accepted(
+    tmp_path: Path, exact: Result
+) -> None:
+    lines = r"ConfL\On; ConfJ\On; SingArea\Off; now:=CRobT(\Tool:=tGun\WObj:=table1);"
+    text = module(exact.robot, lines)
+    assert corrected(tmp_path / "weld.mod", text, exact).text == text
+    joints = f"MoveAbsJ [[0,10,0,0,30,0],[1200,{FAR[1:]}],v1,z1,tool0;"
+    text = f"MODULE m\nPROC a()\nConfJ\\Off;\n{joints}\nENDPROC\nENDMODULE\n"
+    assert corrected(tmp_path / "joints.mod", text, exact).text == text, "no configuration counts"
+
+
+def test_a_tool_that_a_routine_is_given_is_not_that_of_an_option_for_all_others(
+    tmp_path: Path, exact: Result
+) -> None:
+    point = robtarget(exact.robot, AXES[0], np.eye(4), np.eye(4))
+    text = (
+        "MODULE m\nPROC a(PERS tooldata tArg, PERS wobjdata wArg)\n"
+        f"MoveL {point},v1,z1,tArg\\WObj:=wArg;\nENDPROC\nENDMODULE\n"
+    )
+    others = FrameOptions({"": np.eye(4)}, {"": np.eye(4)})
+    with pytest.raises(InputError, match=r":3: tArg is given to the routine"):
+        corrected(tmp_path / "m.mod", text, exact, others)
+    with pytest.raises(InputError, match=r":3: wArg is given to the routine"):
+        corrected(tmp_path / "m.mod", text, exact, replace(others, tools={"targ": np.eye(4)}))
+    named = FrameOptions({"targ": np.eye(4)}, {"warg": np.eye(4)})
+    assert corrected(tmp_path / "m.mod", text, exact, named).text == text
 
 
 def test_a_configuration_that_no_solution_has_is_refused(tmp_path: Path, result: Result) -> None:
@@ -265,6 +327,103 @@ def test_an_axis_that_passes_its_quadrant_takes_the_data_along(
         assert quadrant == int(np.floor(after / 90.0))
         crossed += any("configuration" in note for note in done.notes)
     assert crossed == 2
+
+
+@pytest.mark.parametrize("given", [0, -1])
+def test_axes_4_and_6_at_zero_take_the_quadrant_that_they_are_corrected_into(
+    tmp_path: Path, result: Result, given: int
+) -> None:
+    """Regression: digits leave a zero on either side of zero, and the quadrant was kept then."""
+    changed = 0
+    for axes in ([0, 10, 5, 0, 40, 0], [20, 0, 0, 0, 60, 0], [-50, 30, 10, 0, -40, 0]):
+        point = robtarget(result.robot, np.array(axes, dtype=float), np.eye(4), np.eye(4))
+        quadrants = f"[{int(axes[0] // 90)},{given},{given},{int(axes[4] < 0)}]"
+        point = re.sub(r"\[[-\d]+,[-\d]+,[-\d]+,[-\d]+\]", quadrants, point)
+        text = f"MODULE m\nPROC a()\nMoveL {point},v1,z1,tool0;\nENDPROC\nENDMODULE\n"
+        done = corrected(tmp_path / "m.mod", text, result)
+        after = axes + np.degrees(done.axis_changes[0])
+        written = re.findall(r"\],\[(-?\d),(-?\d),(-?\d),\d\],\[9", done.text)[0]
+        assert [int(v) for v in written] == [int(after[j] // 90.0) for j in (0, 3, 5)]
+        changed += any("configuration" in note for note in done.notes)
+    assert changed
+
+
+@pytest.mark.parametrize("place", range(3))
+@pytest.mark.parametrize("border", [-180.0, -90.0, 0.0, 90.0])
+def test_a_quadrant_is_left_only_for_that_of_an_axis_that_moved_beyond_it(
+    result: Result, place: int, border: float
+) -> None:
+    offsets, axis = (-0.1, -1e-3, -1e-6, 0.0, 1e-6, 1e-3, 0.1), (0, 3, 5)[place]
+    before, after = (np.array([20.0, 10.0, 5.0, 30.0, 40.0, 50.0]) for _ in range(2))
+    for quadrant in (int(border // 90.0) - 1, int(border // 90.0)):
+        data = [int(v // 90.0) for v in before[[0, 3, 5]]]
+        data[place] = quadrant
+        numbers = tuple(Number(str(v), k, k, 1) for k, v in enumerate((*data, 0)))
+        target = ProgramTarget("p", 1, (), "quaternion", Setup(), numbers)
+        for start, end in itertools.product(offsets, offsets):
+            before[axis], after[axis] = border + start, border + end
+            changes = configuration_changes(result.robot, target, before, after)
+            stays = 90.0 * quadrant <= after[axis] <= 90.0 * (quadrant + 1)
+            if stays or abs(end - start) <= 1e-6:
+                assert changes == []
+            else:
+                assert changes == [(numbers[place], str(int(after[axis] // 90.0)))]
+
+
+def test_a_program_of_another_controller_than_the_robots_is_refused(
+    tmp_path: Path, result: Result, kuka: Path
+) -> None:
+    text = module(result.robot)
+    with pytest.raises(InputError, match=r"weld.mod: nothing .* is RAPID .* takes KRL"):
+        corrected(tmp_path / "weld.mod", text, load_result(kuka))
+    with pytest.raises(InputError, match=r"weld.MODX: nothing .* takes PDL2"):
+        corrected(tmp_path / "weld.MODX", text, programmed(result, "pdl2"))
+    unstated = replace(result.robot, program_language=None)
+    unknown = replace(result, cell=replace(result.cell, robot=unstated))
+    assert corrected(tmp_path / "weld.mod", text, unknown).text != text
+
+
+def test_notes_of_configurations_do_not_compare_the_targets_with_one_another(
+    tmp_path: Path, result: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: each target was compared with the changes of all, a minute for 5000."""
+
+    def compared(number: Number, other: object) -> bool:
+        raise AssertionError(f"{number} is compared with {other}")
+
+    monkeypatch.setattr(Number, "__eq__", compared)
+    axes = np.array([[20.0, 10.0, 5.0, angle, 40.0, 30.0] for angle in (0.001, -0.001)])
+    points = (robtarget(result.robot, row, np.eye(4), np.eye(4)) for row in axes)
+    moves = "\n".join(f"MoveL {point},v1,z1,tool0;" for point in points)
+    text = f"MODULE m\nPROC a()\n{moves}\nENDPROC\nENDMODULE\n"
+    notes = [n for n in corrected(tmp_path / "m.mod", text, result).notes if "becomes" in n]
+    assert len(notes) == 1
+    assert re.match(r"m.mod:[34]: configuration (0 becomes -1|-1 becomes 0), since", notes[0])
+
+
+@pytest.mark.parametrize("full_suffix", [".src", ".dat"])
+def test_of_two_files_none_is_written_where_one_cannot_be(
+    tmp_path: Path, kuka: Path, monkeypatch: pytest.MonkeyPatch, full_suffix: str
+) -> None:
+    """Regression: the second file failed, and the first stayed without it."""
+    texts = src(load_robot("kr10_r1100"))
+    path = write_pair(tmp_path, *texts)
+    programs = read_programs(path, options_of(tool_frame(), table_frame()))
+    done = [correct_program(program, load_result(kuka)) for program in programs]
+    out = tmp_path / "out" / "weld.src"
+    renamed = Path.replace
+
+    def full(source: Path, target: Path) -> Path:
+        if target.suffix == full_suffix:
+            raise OSError(errno.ENOSPC, "No space left on device", str(source))
+        return renamed(source, target)
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_programs(out, done)
+    assert list(out.parent.iterdir()) == []
+    monkeypatch.undo()
+    assert sorted(write_programs(out, done)) == sorted(out.parent.iterdir())
 
 
 def test_module_calls_without_arguments_are_named_as_not_corrected(
@@ -371,6 +530,72 @@ def test_an_axis_that_passes_zero_takes_its_turn_bit_along(tmp_path: Path, kuka:
     assert crossed >= 1
 
 
+@pytest.mark.parametrize("given", [0, 8, 32, 40])
+def test_axes_4_and_6_at_zero_have_the_turn_of_the_sign_that_they_are_corrected_to(
+    tmp_path: Path, kuka: Path, given: int
+) -> None:
+    """Regression: the bit was reversed where digits put the solved axis on the other side."""
+    robot, result, changed = load_robot("kr10_r1100"), load_result(kuka), 0
+    for start in ([10, -80, 95, 0, 60, 0], [-40, -95, 100, 0, 30, 0], [70, -60, 70, 0, -45, 0]):
+        axes = np.array(start, dtype=float)
+        turn = int(((axes < 0.0) * 2 ** np.arange(6)).sum())
+        point = e6pos(robot, axes, np.eye(4), np.eye(4)).replace(f"T {turn}", f"T {turn | given}")
+        text = f"DEF m()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nLIN {point}\nEND\n"
+        done = corrected(tmp_path / "m.src", text, result)
+        after = axes + np.degrees(done.axis_changes[0])
+        written = int(re.findall(r",T (\d+)", done.text)[0])
+        assert written == int(((after < 0.0) * 2 ** np.arange(6)).sum())
+        changed += written != (turn | given)
+    assert changed
+
+
+def test_the_turn_is_that_of_the_digits_where_they_decide_the_sign(
+    tmp_path: Path, kuka: Path
+) -> None:
+    """Axis 6 is corrected to a few 1e-5 deg, less than what the digits are rounded to."""
+    robot, result = load_robot("kr10_r1100"), load_result(kuka)
+    axes, shift = np.array([10.0, -80.0, 95.0, 20.0, 60.0, 0.0]), 0.0
+    for offset in (0.0, *np.linspace(-4e-5, 4e-5, 9)):
+        axes[5] = offset - shift
+        point = e6pos(robot, axes, np.eye(4), np.eye(4))
+        text = f"DEF m()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nLIN {point}\nEND\n"
+        done = corrected(tmp_path / "m.src", text, result)
+        shift = float(np.degrees(done.axis_changes[0, 5]))
+        values = [float(re.search(rf"[{{,]{c} (-?[\d.]+)", done.text)[1]) for c in "XYZABC"]
+        q = refine(nominal_chain(robot), done.corrected.q, pose_of_angles(values)[None])
+        solved = np.degrees(joints_to_axes(robot, q))[0]
+        turn = int(re.findall(r",T (\d+)", done.text)[0])
+        assert turn == int(((solved < 0.0) * 2 ** np.arange(6)).sum())
+
+
+def test_a_turn_of_a_robot_without_errors_stays_with_axes_at_zero(kuka: Path) -> None:
+    robot, axes = load_robot("kr10_r1100"), np.array([10.0, -80.0, 95.0, 1e-9, 60.0, 0.0])
+    for given in ("2", "10", "'B101010'"):
+        numbers = Number("2", 0, 1, 1), Number(given, 2, 3, 1)
+        target = ProgramTarget("p", 1, (), "zyx", Setup(), numbers)
+        assert configuration_changes(robot, target, axes, axes - 2e-7) == []
+
+
+@pytest.mark.parametrize("name", ["kr10_r1100", "kr210"])
+def test_every_posture_of_a_kuka_robot_is_found_from_its_status_and_turn(name: str) -> None:
+    """Regression: the search missed 10 of these 200 of the KR 10; one S took the other elbow."""
+    robot, rng = load_robot(name), np.random.default_rng(1)
+    drawn = np.degrees(rng.uniform(robot.axis_lower, robot.axis_upper, (200, 6)))
+    for axes in drawn:
+        front, behind = _in_front(robot, axes), _behind(robot, axes)
+        turn = int(((axes < 0.0) * 2 ** np.arange(6)).sum())
+        for status in (behind + 2 * front + 4 * (axes[4] >= 0.0), behind + 2 * (not front)):
+            numbers = tuple(Number(str(v), 0, 1, 1) for v in (int(status), turn))
+            target = ProgramTarget("p", 1, (), "zyx", Setup(), numbers)
+            if bool(status & 2) == front:
+                solved = axes_of_pose(robot, flange(robot, axes), target)
+                np.testing.assert_allclose(solved, axes, atol=1e-5)
+                continue
+            with suppress(ProgramError):
+                other = axes_of_pose(robot, flange(robot, axes), target)
+                assert _in_front(robot, other) is not front, "the other elbow, as stated"
+
+
 @pytest.mark.slow
 def test_cfx_tells_elbow_up_from_elbow_down_where_quadrants_do_not() -> None:
     """Of an IRB 120, both of whose elbows are often within range and in the same quadrants."""
@@ -399,8 +624,7 @@ def _joints_of(robot: Robot, axes: Array) -> tuple[Array, Array, Array]:
     """Shoulder, elbow and wrist, turned into the plane of the arm."""
     q = controller_to_joints(robot, np.radians(axes))[None]
     points = forward(nominal_chain(robot), q).origin[[1, 2, 4], :, 0]
-    turn = np.radians(axes[0])
-    plane = points[:, :2] @ [np.cos(turn), np.sin(turn)]
+    plane = points[:, :2] @ [np.cos(q[0, 0]), np.sin(q[0, 0])]
     shoulder, elbow, wrist = np.column_stack((plane, points[:, 2]))
     return shoulder, elbow, wrist
 
@@ -543,7 +767,20 @@ def test_the_command_writes_the_program_and_says_what_changed_most(
 
 @pytest.mark.parametrize(
     "content",
-    [b"\0\0", b"MODULE m\nMoveL", b"MoveL [[[[[[", b'"', b"CONST robtarget", b"PERS tooldata t:="],
+    [
+        b"\0\0",
+        b"MODULE m\nMoveL",
+        b"MoveL [[[[[[",
+        b'"',
+        b"CONST robtarget",
+        b"PERS tooldata t:=",
+        b"CONST robtarget p{2",
+        b"MoveL " + 3000 * b"[",
+        b"MoveL p,v,z,;",
+        b"CONST robtarget p:=" + 3000 * b"[",
+        b"p := " + 3000 * b"[",
+        b"MoveL [[-\n10,0,0]]",
+    ],
 )
 @pytest.mark.parametrize("suffix", [".mod", ".src", ".pdl"])
 def test_hostile_text_is_refused_or_has_no_targets(

@@ -340,6 +340,25 @@ def test_a_calibration_of_still_poses_serves_likewise(tmp_path: Path) -> None:
     assert np.isinf(outside.sigma[~outside.covered]).all()
 
 
+@pytest.mark.parametrize("name", ["ur10", "kr10_r1100"])
+def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_the_nearest(
+    tmp_path: Path, name: str
+) -> None:
+    """Regression: what the search had, which misses postures, replaced what the steps reached."""
+    loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
+    assert isinstance(loaded, PoseCalibration)
+    solver, rng = loaded.kinematics("frame"), np.random.default_rng(5)
+    q = rng.uniform(-1.5, 1.5, (300, 6))
+    previous = q + rng.uniform(-0.6, 0.6, q.shape)
+    solved = solver.nearest(solver.forward(q), previous)
+    farther = ((solved.q - previous) ** 2).sum(axis=1) > ((q - previous) ** 2).sum(axis=1) + 1e-6
+    assert farther.mean() <= 0.01, "8 and 9 of 300 before"
+    if name == "kr10_r1100":
+        every = solver.inverse(solver.forward(q))
+        off = np.abs(np.angle(np.exp(1j * (every.q - q)))).max(axis=2)
+        assert np.nanmin(off, axis=0).max() < 1e-4, "11 of 300 were missed"
+
+
 def test_a_corrected_target_leads_the_identified_robot_to_the_nominal_pose(
     calibration: Calibration,
 ) -> None:
