@@ -626,6 +626,22 @@ def test_joint_positions_of_pdl2_are_corrected_wherever_they_stand(
         "  go({0, 0, 0, 0, 30, 0})": r":7: a joint position outside of MOVE",
         "  MOVE TO home SYNCMOVE ARM[2] TO home": r":7: MOVE has another target",
         "  MOVE TO {0, a, 0, 0, 0, 0}": r":7: target MOVE: 'a' is no number",
+        "  MOVE": r":7: MOVE without TO: where to is computed",
+        "  shift_it(home)": r":7: home is used outside of MOVE",
+        "  READ lun (home)": r":7: home is used outside of MOVE",
+        "  IF x THEN home := other": r":7: home is used outside of MOVE",
+        "  x := 1; home := other": r":7: home is used outside of MOVE",
+        "  home := {0, 0, 0, 0, 0, 0}; home := other": r":7: home is used outside of MOVE",
+        "ROUTINE f(home : JOINTPOS)": r":7: home is used outside of MOVE",
+        "  IF home[1] > 3 THEN MOVE TO home": r":7: home is used outside of MOVE",
+        "  go(JNTP(0, 0, 0, 0, 30, 0))": r":7: a joint position outside of MOVE",
+        "  $REG[1] := 1; home := {0, 0, 0, 0, 0, 0}": r":7: home is used outside of MOVE",
+        "  IF x THEN other := {0, 0, 0, 0, 0, 0}": r":7: a joint position outside of MOVE",
+        "  home := {0, 0, 0, 0, 0, 0} + d": r":7: home is computed \('\+' after",
+        "  MOVE TO home; MOVE TO JNTP(0, 0, 0, 0, 0, 0)": r":7: MOVE has another target",
+        "  SYNCMOVE ARM[2] TO other": r":7: SYNCMOVE is not understood",
+        "  MOVE ARM[2] TO {0, 0, 0, 0, 0, 0}": r":7: ARM\[2\] is not the program's arm",
+        "  VAR other : JOINTPOS FOR ARM[2]": r":7: ARM\[2\] is not the program's arm",
     }.items(),
 )
 def test_pdl2_that_is_not_understood_is_refused_with_its_line(
@@ -633,6 +649,27 @@ def test_pdl2_that_is_not_understood_is_refused_with_its_line(
 ) -> None:
     with pytest.raises(InputError, match=message):
         corrected(tmp_path / "weld.pdl", pdl2(line), result)
+
+
+def test_elements_of_arrays_of_pdl2_are_targets_until_one_is_computed(tmp_path: Path) -> None:
+    path = tmp_path / "weld.pdl"
+    lines = "  p[1] := JNTP(0, -10, -10, 0, 30, 0)\r\n  MOVE ARM[1] TO p[1]"
+    path.write_text(pdl2(lines))
+    assert len(read_programs(path, NONE)[0].targets) == 3
+    path.write_text(pdl2(f"{lines}\r\n  p[i] := other"))
+    with pytest.raises(InputError, match=r":9: p\[i\] is computed"):
+        read_programs(path, NONE)
+
+
+def test_a_kept_target_with_constant_values_is_named_as_corrected(tmp_path: Path) -> None:
+    """It was once said to stay as it is, yet its numbers changed."""
+    path = tmp_path / "weld.pdl"
+    path.write_text(pdl2("  MOVE TO far"))
+    notes = read_programs(path, replace(NONE, keep=frozenset(("home", "far"))))[0].notes
+    assert notes == (
+        "home has constant values here and is corrected (--keep)",
+        "far stays as it is (--keep)",
+    )
 
 
 @pytest.mark.slow
