@@ -260,6 +260,11 @@ class _Krl:
         else:
             self._check_points(tokens)
         self._check_aggregates(tokens)
+        if foreign := self.flow.foreign(tokens):
+            self.notes.append(
+                f"{foreign} is not in the file: its targets stay as they are, and a tool or base "
+                "that it sets is not seen"
+            )
         if not routine_name(tokens) and (called := self.flow.called(tokens)):
             self._calls(tokens, called)
 
@@ -487,6 +492,8 @@ class _Krl:
                 f"{what}, {shown}, has no constant value in this program; correct the files "
                 f"together, or leave it as it is by --keep {shown}",
             )
+        if name in self.options.keep:
+            self.notes.append(f"{shown} has constant values here and is corrected (--keep)")
         joints = "a1" in self.points[name][0][1].fields
         self.uses.setdefault(name, []).append((line, self._setup(line, joints=joints)))
 

@@ -22,6 +22,7 @@ OPEN = (*LOOPS, "if", "switch", "spline", "ptp_spline")
 CLOSE = ("endif", "endfor", "endwhile", "endloop", "until", "endswitch", "endspline")
 BRANCHES = ("else", "case", "default")
 EVERY = frozenset(("tool", "base", "load"))
+_OWN = ("bas", "if", "while", "until", "switch", "wait", "case", "return")  # with a parenthesis
 _BY_BAS = {"tool": frozenset(("tool", "load")), "base": frozenset(("base",))}
 _ASSIGNED = re.compile(r"(?:^|(?<= ))([$\w]+)(?: \. \w+| \[[^\]]*\])* = (?!=)")
 
@@ -33,7 +34,8 @@ class Flow:
     settings: dict[str, list[int]]  # ascending lines that set the tool, the base, the load
     ends: dict[int, int]  # last lines of blocks by their first ones
     reach: dict[int, tuple[int, int]]  # by label: first GOTO or label, end of its routine
-    setters: frozenset[str]  # lower-case names of routines that set one of them
+    routines: frozenset[str]  # lower-case names
+    setters: frozenset[str]  # those of routines that set one of them
 
     def changed(self, first: int, last: int) -> frozenset[str]:
         """What the lines after `first` and before `last` set."""
@@ -51,6 +53,12 @@ class Flow:
         """Name of a routine of this file that a line calls and that sets one of them."""
         return next((name.upper() for name in calls(tokens) if name in self.setters), "")
 
+    def foreign(self, tokens: Sequence[Token]) -> str:
+        """Name of what a line calls that is no routine of this file; empty for other lines."""
+        calling = calls(tokens[:2]) and tokens[-1].issymbol(")") and not tokens[0].isword(*_OWN)
+        name = tokens[0].text
+        return name if calling and name.lower() not in self.routines else ""
+
 
 def flow_of(statements: Sequence[list[Token]]) -> Flow:
     """Of the lines of a file."""
@@ -66,7 +74,8 @@ def flow_of(statements: Sequence[list[Token]]) -> Flow:
         jumps = [t[0].line for t in lines if is_label(t) or any(k.isword("goto") for k in t)]
         if jumps:
             reach |= dict.fromkeys(jumps, (jumps[0] - 1, lines[-1][0].line + 1))
-    return Flow(settings, _ends(statements), reach, setters)
+    names = frozenset(name for name, _ in routines)
+    return Flow(settings, _ends(statements), reach, names, setters)
 
 
 def opens(tokens: Sequence[Token]) -> bool:

@@ -571,6 +571,21 @@ def test_a_load_of_krl_stays_when_the_tool_is_set_and_goes_with_bas(tmp_path: Pa
     assert [target.setup.load for target in targets] == [(5.0, 0.0, 0.0, 0.1), ()]
 
 
+def test_calls_of_other_files_of_krl_and_kept_points_that_are_corrected_are_named(
+    tmp_path: Path,
+) -> None:
+    pose = "PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}"
+    lines = ["GRIP(1)", "OWN()", "XP={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "PTP XP", "PTP XHOME"]
+    path = krl_of(tmp_path, lines, "DEF OWN()", pose, "END")
+    notes = read_programs(path, replace(NONE, keep=frozenset(("xp", "xhome"))))[0].notes
+    assert notes == (
+        "GRIP is not in the file: its targets stay as they are, and a tool or base that it sets is "
+        "not seen",
+        "XP has constant values here and is corrected (--keep)",
+        "XHOME stays as it is (--keep)",
+    )
+
+
 def test_external_axes_of_krl_that_are_not_zero_are_named(tmp_path: Path) -> None:
     lines = [f"LIN {POSE[:-1]},E1 {value},E2 0}}" for value in ("0.0", "500", "600")]
     notes = read_programs(krl_of(tmp_path, lines), OTHER_TOOLS)[0].notes
