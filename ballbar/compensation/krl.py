@@ -323,6 +323,10 @@ class _Krl:
                     f"{name.upper()} is set within a line, which is not read; write it on a line "
                     "of its own",
                 )
+            if name in _ROOT:
+                raise ProgramError(
+                    line, f"{name.upper()} is set; state bases in the robot's base frame instead"
+                )
             if name in self.data or name in _STORED:
                 raise ProgramError(
                     line, f"{name.upper()} is changed, so the tool and base that it states are not "

@@ -450,6 +450,7 @@ KRL_REFUSED = {
     "SLIN XP1 WITH $TOOL=F(2)": r"weld.src:20: \$TOOL is computed",
     "SLIN XP1 WITH $VEL=1 $TOOL=TOOL_DATA[2]": r"weld.src:20: WITH: a comma is expected",
     "$IPO_MODE=#TCP": r"weld.src:20: \$IPO_MODE: a tool that stands in the cell",
+    "$ROBROOT={X 0,Y 0,Z 500,A 0,B 0,C 0}": r"weld.src:20: \$ROBROOT is set",
     "BAS(#EX_BASE,2)": r"weld.src:20: BAS\(#EX_BASE\): .* an external axis moves",
     "BAS(#TOOL,N)": r"weld.src:20: the number of BAS\(#TOOL\) is computed",
     "FP1.TOOL_NO=1": r"weld.src:20: FP1 is changed, so the tool",
