@@ -2,6 +2,8 @@
 
 Cartesian positions are refused: what the flags of their configuration string mean on a given arm
 could not be checked against public documents, so the joints that they stand for are not known.
+A variable that a target is assigned to may be named in its declaration, in assignments of constant
+values and as the target of MOVE; anywhere else it might be computed with, which is refused.
 
 Source: Comau, PDL2 Programming Language manual, CR00757508. No result was loaded into a controller.
 """
@@ -9,6 +11,7 @@ Source: Comau, PDL2 Programming Language manual, CR00757508. No result was loade
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from ballbar.compensation.frames import FrameOptions
@@ -28,6 +31,7 @@ from cell.foreign_text import one_line
 
 _MOVES = ("move", "movefly")
 _CURVES = ("joint", "linear", "circular")
+_TYPES = ("jointpos", "array")  # of variables with joint positions
 _OTHER = ("about", "relative", "away", "by", "near", "via")  # of moves: computed on the way
 
 
@@ -56,64 +60,98 @@ class _Pdl2:
         self.notes: list[str] = []
         self.targets: list[ProgramTarget] = []
         self.assigned: set[str] = set()
+        self.placed: set[int] = set()  # places of targets and their names that were read
+        self.arm = _program_arm(tokens)
 
     def read(self) -> None:
         """Constants first, then what computes with them, then moves, in whatever order of text."""
-        for read in (self._constant, self._computed, self._motion):
+        for read in (self._constant, self._computed, self._motion, self._elsewhere):
             for tokens in filter(None, self.lines):
                 try:
                     read(tokens)
                 except ProgramError as fault:
                     self.faults.append((fault.line, fault.why))
 
-    def _reader(self, tokens: Sequence[Token]) -> Reader:
+    def _reader(self, tokens: Sequence[Token], at: int = 0) -> Reader:
         end = Token("end", "", tokens[-1].end, tokens[-1].end, tokens[-1].line)
-        return Reader([*tokens, end], self.text)
+        return Reader([*tokens, end], self.text, at)
+
+    @property
+    def _variables(self) -> set[str]:
+        """Names that targets are assigned to, without their indices."""
+        return {name.partition("[")[0] for name in self.assigned}
 
     def _constant(self, tokens: list[Token]) -> None:
         name, value = _assignment(tokens)
-        if name and (value[0].issymbol("{") or value[0].isword("jntp")):
-            self._add(name, self._reader(value))
+        if name and _is_target(value[0]):
+            reader = self._reader(value)
+            self._add(name, reader)
             self.assigned.add(name.lower())
+            self.placed.add(tokens[0].start)
+            if reader.token.kind != "end" and not reader.token.issymbol(";"):
+                raise ProgramError(
+                    tokens[0].line, f"{name} is computed ({reader.shown} after its value)"
+                )
 
     def _computed(self, tokens: list[Token]) -> None:
         name, value = _assignment(tokens)
-        if not name and not any(t.isword(*_MOVES) for t in tokens):
-            if any(t.issymbol("{") for t in tokens):
-                raise ProgramError(
-                    tokens[0].line, "a joint position outside of MOVE and assignment"
-                )
-            return
-        if not name or value[0].issymbol("{") or value[0].isword("jntp"):
+        if not name or _is_target(value[0]):
             return
         if value[0].isword("pos", "xtndpos"):
             raise ProgramError(tokens[0].line, f"{name}: {_CARTESIAN}")
-        if {name.lower(), name.partition("[")[0].lower()} & self.assigned:
+        if name.partition("[")[0].lower() in self._variables:
             raise ProgramError(tokens[0].line, f"{name} is computed; write it with constant values")
+
+    def _elsewhere(self, tokens: list[Token]) -> None:
+        """Refuses targets, and variables that hold them, outside of MOVE and assignment."""
+        variables = set() if _is_declaration(tokens) else self._variables
+        for token in (t for t in tokens if t.start not in self.placed):
+            if _is_target(token):
+                raise ProgramError(token.line, "a joint position outside of MOVE and assignment")
+            if token.isword("syncmove"):
+                raise ProgramError(token.line, "SYNCMOVE is not understood")
+            if token.isword(*variables):
+                raise ProgramError(
+                    token.line,
+                    f"{token.text} is used outside of MOVE, so the target may be computed; write "
+                    "it with constant values, each assignment on a line of its own",
+                )
+        if not any(t.isword(*_MOVES, "jointpos") for t in tokens):
+            return
+        for k, token in enumerate(tokens[:-2]):
+            if token.isword("arm") and tokens[k + 2].text != self.arm:
+                raise ProgramError(
+                    token.line,
+                    f"ARM[{one_line(tokens[k + 2].text)}] is not the program's arm (PROG_ARM = "
+                    f"{self.arm}); correct the program of each arm with the result of its robot",
+                )
 
     def _motion(self, tokens: list[Token]) -> None:
         first = next((k for k, t in enumerate(tokens) if t.isword(*_MOVES)), None)
         if first is None:
             return
-        reader, line = self._reader(tokens[first + 1 :]), tokens[first].line
+        reader, line = self._reader(tokens, first + 1), tokens[first].line
         while reader.token.isword(*_CURVES) or reader.token.isword("arm"):
             if reader.next().isword("arm"):
                 reader.expect("[", "ARM")
                 reader.next()
                 reader.expect("]", "ARM")
         if reader.token.isword(*_OTHER) or not reader.token.isword("to"):
-            raise ProgramError(line, f"MOVE {one_line(reader.token.text)}: where to is computed")
+            given = one_line(reader.token.text) or "without TO"
+            raise ProgramError(line, f"MOVE {given}: where to is computed")
         reader.next()
-        if reader.token.issymbol("{") or reader.token.isword("jntp"):
+        if _is_target(reader.token):
             self._add("MOVE", reader)
         elif reader.token.isword("pos", "xtndpos"):
             raise ProgramError(line, f"MOVE: {_CARTESIAN}")
         else:
             self._named(reader, line)
-        if any(t.isword("via", "syncmove") or t.issymbol("{") for t in reader.tokens[reader.at :]):
+        rest = reader.tokens[reader.at :]
+        if any(t.isword("via", "syncmove", *_MOVES) or _is_target(t) for t in rest):
             raise ProgramError(line, "MOVE has another target, which is not understood")
 
     def _named(self, reader: Reader, line: int) -> None:
+        self.placed.add(reader.token.start)
         name = reader.next().text
         if reader.take("["):
             name += "["
@@ -123,7 +161,9 @@ class _Pdl2:
         if reader.token.issymbol("(", ":", "."):
             raise ProgramError(line, f"target {name} of MOVE is computed")
         if name.lower() in self.options.keep:
-            self.notes.append(f"{name} stays as it is (--keep)")
+            corrected = name.lower() in self.assigned
+            what = "has constant values here and is corrected" if corrected else "stays as it is"
+            self.notes.append(f"{name} {what} (--keep)")
         elif name.lower() not in self.assigned:
             raise ProgramError(
                 line,
@@ -133,6 +173,7 @@ class _Pdl2:
 
     def _add(self, name: str, reader: Reader) -> None:
         line, closing = reader.token.line, "}"
+        self.placed.add(reader.token.start)
         if reader.token.kind == "word":
             reader.next()
             closing = ")"
@@ -157,4 +198,26 @@ def _assignment(tokens: Sequence[Token]) -> tuple[str, Sequence[Token]]:
     places = [k for k, token in enumerate(tokens) if token.issymbol(":=")]
     if not places or tokens[0].kind != "word" or len(tokens) <= places[0] + 1:
         return "", tokens
+    index = tokens[1 : places[0]]
+    if index and not (index[0].issymbol("[") and index[-1].issymbol("]")):
+        return "", tokens
     return "".join(t.text for t in tokens[: places[0]]), tokens[places[0] + 1 :]
+
+
+def _is_target(token: Token) -> bool:
+    return token.issymbol("{") or token.isword("jntp")
+
+
+def _is_declaration(tokens: Sequence[Token]) -> bool:
+    """Whether a line declares variables, and not parameters of a routine."""
+    whole = sum(t.issymbol("(") - t.issymbol(")") for t in tokens) == 0
+    typed = any(t.issymbol(":") and after.isword(*_TYPES) for t, after in pairwise(tokens))
+    return whole and typed and not any(t.isword("routine") for t in tokens)
+
+
+def _program_arm(tokens: Sequence[Token]) -> str:
+    """Number of the arm that PROGRAM states; 1 where it states none."""
+    for k, token in enumerate(tokens[:-2]):
+        if token.isword("prog_arm") and tokens[k + 1].issymbol("="):
+            return tokens[k + 2].text
+    return "1"

@@ -437,7 +437,7 @@ def src(robot: Robot, motion: str = "", *, tool: str = "$TOOL=TOOL_DATA[1]") -> 
     """A .src and a .dat file as the teach pendant writes them."""
     p = [e6pos(robot, axes, tool_frame(), table_frame()) for axes in KUKA_AXES]
     program = [
-        "&ACCESS RVP", "&REL 12", "DEF weld( )", ";FOLD INI;%{PE}",
+        "&ACCESS RVP", "DEF weld( )", "EXT BAS (BAS_COMMAND :IN,REAL :IN )", ";FOLD INI;%{PE}",
         "  INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )", "  BAS (#INITMOV,0 )",
         ";ENDFOLD (INI)", tool, "$BASE=BASE_DATA[2]",
         ";FOLD PTP P1 Vel=100 % PDAT1 Tool[1]:Gun Base[2]:T\xe4ble;%{PE}",
@@ -654,6 +654,33 @@ KRL_REFUSED = {
     "$BASE.X=10": r"weld.src:20: \$BASE is changed in part",
     "$TOOL=INV_POS(T1)": r"weld.src:20: \$TOOL is computed",
     "MOVE_TO(XP1)": r"weld.src:20: XP1 is assigned or used outside",
+    "LIN": r"weld.src:20: target of LIN is computed \(the end of the line\)",
+    "$TOOL": r"weld.src:20: \$TOOL is changed in part",
+    "SPL_REL {X 10}": r"weld.src:20: SPL_REL moves by a distance",
+    "MOVE_TO({A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0})": r"weld.src:20: a target where none is read",
+    "MOVE_TO({Y 0,X 5})": r"weld.src:20: a target where none is read",
+    "L: PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}": r"weld.src:20: PTP within a line",
+    "IF X THEN PTP XHOME ENDIF": r"weld.src:20: PTP within a line is not read",
+    "IF X THEN $TOOL=TOOL_DATA[2]": r"weld.src:20: \$TOOL is set within a line",
+    "IF X THEN BAS(#TOOL,2)": r"weld.src:20: BAS within a line",
+    "LIN XP1, {X 1,Y 2}": r"weld.src:20: a target where none is read",
+    "LIN {X 100,Y 0,Z 10,A 0,B 0,C 0,S 'B2',T 2}": r"weld.src:20: .*S 'B2' is no whole number",
+    "LIN {X 100,Y 0,Z 10,A 0,B 0,C 0,S 2.5,T 2}": r"weld.src:20: .*S 2.5 is no whole number",
+    "$BASE={X 10,Y 0,Z 0,A 0,B 0,C 0}:BASE_DATA[3]": r"weld.src:20: \$BASE is computed",
+    "$TOOL=$NULLFRAME:TOOL_DATA[2]": r"weld.src:20: \$TOOL is computed",
+    "$TOOL=BASE_DATA[2]": r"weld.src:20: \$TOOL is computed",
+    "$LOAD={M 5,CM {X 0,Y 0,Z 0}}:X": r"weld.src:20: \$LOAD is computed",
+    "XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}:XP2": r"weld.src:20: XP1: ':' after its constant value",
+    "SLIN XP1 WITH $TOOL=F(2)": r"weld.src:20: \$TOOL is computed",
+    "SLIN XP1 WITH $VEL=1 $TOOL=TOOL_DATA[2]": r"weld.src:20: WITH: a comma is expected",
+    "$IPO_MODE=#TCP": r"weld.src:20: \$IPO_MODE: a tool that stands in the cell",
+    "$ROBROOT={X 0,Y 0,Z 500,A 0,B 0,C 0}": r"weld.src:20: \$ROBROOT is set",
+    "BAS(#EX_BASE,2)": r"weld.src:20: BAS\(#EX_BASE\): .* an external axis moves",
+    "BAS(#TOOL,N)": r"weld.src:20: the number of BAS\(#TOOL\) is computed",
+    "FP1.TOOL_NO=1": r"weld.src:20: FP1 is changed, so the tool",
+    "FDAT_ACT.TOOL_NO=1": r"weld.src:20: FDAT_ACT is computed or changed in part",
+    "TOOL_DATA[1]=TOOL_DATA[2]": r"weld.src:20: TOOL_DATA is changed",
+    "ENDIF": r"weld.src:20: ENDIF without the beginning of its block",
 }
 
 
@@ -675,6 +702,120 @@ def test_a_tool_of_krl_that_nobody_stated_is_asked_for_by_its_number(tmp_path: P
     path = write_pair(tmp_path, *within)
     with pytest.raises(InputError, match=r"weld.src:21: \$TOOL is set within a branch"):
         read_programs(path, options_of(tool_frame(), table_frame()))
+
+
+POSE = "{X 100,Y 0,Z 10,A 0,B 0,C 0,S 'B010',T 'H2'}"
+OTHER_TOOLS = replace(
+    NONE,
+    tools={str(k): pose_of_angles([k, 0, 0, 0, 0, 0]) for k in range(1, 4)},
+    frames={str(k): pose_of_angles([k, 0, 0, 0, 0, 0]) for k in range(1, 4)},
+    payloads={"1": Payload(1.0, np.zeros(3)), "2": Payload(2.0, np.zeros(3))},
+)
+
+
+def krl_of(folder: Path, lines: list[str], *more: str) -> Path:
+    """A program of tool and base 1 with the lines, and data sets of the tools and bases 2 and 3."""
+    head = ["DEF weld()", "$TOOL=TOOL_DATA[1]", "$BASE=BASE_DATA[1]"]
+    data = ["DEFDAT weld"] + [
+        f"DECL FDAT FP{k}={{TOOL_NO {k},BASE_NO {k},IPO_FRAME #{mode}}}"
+        for k, mode in ((2, "BASE"), (3, "TCP"))
+    ]  # fmt: skip
+    return write_pair(
+        folder, "\n".join([*head, *lines, "END", *more]), "\n".join([*data, "ENDDAT"])
+    )
+
+
+DOUBTFUL = {
+    "a branch": ["IF $IN[1] THEN", "BAS(#TOOL,2)", "ENDIF", f"LIN {POSE}"],
+    "a branch with a data set": ["IF $IN[1] THEN", "FDAT_ACT=FP2", "ENDIF", f"LIN {POSE}"],
+    "a case": ["SWITCH X", "CASE 1", "BAS(#BASE,2)", "CASE 2", "ENDSWITCH", f"LIN {POSE}"],
+    "the end of a loop": ["WHILE X", f"LIN {POSE}", "BAS(#TOOL,2)", "ENDWHILE"],
+    "a jump": ["GOTO L", "$TOOL=TOOL_DATA[2]", "L:", f"LIN {POSE}"],
+    "a jump back": ["L:", f"LIN {POSE}", "$TOOL=TOOL_DATA[2]", "GOTO L"],
+    "a sub-program": ["CHANGE()", f"LIN {POSE}"],
+    "a sub-program of it": ["OUTER()", f"LIN {POSE}"],
+    "a branch, for the load": ["IF $IN[1] THEN", "BAS(#TOOL,2)", "ENDIF",
+                               "PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}"],
+}  # fmt: skip
+CHANGE = ["DEF OUTER()", "CHANGE()", "END", "DEF CHANGE()", "$TOOL=TOOL_DATA[2]", "END"]
+
+
+@pytest.mark.parametrize("case", DOUBTFUL)
+def test_a_tool_or_base_of_krl_that_depends_on_the_way_taken_is_refused(
+    tmp_path: Path, case: str
+) -> None:
+    """What the last line of the text set was once taken for what is in force."""
+    lines = DOUBTFUL[case]
+    at = 4 + next(k for k, line in enumerate(lines) if line.startswith(("LIN", "PTP")))
+    with pytest.raises(
+        InputError, match=rf"weld.src:{at}: \$(TOOL|BASE) is not known here: .*set it"
+    ):
+        read_programs(krl_of(tmp_path, lines, *CHANGE), OTHER_TOOLS)
+
+
+def test_a_sub_program_of_krl_that_an_interrupt_calls_sets_no_tool(tmp_path: Path) -> None:
+    lines = ["INTERRUPT DECL 3 WHEN $IN[1] DO CHANGE()", f"LIN {POSE}"]
+    with pytest.raises(InputError, match=r"weld.src:4: CHANGE sets .* may be called at any time"):
+        read_programs(krl_of(tmp_path, lines, *CHANGE), OTHER_TOOLS)
+
+
+@pytest.mark.parametrize(
+    ("lines", "numbers"),
+    {
+        ("IF X THEN", "BAS(#TOOL,2)", f"LIN {POSE}", "ELSE", f"LIN {POSE}", "ENDIF"): "21 11",
+        ("LOOP", "FDAT_ACT=FP2", f"LIN {POSE}", "ENDLOOP"): "22",
+        ("BAS(#TOOL,2)", "L:", f"LIN {POSE}", "GOTO L"): "21",
+        (f"SLIN {POSE} WITH $BASE=BASE_DATA[3],$TOOL=TOOL_DATA[2]", f"LIN {POSE}"): "23 11",
+        (f"SLIN {POSE} WITH $VEL=F(1, ,2), $TOOL=STOOL2(FP2) C_SPL", f"LIN {POSE}"): "21 11",
+        (f"SLIN {POSE} WITH $BASE=SBASE(FP2.BASE_NO)",): "12",
+        ("SPLINE WITH $TOOL=STOOL2(FP2)", f"SPL {POSE}", f"SPL {POSE} WITH $TOOL=TOOL_DATA[3]",
+         f"SPL {POSE}", "ENDSPLINE", f"LIN {POSE}"): "21 31 21 11",
+    }.items(),
+)  # fmt: skip
+def test_motions_of_krl_have_the_tool_and_base_in_force(
+    tmp_path: Path, lines: tuple[str, ...], numbers: str
+) -> None:
+    targets = read_programs(krl_of(tmp_path, list(lines)), OTHER_TOOLS)[0].targets
+    frames = [(target.setup.tool[0, 3], target.setup.frame[0, 3]) for target in targets]
+    assert " ".join(f"{1e3 * tool:.0f}{1e3 * base:.0f}" for tool, base in frames) == numbers
+    assert {tuple(n.value for n in target.configuration) for target in targets} == {(2.0, 2.0)}
+
+
+@pytest.mark.parametrize(
+    "line", ["FDAT_ACT=FP3", f"LIN {POSE} WITH $IPO_MODE=SIPO_MODE(FP3.IPO_FRAME)"]
+)
+def test_a_tool_that_stands_in_the_cell_is_refused(tmp_path: Path, line: str) -> None:
+    with pytest.raises(InputError, match=r"weld.src:4: FP3: a tool that stands in the cell"):
+        read_programs(krl_of(tmp_path, [line]), OTHER_TOOLS)
+
+
+def test_a_load_of_krl_stays_when_the_tool_is_set_and_goes_with_bas(tmp_path: Path) -> None:
+    load, pose = "$LOAD={M 5,CM {X 0,Y 0,Z 100,A 0,B 0,C 0},J {X 0,Y 0,Z 0}}", f"LIN {POSE}"
+    lines = [load, "$TOOL=TOOL_DATA[3]", pose, "BAS(#TOOL,3)", pose]
+    targets = read_programs(krl_of(tmp_path, lines), OTHER_TOOLS)[0].targets
+    assert [target.setup.load for target in targets] == [(5.0, 0.0, 0.0, 0.1), ()]
+
+
+def test_calls_of_other_files_of_krl_and_kept_points_that_are_corrected_are_named(
+    tmp_path: Path,
+) -> None:
+    pose = "PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}"
+    lines = ["GRIP(1)", "OWN()", "XP={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "PTP XP", "PTP XHOME"]
+    path = krl_of(tmp_path, lines, "DEF OWN()", pose, "END")
+    notes = read_programs(path, replace(NONE, keep=frozenset(("xp", "xhome"))))[0].notes
+    assert notes == (
+        "GRIP is not in the file: its targets stay as they are, and a tool or base that it sets is "
+        "not seen",
+        "XP has constant values here and is corrected (--keep)",
+        "XHOME stays as it is (--keep)",
+    )
+
+
+def test_external_axes_of_krl_that_are_not_zero_are_named(tmp_path: Path) -> None:
+    lines = [f"LIN {POSE[:-1]},E1 {value},E2 0}}" for value in ("0.0", "500", "600")]
+    notes = read_programs(krl_of(tmp_path, lines), OTHER_TOOLS)[0].notes
+    assert len(notes) == 1
+    assert "E1 of poses is not 0 (first in line 5)" in notes[0]
 
 
 def test_frames_of_krl_that_the_program_states_itself_are_taken(tmp_path: Path, kuka: Path) -> None:
@@ -725,6 +866,22 @@ def test_joint_positions_of_pdl2_are_corrected_wherever_they_stand(
         "  go({0, 0, 0, 0, 30, 0})": r":7: a joint position outside of MOVE",
         "  MOVE TO home SYNCMOVE ARM[2] TO home": r":7: MOVE has another target",
         "  MOVE TO {0, a, 0, 0, 0, 0}": r":7: target MOVE: 'a' is no number",
+        "  MOVE": r":7: MOVE without TO: where to is computed",
+        "  shift_it(home)": r":7: home is used outside of MOVE",
+        "  READ lun (home)": r":7: home is used outside of MOVE",
+        "  IF x THEN home := other": r":7: home is used outside of MOVE",
+        "  x := 1; home := other": r":7: home is used outside of MOVE",
+        "  home := {0, 0, 0, 0, 0, 0}; home := other": r":7: home is used outside of MOVE",
+        "ROUTINE f(home : JOINTPOS)": r":7: home is used outside of MOVE",
+        "  IF home[1] > 3 THEN MOVE TO home": r":7: home is used outside of MOVE",
+        "  go(JNTP(0, 0, 0, 0, 30, 0))": r":7: a joint position outside of MOVE",
+        "  $REG[1] := 1; home := {0, 0, 0, 0, 0, 0}": r":7: home is used outside of MOVE",
+        "  IF x THEN other := {0, 0, 0, 0, 0, 0}": r":7: a joint position outside of MOVE",
+        "  home := {0, 0, 0, 0, 0, 0} + d": r":7: home is computed \('\+' after",
+        "  MOVE TO home; MOVE TO JNTP(0, 0, 0, 0, 0, 0)": r":7: MOVE has another target",
+        "  SYNCMOVE ARM[2] TO other": r":7: SYNCMOVE is not understood",
+        "  MOVE ARM[2] TO {0, 0, 0, 0, 0, 0}": r":7: ARM\[2\] is not the program's arm",
+        "  VAR other : JOINTPOS FOR ARM[2]": r":7: ARM\[2\] is not the program's arm",
     }.items(),
 )
 def test_pdl2_that_is_not_understood_is_refused_with_its_line(
@@ -732,6 +889,27 @@ def test_pdl2_that_is_not_understood_is_refused_with_its_line(
 ) -> None:
     with pytest.raises(InputError, match=message):
         corrected(tmp_path / "weld.pdl", pdl2(line), result)
+
+
+def test_elements_of_arrays_of_pdl2_are_targets_until_one_is_computed(tmp_path: Path) -> None:
+    path = tmp_path / "weld.pdl"
+    lines = "  p[1] := JNTP(0, -10, -10, 0, 30, 0)\r\n  MOVE ARM[1] TO p[1]"
+    path.write_text(pdl2(lines))
+    assert len(read_programs(path, NONE)[0].targets) == 3
+    path.write_text(pdl2(f"{lines}\r\n  p[i] := other"))
+    with pytest.raises(InputError, match=r":9: p\[i\] is computed"):
+        read_programs(path, NONE)
+
+
+def test_a_kept_target_with_constant_values_is_named_as_corrected(tmp_path: Path) -> None:
+    """It was once said to stay as it is, yet its numbers changed."""
+    path = tmp_path / "weld.pdl"
+    path.write_text(pdl2("  MOVE TO far"))
+    notes = read_programs(path, replace(NONE, keep=frozenset(("home", "far"))))[0].notes
+    assert notes == (
+        "home has constant values here and is corrected (--keep)",
+        "far stays as it is (--keep)",
+    )
 
 
 @pytest.mark.slow
