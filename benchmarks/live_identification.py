@@ -3,7 +3,7 @@
     python -m benchmarks.live_identification faults [--seeds 5] [--out FILE.csv]
     python -m benchmarks.live_identification start
     python -m benchmarks.live_identification sound [--hours 1] [--seconds 120] [--first 100]
-    python -m benchmarks.live_identification enough [--runs 40] [--seconds 120]
+    python -m benchmarks.live_identification enough [--runs 40] [--seconds 120] [--first 200]
     python -m benchmarks.live_identification recorder [--seconds 120]
 
 Simulated recordings are written row by row, as their stamps say, into a folder that
@@ -371,13 +371,13 @@ def rows_of(part: str, given: argparse.Namespace, scratch: Path) -> Iterator[Any
     elif part == "recorder":
         yield with_recorder(given.seconds, scratch)
     elif part == "enough":
-        said, seed = 0, 200
+        said, seed = 0, given.first or 200
         while said < given.runs:
             row = enough(seed, scratch, given.seconds, full=seed % 2 == 1)
             said, seed = said + np.isfinite(row.said_s), seed + 1
             yield row
     else:
-        watched, seed = 0.0, given.first
+        watched, seed = 0.0, given.first or 100
         while watched < 3600.0 * given.hours:
             yield sound(seed, scratch, given.seconds, full=seed % 2 == 1)
             watched, seed = watched + given.seconds, seed + 1
@@ -393,7 +393,7 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=1.0)
     parser.add_argument("--runs", type=int, default=40, help="of which enough is said")
     parser.add_argument("--seconds", type=float, default=120.0)
-    parser.add_argument("--first", type=int, default=100, help="seed of the first sound recording")
+    parser.add_argument("--first", type=int, help="seed of the first sound or enough recording")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     rows = []
