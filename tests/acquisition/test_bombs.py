@@ -126,7 +126,7 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
         read_bytes(pipe, pipe.name)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_description_of_too_many_bytes_or_values_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text("a: " + "[" + "[]," * (MEGABYTE // 3) + "]\n")

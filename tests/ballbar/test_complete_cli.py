@@ -279,7 +279,7 @@ def slipped(recording: Path, folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_encoder_that_slips_is_a_step_fault_in_every_output(
     together: Together, tmp_path: Path
 ) -> None:

@@ -83,7 +83,7 @@ def test_an_identified_robot_explains_a_held_out_length() -> None:
     assert outcome.nominal.position_rms > 10.0 * outcome.identified.position_rms
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_lengths_are_fitted_together() -> None:
     runs = [wire_run(Clock(0.3, 0.0), seed=6, motion=motion) for motion in (1, 2)]
     options = FitOptions(corrections=(), samples=600)

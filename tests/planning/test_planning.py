@@ -418,7 +418,7 @@ def test_the_expected_force_is_what_mujoco_measures(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+@pytest.mark.parametrize("robot", ["irb2400", pytest.param("nj220", marks=pytest.mark.long)])
 def test_the_planned_paths_keep_every_limit_in_mujoco(robot: str) -> None:
     requested = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
     from ballbar.scenario import load_scenario  # noqa: PLC0415

@@ -341,7 +341,7 @@ def test_what_a_small_path_leaves_open_is_stated(
     assert rms(error) < 1.5 * rms(result.robot.tcp_sigma)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_runs(
     tmp_path: Path,
 ) -> None:

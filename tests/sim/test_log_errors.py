@@ -425,7 +425,7 @@ def test_jitter_of_the_robots_stamps_has_the_asked_size_and_no_memory(tmp_path: 
 # --- loggers
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_overruns_come_as_often_as_asked_and_on_the_task_grid(tmp_path: Path) -> None:
     run = simulated(tmp_path, duration=600.0, clocks={**CLOCK, "overrun_probability": 0.4})
     step = np.diff(run.ballbar())

@@ -60,7 +60,7 @@ def test_the_run_starts_at_rest(recorded: Recorded) -> None:
     assert abs(motion.rod_force[500] - motion.rod_force[0]) < 1e-2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_mechanism_whose_steps_jump_from_flank_to_flank_has_an_equilibrium() -> None:
     """Drawn robot 8: from the path's first pose they end with the loop open by 5 mm."""
     run = simulate(scenario_of("irb2400", "a", 8, 120.0), relative_to=SCENARIOS)

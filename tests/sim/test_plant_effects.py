@@ -243,7 +243,7 @@ def assert_ripples(logs: Logs, asked: list[list[tuple[float, float]]], folder: P
             ), place
 
 
-@pytest.mark.parametrize("robot", list(CELLS))
+@pytest.mark.parametrize("robot", ["irb2400", pytest.param("nj220", marks=pytest.mark.long)])
 def test_each_harmonic_of_the_gears_lies_between_motor_and_pose(robot: str, tmp_path: Path) -> None:
     logs = run(tmp_path, robot=robot, duration=90.0, errors={"transmission_error": {"scale": 2.0}})
     asked = [
@@ -408,6 +408,7 @@ def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behi
             )
 
 
+@pytest.mark.long
 def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -> None:
     """Both ways over the same poses. Torque that comes late against the load, and a way back that
     is not quite the way out in reverse, both look like viscous friction: the load's rate and the
@@ -561,6 +562,7 @@ def test_the_base_of_the_ball_bar_is_equally_compliant_in_all_directions(tmp_pat
         assert constant == pytest.approx(weight[axis] / 3e7, abs=2e-8)
 
 
+@pytest.mark.long
 def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) -> None:
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
     logs = run(tmp_path, duration=120.0, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})

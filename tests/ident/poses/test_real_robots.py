@@ -37,7 +37,7 @@ def test_a_measured_ur5_is_predicted_where_it_was_not_fitted(tmp_path: Path) -> 
     assert {(0, 13), (0, 14), (1, 26)} & set(result.search.pairs)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_seventeen_cycles_of_a_measured_ur10_are_found(tmp_path: Path) -> None:
     """0.10 mm in benchmarks/real_robots; 0.38 without."""
     table = read_poses(real_robots.ur10_a(tmp_path))
