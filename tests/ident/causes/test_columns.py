@@ -53,6 +53,14 @@ def test_a_short_arc_makes_no_line_counts() -> None:
         assert bool(encoder_scales(unlike, TOOL)) == named
 
 
+@pytest.mark.parametrize(("noise", "named"), [(0.018, False), (0.005, True)])
+def test_unlike_ratios_must_leave_a_tenth_of_what_is_declared(noise: float, named: bool) -> None:
+    """A sound machine on a planned path left 0.03 of 0.12 with them."""
+    warped = motion((0.891, 0.927, 1.0, 1.0))
+    off = noise * np.sin(np.arange(warped.readings.size)).reshape(warped.readings.shape)
+    assert bool(encoder_scales(replace(warped, readings=warped.readings + off), TOOL)) == named
+
+
 @pytest.mark.slow
 def test_no_other_columns_of_a_sound_robot_are_nearer_to_a_sphere() -> None:
     assert robot_columns(CELL.robot, NOMINAL, motion(), TOOL.rms) == []
