@@ -54,7 +54,7 @@ from tests.helpers.log_analysis import (
 )
 from tests.helpers.simulated_recordings import SCENARIOS, record, settings, singular_passage
 
-pytestmark = pytest.mark.slow  # a simulated run for each effect
+pytestmark = pytest.mark.long  # a simulated run for each effect
 
 WITHIN = 0.01  # of what was asked for
 CELLS: dict[str, dict[str, Any]] = {
@@ -243,7 +243,7 @@ def assert_ripples(logs: Logs, asked: list[list[tuple[float, float]]], folder: P
             ), place
 
 
-@pytest.mark.parametrize("robot", ["irb2400", pytest.param("nj220", marks=pytest.mark.long)])
+@pytest.mark.parametrize("robot", list(CELLS))
 def test_each_harmonic_of_the_gears_lies_between_motor_and_pose(robot: str, tmp_path: Path) -> None:
     logs = run(tmp_path, robot=robot, duration=90.0, errors={"transmission_error": {"scale": 2.0}})
     asked = [
@@ -408,7 +408,6 @@ def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behi
             )
 
 
-@pytest.mark.long
 def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -> None:
     """Both ways over the same poses. Torque that comes late against the load, and a way back that
     is not quite the way out in reverse, both look like viscous friction: the load's rate and the
@@ -502,7 +501,6 @@ def test_the_joints_play_lies_between_push_and_pull(gimbal: float | None, tmp_pa
     assert np.abs(force[inside]).max() < 2.0  # no force but that of inertia
 
 
-@pytest.mark.long
 def test_near_a_singularity_of_the_ballbar_the_force_oscillates_but_is_no_larger() -> None:
     """Thesis sec. 5.3, Fig. 5.7, which says that it is larger too (docs/experiments.md)."""
     bands = [(0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, 90.0)]
@@ -562,7 +560,6 @@ def test_the_base_of_the_ball_bar_is_equally_compliant_in_all_directions(tmp_pat
         assert constant == pytest.approx(weight[axis] / 3e7, abs=2e-8)
 
 
-@pytest.mark.long
 def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) -> None:
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
     logs = run(tmp_path, duration=120.0, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})
