@@ -256,7 +256,7 @@ def _pose_values(robot: Robot, target: ProgramTarget, axes: Array, given: Sequen
 
 def is_program(path: Path) -> bool:
     """Whether a file is a program, by its ending, rather than a table."""
-    return path.suffix.lower() in READERS
+    return path.suffix.lower() in LANGUAGES
 
 
 def read_programs(path: Path, options: FrameOptions) -> list[Program]:
@@ -264,7 +264,7 @@ def read_programs(path: Path, options: FrameOptions) -> list[Program]:
 
     Raises InputError naming the lines that are not understood.
     """
-    return READERS[path.suffix.lower()](path, options)
+    return READERS[LANGUAGES[path.suffix.lower()]](path, options)
 
 
 def write_programs(out: Path, programs: Sequence[CorrectedProgram]) -> list[Path]:
@@ -334,8 +334,8 @@ LANGUAGES: dict[str, ProgramLanguage] = {
     **dict.fromkeys((".src", ".dat"), "krl"),
     ".pdl": "pdl2",
 }
-READERS: dict[str, Callable[[Path, FrameOptions], list[Program]]] = {
-    **dict.fromkeys((".mod", ".modx", ".sys", ".prg"), lambda p, o: [read_rapid(p, o)]),
-    **dict.fromkeys((".src", ".dat"), read_krl),
-    ".pdl": lambda p, o: [read_pdl2(p, o)],
+READERS: dict[ProgramLanguage, Callable[[Path, FrameOptions], list[Program]]] = {
+    "rapid": lambda path, options: [read_rapid(path, options)],
+    "krl": read_krl,
+    "pdl2": lambda path, options: [read_pdl2(path, options)],
 }
