@@ -56,7 +56,7 @@ from cell.payload import Payload
 AXES, POSE = tuple(f"a{i}" for i in range(1, 7)), ("x", "y", "z", "a", "b", "c")
 POINTS = ("e6axis", "axis", "e6pos", "pos", "frame")
 MOVES = {"ptp": 1, "lin": 1, "sptp": 1, "slin": 1, "spl": 1, "circ": 2, "scirc": 2}
-_RELATIVE = tuple(f"{move}_rel" for move in MOVES)
+_RELATIVE = (*(f"{move}_rel" for move in MOVES), "brake")
 _HERE = ("$axis_act", "$pos_act", "$axis_int", "$pos_int")  # where the robot stands already
 _SET = ("$tool", "$base", "$load", "$ipo_mode")  # what a line, or WITH in a motion, sets
 _STORED = ("tool_data", "base_data")  # frames of the controller by number

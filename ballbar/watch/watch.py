@@ -143,8 +143,7 @@ class Watch:
         """
         self._ended = True
         state = self.update(now)
-        known = self._cell is not None and self._estimate is not None and not self._unread
-        if self._cell is None or not known or self._misfit is not None:
+        if self._cell is None or self._estimate is None or self._unread or self._misfit:
             return state
         try:
             logs = logs_of(self._folder.name, read_with_causes(self._folder))

@@ -657,6 +657,7 @@ KRL_REFUSED = {
     "LIN": r"weld.src:20: target of LIN is computed \(the end of the line\)",
     "$TOOL": r"weld.src:20: \$TOOL is changed in part",
     "SPL_REL {X 10}": r"weld.src:20: SPL_REL moves by a distance",
+    "BRAKE": r"weld.src:20: BRAKE moves by a distance",
     "MOVE_TO({A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0})": r"weld.src:20: a target where none is read",
     "MOVE_TO({Y 0,X 5})": r"weld.src:20: a target where none is read",
     "L: PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}": r"weld.src:20: PTP within a line",
