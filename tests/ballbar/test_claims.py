@@ -675,7 +675,7 @@ def test_every_claim_of_the_thesis_comes_out_as_stated(
     assert len(list((tmp_path / "images" / "claims").glob("*.svg"))) == plots
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_check_of_runs_can_fail_and_can_be_met(quickly: list[Judged]) -> None:
     """Random factors from 1e-6 to 1e6, of every run or of all alike, turn each check over; so do
     results that are the same in every run.

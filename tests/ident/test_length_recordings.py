@@ -34,8 +34,15 @@ def deviations(result: Identification, run: LengthRun) -> dict[str, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("offset", "seed"), [(0.002, 1), (1.0, 2)])
-@pytest.mark.parametrize("make", [bar_run, wire_run])
+@pytest.mark.parametrize(
+    ("make", "offset", "seed"),
+    [
+        (bar_run, 0.002, 1),
+        (wire_run, 1.0, 2),
+        pytest.param(bar_run, 1.0, 2, marks=pytest.mark.long),
+        pytest.param(wire_run, 0.002, 1, marks=pytest.mark.long),
+    ],
+)
 def test_clock_and_geometry_lie_within_the_stated_deviations(
     make: type[LengthRun], offset: float, seed: int
 ) -> None:

@@ -13,6 +13,7 @@ from ident.recording_fit import Logs
 from tests.independent.recording import Faults, Plan, record_path
 
 SEEDS = (2,)
+OFTEN = ("columns of encoders b1", "line count", "axis 1", "motion of axis 3", "not as long", "rd4")
 SECOND = 1  # path that leaves the axes within their limits even where two are exchanged
 CAUSES = {
     "the columns of encoders b1 and b2 are exchanged": Faults(swapped=(1, 2)),
@@ -49,7 +50,10 @@ def causes_of(folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize(
+    "cause",
+    [pytest.param(c, marks=() if any(o in c for o in OFTEN) else pytest.mark.long) for c in CAUSES],
+)
 def test_each_cause_is_named_first_of_every_machine(cause: str, tmp_path: Path) -> None:
     first = [named(tmp_path / str(seed), seed, CAUSES[cause])[:1] for seed in SEEDS]
     right = [names[0].startswith(cause) for names in first if names]

@@ -111,7 +111,7 @@ def test_a_lag_delays_the_logged_motors_by_itself(tmp_path: Path) -> None:
 def test_a_machine_with_every_ordinary_error_is_identified_as_well_as_stated(
     tmp_path: Path,
 ) -> None:
-    truth = record(Plan(1), tmp_path)[0]
+    truth = record(Plan(1, duration=SHORT), tmp_path)[0]
     found = identify_recordings([tmp_path / "1", tmp_path / "2"]).identification
     q = accuracy_box(files())
     error = aligned_distance(found.robot.unloaded().tool(q), truth.tool(q))

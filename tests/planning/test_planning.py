@@ -417,8 +417,8 @@ def test_the_expected_force_is_what_mujoco_measures(
     )  # N; play and stiction are not in the expectation
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ["irb2400", pytest.param("nj220", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 def test_the_planned_paths_keep_every_limit_in_mujoco(robot: str) -> None:
     requested = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
     from ballbar.scenario import load_scenario  # noqa: PLC0415

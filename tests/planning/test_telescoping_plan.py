@@ -453,7 +453,11 @@ def few_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("few_candidates")
 @pytest.mark.parametrize(
     "robot",
-    ["ur10e", "ur5e", "kr10_r1100", "irb120", pytest.param("panda", marks=pytest.mark.long)],
+    [
+        "ur5e",
+        "kr10_r1100",
+        *(pytest.param(arm, marks=pytest.mark.long) for arm in ("ur10e", "irb120", "panda")),
+    ],
 )
 def test_a_path_is_found_for_any_arm(robot: str, tmp_path: Path) -> None:
     request = load_request(written(tmp_path, f"robot: {robot}, instrument: qc20w_300"))

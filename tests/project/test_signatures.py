@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Iterator
+from functools import cache
 
 import pytest
 
@@ -14,10 +14,15 @@ MOST_POSITIONAL = 6  # arguments of a constructor call without their names
 MOST_PARAMETERS = 6  # of a function that takes two positional ones of the same annotation
 
 
-def nodes() -> Iterator[tuple[str, ast.AST]]:
-    """Every syntax node of the product and the examples, with its file."""
-    for file in (*FILES.values(), *sorted((ROOT / "examples").glob("*.py"))):
-        yield from ((str(file.relative_to(ROOT)), n) for n in ast.walk(tree(file)))
+@cache
+def nodes() -> list[tuple[str, ast.Call | ast.FunctionDef]]:
+    """Every call and function of the product and the examples, with its file."""
+    return [
+        (str(file.relative_to(ROOT)), node)
+        for file in (*FILES.values(), *sorted((ROOT / "examples").glob("*.py")))
+        for node in ast.walk(tree(file))
+        if isinstance(node, (ast.Call, ast.FunctionDef))
+    ]
 
 
 def long_constructor_calls() -> list[str]:

@@ -160,12 +160,12 @@ MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
     "15 s": (lambda: cut(15.0), "the logs are too short: they share at most 15.0 s. "),
 }
 
-QUICK = ("b1 and b2", "1800 lines", "motor 5 backwards", "another run")
+OFTEN = ("three encoders", "one bit less", "motor 5 backwards", "degrees", "another run")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "mistake", [pytest.param(m, marks=() if m in QUICK else pytest.mark.slow) for m in MISTAKES]
+    "mistake", [pytest.param(m, marks=() if m in OFTEN else pytest.mark.long) for m in MISTAKES]
 )
 def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
     logs, words = MISTAKES[mistake]

@@ -62,7 +62,7 @@ def stored(name: str, seed: int) -> Stored:
     return Stored(drawn, result.arm(), targets, result.cross_validation.mean)
 
 
-@pytest.fixture(scope="module", params=["ur10", "panda"])
+@pytest.fixture(scope="module", params=["ur10", pytest.param("panda", marks=pytest.mark.long)])
 def robot(request: pytest.FixtureRequest) -> Stored:
     return stored(request.param, seed=1)
 
