@@ -1,9 +1,9 @@
 """Poses a second of a calibration used as a service: forward and inverse kinematics, Jacobian.
 
 Random poses of the accuracy box, in the time of one processor. `geometry` has no corrections,
-`loads` compliance, backlash and transmission error of the gears and tilting bearings; a UR10 from
-still poses has sag and joint errors. Every solution of the inverse kinematics has been put through
-the forward kinematics.
+`loads` compliance, backlash and transmission error of the gears and tilting bearings; arms from
+still poses have sag and joint errors, and configurations of the Panda have to be searched. Every
+solution of the inverse kinematics has been put through the forward kinematics.
 
     python -m benchmarks.calibration_speed
 """
@@ -23,6 +23,7 @@ import numpy as np
 
 from ballbar.result.calibration import Calibration
 from cell.arrays import Array
+from cell.closed_form import has_arm_branches
 from cell.geometry import nominal_geometry
 from cell.load import load_cell
 from cell.robot_angles import controller_to_joints
@@ -48,8 +49,10 @@ def robots(folder: Path) -> dict[str, IdentifiedKinematics]:
             corrections=corrections_of(cell, effects, rng),
         )
         out[f"irb2400, {name}"] = Calibration.load(file).kinematics()
-    poses = write_pose_result(folder / "ur10.yaml", "ur10", seed=1)
-    return out | {"ur10, still poses": Calibration.load(poses).kinematics()}
+    for name in ("ur10", "panda"):
+        poses = write_pose_result(folder / f"{name}.yaml", name, seed=1)
+        out[f"{name}, still poses"] = Calibration.load(poses).kinematics()
+    return out
 
 
 def rate(count: int, work: Callable[[], object]) -> float:
@@ -67,7 +70,7 @@ def row(name: str, robot: IdentifiedKinematics) -> str:
     rng, own = np.random.default_rng(1), robot.robot
     axes = rng.uniform(own.accuracy_lower, own.accuracy_upper, (FORWARD, own.joints))
     q = controller_to_joints(own, axes)
-    poses, searched = robot.forward(q), name.startswith("ur")
+    poses, searched = robot.forward(q), not has_arm_branches(robot.nominal)
     count = SEARCHED if searched else INVERSE
     some, near = poses[:count], q[:count] + 0.05
 

@@ -1,157 +1,26 @@
-"""Inverse kinematics in closed form for nominal machines, by Newton's method for imperfect ones.
+"""Inverse kinematics of ideal ball-bars in closed form, of any chain by Newton's method.
 
-Robot: both machines have an offset shoulder, a parallel upper arm and a spherical wrist, `alpha =
-(-pi/2, 0, -pi/2, s*pi/2, -s*pi/2, 0)` with s = +1 (IRB 2400) or -1 (NJ 220). The wrist is decoupled
-(Pieper's method) and solved as ZYZ angles.
 Ball-bar: the rod's direction u in the base and v in the tool frame are `u_x + i u_y = -sin(b2)
 exp(i b1)`, `u_z = cos(b2)` and `-v_x + i v_y = -sin(b4) exp(i b5)`, `v_z = cos(b4)`.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
-from cell.errors import FailureError, InputError
+from cell.errors import FailureError
 from cell.rotation import rotvec_from_matrix
 
 REACHED = 1e-9  # [m, rad] of a pose that fewer than six joints take, far above rounding
-# [rad] twists of the arms that have a closed form, s = +1; those of an identified robot are close
-_ARM_ALPHA = np.array([-1.0, 0.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
-_ARM_TOLERANCE = 0.1
 # [rad] twists of the ball-bar, thesis sec. 2.2
 BAR_ALPHA = np.array([1.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
 
 
 class UnreachableError(FailureError):
     """A pose that the mechanism cannot take."""
-
-
-def has_arm_structure(chain: Chain) -> bool:
-    """Whether a robot is of the structure that has a closed form."""
-    mirrored = _ARM_ALPHA * (1.0, 1.0, 1.0, -1.0, -1.0, 1.0)
-    return chain.rows == 6 and any(
-        np.allclose(chain.alpha, alpha, rtol=0.0, atol=_ARM_TOLERANCE)
-        for alpha in (_ARM_ALPHA, mirrored)
-    )
-
-
-def has_closed_form(chain: Chain) -> bool:
-    """Whether `robot_branches` holds for a chain: nominal rows of that structure, no offset beside.
-
-    The axes of an arm that is built alike may miss one another: then its wrist is not decoupled.
-    """
-    offsets = [chain.a[3], chain.a[4], chain.d[1] + chain.d[2], chain.d[4], *chain.beta]
-    return (
-        has_arm_structure(chain)
-        and bool(np.abs(np.abs(chain.alpha) - np.abs(_ARM_ALPHA)).max() < REACHED)
-        and bool(np.abs(offsets).max() < REACHED)
-    )
-
-
-def robot_branches(chain: Chain, poses: Array, *, behind: bool = False) -> Array:
-    """Joint angles of the nominal robot in its four configurations with the arm in front.
-
-    poses : (N, 4, 4) tool frames in the base frame. behind : the four with the shoulder turned away
-        from the wrist, which reaches back over it.
-
-    Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
-    where a pose is out of reach, or where the wrist is exactly singular. Raises InputError for a
-    robot of another structure (cell.numerical_inverse).
-    """
-    if not has_closed_form(chain):
-        raise InputError(
-            "angles in closed form are those of nominal robots of six axes with parallel axes 2 "
-            "and 3 and a spherical wrist, and this robot is built otherwise"
-        )
-    rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
-    wrist = tip - chain.a[5] * rotation[:, :, 0] - chain.d[5] * rotation[:, :, 2]
-    side = -1.0 if behind else 1.0
-    shoulder = np.arctan2(side * wrist[:, 1], side * wrist[:, 0])
-    forward_reach = side * np.hypot(wrist[:, 0], wrist[:, 1]) - chain.a[0]
-    up = wrist[:, 2] - chain.d[0]
-    upper, fore = chain.a[1], np.hypot(chain.a[2], chain.d[3])
-    fore_angle = np.arctan2(chain.d[3], chain.a[2])
-    cosine = (forward_reach**2 + up**2 - upper**2 - fore**2) / (2.0 * upper * fore)
-    cosine[np.abs(cosine) > 1.0] = np.nan
-    solutions = []
-    # + folds the forearm forward: the angles of the arm are measured downwards from the horizontal.
-    for elbow in (1.0, -1.0):
-        bend = elbow * np.arccos(cosine)
-        inner = np.arctan2(fore * np.sin(bend), upper + fore * np.cos(bend))
-        theta2 = np.arctan2(-up, forward_reach) - inner
-        theta3 = bend - fore_angle
-        arm = np.stack((shoulder, theta2, theta3), axis=1) - chain.theta[:3]
-        solutions += _wrists(chain, rotation, arm)
-    branches = np.stack(solutions)
-    reached = forward(chain, branches.reshape(-1, 6)).poses().reshape(4, *poses.shape)
-    off = np.abs(reached - poses).max(axis=(2, 3))
-    branches[~(off < REACHED)] = np.nan
-    return branches
-
-
-def arm_branches(chain: Chain, poses: Array) -> Array | None:
-    """All configurations of `robot_branches`, also where axes are counted in the other direction.
-
-    poses : (N, 4, 4) tool frames in the base frame.
-
-    Returns (8, N, 6) [rad], NaN where a configuration does not exist; None for a robot of another
-    structure.
-    """
-    usual, sign = _usual(chain)
-    if not has_closed_form(usual):
-        return None
-    ends = poses.copy()
-    ends[:, :3, 1:3] *= sign[-1]
-    q = [robot_branches(usual, ends, behind=behind) for behind in (False, True)]
-    return np.asarray(np.concatenate(q) * sign[:-1])
-
-
-def has_arm_branches(chain: Chain) -> bool:
-    """Whether `arm_branches` holds for a chain."""
-    return has_closed_form(_usual(chain)[0])
-
-
-def _usual(chain: Chain) -> tuple[Chain, Array]:
-    """The chain with those z axes reversed that bring its twists nearest to the structure's.
-
-    Reversing the z axis of a frame changes a twist by half a turn, and negates angle and offset d
-    of the row that follows. Returns the chain, and (J+1,) the sign of each frame's z axis.
-    """
-    if chain.rows != _ARM_ALPHA.size:
-        return chain, np.ones(chain.rows + 1)
-    turned, alpha = np.zeros(chain.rows + 1), np.empty(chain.rows)  # half turns of each frame
-    for i, twist in enumerate(_ARM_ALPHA):
-        alpha[i] = _wrapped(chain.alpha[i] + np.pi * turned[i])
-        turned[i + 1] = abs(_wrapped(alpha[i] - twist)) > np.pi / 2.0
-        alpha[i] = _wrapped(alpha[i] - np.pi * turned[i + 1])
-    sign = 1.0 - 2.0 * turned
-    d, theta = sign[:-1] * chain.d, sign[:-1] * chain.theta
-    return Chain(chain.a, d, alpha, theta, chain.beta), sign
-
-
-def _wrapped(angle: float) -> float:
-    """[rad] between -pi and pi."""
-    return float(np.angle(np.exp(1j * angle)))
-
-
-def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
-    first = Chain(*(getattr(chain, field.name)[:3] for field in fields(chain)))
-    forearm = forward(first, arm).rotation().transpose(2, 0, 1)
-    rest = forearm.transpose(0, 2, 1) @ rotation  # Rz(t4) Ry(-s t5) Rz(t6)
-    s = np.sign(chain.alpha[3])
-    out = []
-    for side in (1.0, -1.0):
-        tilt = side * np.arctan2(np.hypot(rest[:, 0, 2], rest[:, 1, 2]), rest[:, 2, 2])
-        theta4 = np.arctan2(side * rest[:, 1, 2], side * rest[:, 0, 2])
-        theta6 = np.arctan2(side * rest[:, 2, 1], -side * rest[:, 2, 0])
-        wrist = np.stack((theta4, -s * tilt, theta6), axis=1) - chain.theta[3:]
-        out.append(np.concatenate((arm, np.arctan2(np.sin(wrist), np.cos(wrist))), axis=1))
-    return out
 
 
 def bar_angles(

@@ -18,9 +18,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames
+from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_chain, robot_frames
-from cell.inverse import has_closed_form
 from planning.request import PlanCell
 
 COLUMN, ARM, FOREARM, WRIST = 0.38, 0.14, 0.11, 0.09  # radii, shares of the upper arm's length

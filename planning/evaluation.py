@@ -13,10 +13,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from cell.arrays import Array
+from cell.closed_form import has_closed_form
 from cell.descriptions import Cell, Key
 from cell.errors import InputError
 from cell.geometry import nominal_chain, nominal_geometry
-from cell.inverse import has_closed_form
 from cell.load import load_instrument, load_measured_cell
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model

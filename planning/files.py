@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.closed_form import has_closed_form
 from cell.descriptions import Key, Robot
 from cell.extended_yaml import load_extended, portable
 from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
 from cell.geometry import nominal_chain
-from cell.inverse import has_closed_form
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, Candidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS

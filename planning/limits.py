@@ -13,9 +13,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import forward
+from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
-from cell.inverse import has_closed_form
 from cell.numerical_inverse import dexterity, scaled_jacobian
 from cell.robot_angles import joints_to_axes
 from planning.request import Cup, PlanCell, PlanLimits

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.closed_form import has_closed_form, robot_branches
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
-from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import best_branches, dexterity, in_range, led
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Space, angles_of, shape_of

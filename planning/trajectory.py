@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from cell.arrays import Array
+from cell.closed_form import has_closed_form, robot_branches
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
-from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import in_range
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate, angles_of, shape_of

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
+from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_chain, nominal_geometry, robot_frames
-from cell.inverse import has_closed_form
 from cell.numerical_inverse import dexterity
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate

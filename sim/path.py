@@ -15,10 +15,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
+from cell.closed_form import has_closed_form, robot_branches
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames
-from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import best_branches, in_range, led, polished
 from cell.robot_angles import joints_to_axes
 

@@ -21,9 +21,9 @@ import numpy as np
 from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget
 from cell.arrays import Array
 from cell.chain import Chain, forward
+from cell.closed_form import arm_branches
 from cell.descriptions import Robot
 from cell.geometry import nominal_chain
-from cell.inverse import arm_branches
 from cell.numerical_inverse import pose_branches
 from cell.robot_angles import controller_to_joints, joints_to_axes
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ballbar.replay.colours import STEEL, Colour
 from cell.arrays import Array
 from cell.chain import Chain
+from cell.closed_form import has_arm_structure
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_chain
-from cell.inverse import has_arm_structure
 
 PAINT = (236, 106, 32)  # the orange of many industrial robots
 DARK = (62, 65, 70)

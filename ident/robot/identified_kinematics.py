@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.chain import Chain, cross, forward, joint_screws
+from cell.closed_form import arm_branches, has_arm_branches
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_chain
-from cell.inverse import arm_branches, has_arm_branches, has_closed_form
 from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
 from cell.payload import Payload, with_payload
 from cell.robot_angles import joints_to_axes
@@ -42,12 +42,14 @@ from ident.robot.tool_covariance import (
 )
 from ident.robot.unloaded_robot import UnloadedRobot, moved_poses
 
+Index = tuple[NDArray[np.intp], NDArray[np.intp]]  # rows and samples
+
 BLOCK = 4096  # poses computed at a time: their frames stay in the cache
 REACHED = 1e-7  # [m, rad] left of a pose that is taken: far below any robot's repeatability
 SINGULAR = 0.02  # [-] dexterity below which a posture is called near-singular: wrist within 2 deg
 CLOSE = 0.3  # [rad] of each joint within which a solution is taken for the nearest one
 _STEPS = 12  # of Newton at most; gears add half a percent to the Jacobian, so each gains two digits
-_PULLED = 0.005  # of its distance from the shoulder by which a pose out of reach comes closer
+_BEYOND = 0.01  # [-] of the nominal robot's reach by which an identified one may be longer
 _SETTLED = 1e-10  # [m, rad] of a pose that needs no further step
 
 
@@ -123,21 +125,23 @@ class IdentifiedKinematics:
         ranges. The arrays of the result have no axis S.
         """
         previous = np.array(np.broadcast_to(q, (len(poses), self.robot.joints)))
-        if has_closed_form(self.nominal):
-            return _single(self._solved(self._chosen(poses, previous)[None], poses))
-        # a search, which takes a millisecond a pose, only where steps from q lead elsewhere
-        out = _single(self._solved(previous[None], poses))
+        cheap = has_arm_branches(self.nominal)
+        out = _single(
+            self._solved(self._chosen(poses, previous) if cheap else previous[None], poses)
+        )
+        # a search takes a millisecond a pose, so steps from q come first
         with np.errstate(invalid="ignore"):
-            away = ~(out.reached & (np.abs(out.q - previous) < CLOSE).all(axis=1))
-        if away.any():
-            starts = self._chosen(poses[away], previous[away])
-            searched = _single(self._solved(starts[None], poses[away]))
-            rows = np.flatnonzero(away)
+            close = cheap | (np.abs(out.q - previous) < CLOSE).all(axis=1)
+        rows = np.flatnonzero(~(out.reached & close))
+        if rows.size:
+            every = self._solved(self._near_starts(poses[rows], previous[rows]), poses[rows])
+            sizes = np.where(every.reached, self._distance(every.q, previous[rows]), np.inf)
+            searched = _single(every, _least(sizes))
             better = self._distance(searched.q, previous[rows]) < self._distance(
                 out.q[rows], previous[rows]
             )
             better |= searched.within & ~out.within[rows]
-            taken = ~out.reached[rows] | (searched.reached & better)
+            taken = searched.reached & (~out.reached[rows] | better)
             for values, new in zip(vars(out).values(), vars(searched).values(), strict=True):
                 values[rows[taken]] = new[taken]
         return out
@@ -147,13 +151,15 @@ class IdentifiedKinematics:
         away = joints_to_axes(self.robot, q) - joints_to_axes(self.robot, previous)
         return np.asarray((away**2).sum(axis=-1))
 
-    def _chosen(self, poses: Array, previous: Array) -> Array:
-        """(N, J) [rad] starts of the configuration nearest to previous angles (N, J) [rad]."""
+    def _near_starts(self, poses: Array, previous: Array) -> Array:
+        """(S, N, J) [rad] starts of all configurations, turned to the previous angles (N, J)."""
         starts = self._starts(poses @ np.linalg.inv(self.tool))
-        turned = np.stack([turned_near(self.robot, start, previous) for start in starts])
-        distance = self._distance(turned, previous)
-        nearest = np.where(np.isnan(distance), np.inf, distance).argmin(axis=0)[None, :, None]
-        return np.asarray(np.take_along_axis(turned, nearest, axis=0)[0])
+        return np.stack([turned_near(self.robot, start, previous) for start in starts])
+
+    def _chosen(self, poses: Array, previous: Array) -> Array:
+        """(1, N, J) [rad] start of the configuration nearest to previous angles (N, J) [rad]."""
+        starts = self._near_starts(poses, previous)
+        return np.asarray(starts[_least(self._distance(starts, previous))][None])
 
     def uncertainty(self, q: Array) -> PositionUncertainty:
         """Uncertainty of the tool's position at q (N, J) [rad].
@@ -189,21 +195,8 @@ class IdentifiedKinematics:
 
     def _starts(self, ends: Array) -> Array:
         """(S, N, J) [rad] configurations close to frames of the last row; NaN where none."""
-        if not has_arm_branches(self.nominal):
-            return pose_branches(self.chain, ends)
-        starts = self._closed_form(ends)
-        if (lost := np.isnan(starts).any(axis=2).all(axis=0)).any():
-            # just out of the nominal robot's reach is not yet out of that of the identified one
-            closer = ends[lost]
-            closer[:, :3, 3] -= _PULLED * (closer[:, :3, 3] - [0.0, 0.0, self.nominal.d[0]])
-            starts[:, lost] = self._closed_form(closer)
-        return starts
-
-    def _closed_form(self, ends: Array) -> Array:
-        """(8, N, 6) [rad] of the nominal robot."""
-        branches = arm_branches(self.nominal, ends)
-        assert branches is not None
-        return branches
+        starts = arm_branches(self.nominal, ends, beyond=_BEYOND)
+        return pose_branches(self.chain, ends) if starts is None else starts
 
     def _solved(self, starts: Array, poses: Array) -> JointSolutions:
         """Solutions from starts (S, N, J) [rad] close by, for poses (N, 4, 4) of the tool."""
@@ -217,6 +210,11 @@ class IdentifiedKinematics:
             solved, errors, size = self._refined(starts[at], poses[samples[part]])
             q[at], dexterous[at] = solved, size
             left[:, at[0], at[1]] = errors
+        reached = (left < REACHED).all(axis=0)
+        lost = ~reached & reached.any(
+            axis=0
+        )  # beside others; of a pose out of reach all are stated
+        q[lost], left[:, lost], dexterous[lost] = np.nan, np.inf, np.nan
         axes = joints_to_axes(self.robot, q)
         with np.errstate(invalid="ignore"):
             within = ((axes >= self.robot.axis_lower) & (axes <= self.robot.axis_upper)).all(axis=2)
@@ -224,7 +222,7 @@ class IdentifiedKinematics:
             q=q,
             position_left=left[0],
             angle_left=left[1],
-            reached=np.asarray((left < REACHED).all(axis=0)),
+            reached=np.asarray(reached),
             within=np.asarray(within),
             dexterity=dexterous,
         )
@@ -246,9 +244,15 @@ class IdentifiedKinematics:
         return q, sizes, dexterity(self.chain, self.deflected(q)[0])
 
 
-def _single(solutions: JointSolutions) -> JointSolutions:
-    """Solutions of one configuration, without the axis S."""
-    return JointSolutions(*(values[0] for values in vars(solutions).values()))
+def _least(sizes: Array) -> Index:
+    """Where the least of sizes (S, N) is for each n; NaN is none."""
+    rows = np.where(np.isnan(sizes), np.inf, sizes).argmin(axis=0)
+    return rows, np.arange(rows.size)
+
+
+def _single(solutions: JointSolutions, at: Index | int = 0) -> JointSolutions:
+    """Solutions of one configuration for each pose, without the axis S."""
+    return JointSolutions(*(values[at] for values in vars(solutions).values()))
 
 
 def _difference(wanted: Array, reached: Array) -> Array:

@@ -18,10 +18,10 @@ import mujoco
 import numpy as np
 
 from cell.arrays import Array
+from cell.closed_form import robot_branches
 from cell.descriptions import Cell
 from cell.files import write_whole
 from cell.geometry import bar_frames, nominal_geometry
-from cell.inverse import robot_branches
 from cell.load import load_cell
 from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects

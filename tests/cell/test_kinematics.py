@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cell.chain import KINDS, Chain, forward, screw
+from cell.closed_form import robot_branches
 from cell.descriptions import Cell
 from cell.geometry import (
     Geometry,
@@ -19,7 +20,7 @@ from cell.geometry import (
     parameter_screw,
     robot_frames,
 )
-from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
+from cell.inverse import UnreachableError, bar_angles, refine
 from cell.load import load_cell
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, quat_wxyz, rotvec_from_matrix
 from sim.plant.description import Plant

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cell.chain import Chain, forward
+from cell.closed_form import arm_branches, has_arm_branches, has_closed_form, robot_branches
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import nominal_geometry
-from cell.inverse import arm_branches, has_arm_branches, has_closed_form, robot_branches
 from cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
 from cell.numerical_inverse import REACHED, dexterity, pose_branches
 from sim.path import Lissajous, branches_along, tool_poses
@@ -92,11 +92,14 @@ def test_the_configurations_in_closed_form_are_found_by_number_too() -> None:
     assert np.mean(np.array(off) < 1e-6) > 0.9
 
 
-@pytest.mark.parametrize("robot", ["irb2400", "nj220", "kr10_r1100", "kr210", "gp25", "m20ia"])
+@pytest.mark.parametrize(
+    "robot",
+    ["irb2400", "nj220", "kr10_r1100", "kr210", "gp25", "m20ia", "ur5", "ur5e", "ur10", "ur10e"],
+)
 def test_axes_counted_in_either_direction_have_all_configurations_in_closed_form(
     robot: str,
 ) -> None:
-    """Regression: of KUKA arms the search missed up to one posture in twenty."""
+    """Regression: of KUKA and UR arms the search missed up to one posture in twenty."""
     chain = chain_of(robot)
     q = np.random.default_rng(4).uniform(-3.0, 3.0, (400, 6))
     poses = forward(chain, q).poses()
@@ -109,7 +112,7 @@ def test_axes_counted_in_either_direction_have_all_configurations_in_closed_form
     assert np.abs(forward(chain, found[there]).poses() - wanted).max() < REACHED
 
 
-@pytest.mark.parametrize("robot", ["ur10e", "panda"])
+@pytest.mark.parametrize("robot", ["iiwa14", "panda"])
 def test_arms_of_other_structures_have_no_closed_form_in_either_direction(robot: str) -> None:
     chain = chain_of(robot)
     assert not has_arm_branches(chain)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cell.closed_form import robot_branches
 from cell.errors import DescriptionError, InputError
 from cell.geometry import (
     nominal_geometry,
@@ -15,7 +16,7 @@ from cell.geometry import (
     robot_frames,
     table_of_names,
 )
-from cell.inverse import UnreachableError, refine, robot_branches
+from cell.inverse import UnreachableError, refine
 from cell.load import load_ballbar, load_robot
 from cell.robot_angles import controller_to_joints, joints_to_axes, joints_to_motors
 from tests.helpers.other_robots import FIVE_AXES, SEVEN_AXES, UR, Rows, cell_of, robot_text

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from cell.bodies import carried_bodies
+from cell.closed_form import robot_branches
 from cell.dynamics import joint_torques
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from cell.inverse import refine, robot_branches
+from cell.inverse import refine
 from cell.load import load_cell
 from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight
 from sim.plant.description import Plant

@@ -353,10 +353,9 @@ def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_
     solved = solver.nearest(solver.forward(q), previous)
     farther = ((solved.q - previous) ** 2).sum(axis=1) > ((q - previous) ** 2).sum(axis=1) + 1e-6
     assert farther.mean() <= 0.01, "8 and 9 of 300 before"
-    if name == "kr10_r1100":
-        every = solver.inverse(solver.forward(q))
-        off = np.abs(np.angle(np.exp(1j * (every.q - q)))).max(axis=2)
-        assert np.nanmin(off, axis=0).max() < 1e-4, "11 of 300 were missed"
+    every = solver.inverse(solver.forward(q))
+    off = np.abs(np.angle(np.exp(1j * (every.q - q)))).max(axis=2)
+    assert np.nanmin(off, axis=0).max() < 1e-4, "13 and 11 of 300 were missed"
 
 
 def test_a_corrected_target_leads_the_identified_robot_to_the_nominal_pose(
