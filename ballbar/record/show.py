@@ -107,15 +107,17 @@ def record(
             duration, accuracy = options.duration, options.accuracy
             beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
         shown = meanwhile or partial(show_until_stopped, out, duration=options.duration)
-        with _ended_by_signals(recording), quiet_libraries():
-            recording.start()
-            try:
-                shown(recording, beside)
-            finally:
+        try:
+            with _ended_by_signals(recording), quiet_libraries():
+                recording.start()
                 try:
-                    recording.finish()
+                    shown(recording, beside)
                 finally:
-                    identified = None if beside is None else beside.finish()
+                    recording.finish()
+            if beside is not None:
+                out.print("Last fit of the whole recording; Ctrl-C leaves it out.")
+        finally:  # Ctrl-C is now for the fit alone: the recording is whole
+            identified = None if beside is None else beside.finish()
     return Recorded(recording, identified, "" if beside is None else beside.failure)
 
 

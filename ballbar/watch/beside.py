@@ -24,7 +24,7 @@ class WatchBeside:
         command += [] if duration is None else ["--duration", repr(duration)]
         self.latest: Data | None = None
         self.updates = 0
-        self._duration, self._finished = duration, False
+        self._duration, self._finished, self._left_out = duration, False, False
         with one_thread_each():  # Ctrl-C is for the recorder, which ends this one when it has ended
             self._process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
@@ -41,6 +41,8 @@ class WatchBeside:
     @property
     def failure(self) -> str:
         """Why the process has ended too early; empty while it runs, or where its work is done."""
+        if self._left_out:
+            return "without the last fit of the whole recording, which `ballbar identify` makes"
         code, reached = self._process.poll(), self.latest["recorded_s"] if self.latest else 0.0
         over = self._finished or (self._duration is not None and reached >= self._duration - 1.0)
         if code is None or (over and code in (0, 1)):
@@ -48,13 +50,17 @@ class WatchBeside:
         return f"exit code {code}; say `ballbar watch` in another terminal to see why"
 
     def finish(self) -> Data | None:
-        """The last state, with a fit of the whole recording; None where the process has failed."""
+        """The last state, with a fit of the whole recording; None where the process has failed.
+
+        Ctrl-C leaves that fit out.
+        """
         self._finished = not self.failure
         if self._process.poll() is None:
             self._process.terminate()
         try:
             self._process.wait(LAST)
-        except subprocess.TimeoutExpired:
+        except (subprocess.TimeoutExpired, KeyboardInterrupt):
+            self._left_out = True
             self._process.kill()
             self._process.wait()
         self._reader.join(1.0)

@@ -362,3 +362,18 @@ def test_a_process_that_ends_by_itself_has_failed(tmp_path: Path) -> None:
     beside._process.wait()
     assert "exit code -9" in beside.failure
     assert beside.finish() is None
+
+
+def test_ctrl_c_leaves_out_the_last_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: a recorder that had ended waited for it for up to two minutes."""
+    beside = WatchBeside(tmp_path / "nowhere", accuracy=None, duration=None)
+    wait = beside._process.wait
+
+    def interrupted(timeout: float | None = None) -> int:
+        if timeout is not None:
+            raise KeyboardInterrupt
+        return wait()
+
+    monkeypatch.setattr(beside._process, "wait", interrupted)
+    assert beside.finish() is None
+    assert "which `ballbar identify` makes" in beside.failure
