@@ -245,12 +245,19 @@ def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[Pr
 
 
 def excess_noise(on: Predictor) -> ExcessNoise:
-    """Excess noise of a computed sample."""
+    """Excess noise of a computed sample: that of the results, or else of the sensors.
+
+    With a sensed length it is the larger of both: its sensor's noise is white in a log, so a result
+    finds no excess there, and model dh fits none to the joints.
+    """
     s = on.sensors
     length = FIRST_EXCESS.rod if s.length_sigma_m is None else s.length_sigma_m
-    fitted = on.excess or ExcessNoise(
+    of_sensors = ExcessNoise(
         s.robot_sigma_rad, 2.0 * s.robot_sigma_rad, s.encoder_sigma_rad, length
     )
+    fitted = on.excess or of_sensors
+    if s.length_sigma_m is not None:
+        fitted = ExcessNoise(*map(max, astuple(fitted), astuple(of_sensors)))
     return ExcessNoise(*(on.dilution * sigma for sigma in astuple(fitted)))
 
 

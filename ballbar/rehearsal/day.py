@@ -390,17 +390,25 @@ def _corrected(day: _Day) -> HeldTargets:
 
 def _write_targets(file: Path, result: Result) -> None:
     """The first targets of the accuracy box that can be corrected; at singularities none can."""
-    q = accuracy_grid(result.robot)
-    robot, nominal = result.calibration.unloaded_robot(result.cell), result.calibration.nominal
-    refused: dict[int, str] = {}
-    try:
-        corrected_targets(robot, nominal, q)
-    except TargetError as error:
-        refused = error.faults
-    rows = [k for k in range(len(q)) if k not in refused][:TARGETS]
-    axes = np.degrees(joints_to_axes(result.robot, q[rows]))
+    q = _correctable(result, accuracy_grid(result.robot))[:TARGETS]
+    axes = np.degrees(joints_to_axes(result.robot, q))
     lines = [",".join(axis_columns(result.robot)), *(",".join(map(repr, r)) for r in axes.tolist())]
     write_whole(file, ("\n".join(lines) + "\n").encode())
+
+
+def _correctable(result: Result, q: Array) -> Array:
+    """(K, J) [rad] of targets (N, J) those that can be corrected.
+
+    Targets are refused for one reason at a time, so those that are left are tried again.
+    """
+    robot, nominal = result.calibration.unloaded_robot(result.cell), result.calibration.nominal
+    while True:
+        try:
+            corrected_targets(robot, nominal, q)
+        except TargetError as error:
+            q = np.delete(q, list(error.faults), axis=0)
+        else:
+            return q
 
 
 def _held(day: _Day, given: Array, corrected: Array) -> HeldTargets:

@@ -7,13 +7,14 @@ import socket
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 import yaml
 
 from acquisition.recording import read_recording
-from ballbar.rehearsal import files
+from ballbar.rehearsal import day, files
 from ballbar.rehearsal.day import HeldTargets, Rehearsal, Stage, request_data
 from ballbar.rehearsal.files import OUTPUTS, chain, rehearse_into
 from ballbar.rehearsal.live import Cause, LivePath, as_recorded, check_fault, record_live
@@ -22,9 +23,11 @@ from ballbar.result.limits import corrected_limits
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario, load_scenario, scenario_file
 from ballbar.watch.state import Alarm
+from cell.arrays import Array
 from cell.egm_file import FILE_START, frame
 from cell.errors import FailureError, InputError
 from cell.load import load_robot
+from ident.robot.inverse_calibration import TargetError
 from planning.request import PlanRequest
 from sim.live.device_logs import device_logs
 from sim.live.egm import EgmRobot
@@ -151,6 +154,21 @@ def test_a_rehearsal_that_breaks_off_leaves_what_was_there(
         )
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     assert (out / "rehearsal.json").read_text() == "{}"
+
+
+def test_targets_of_the_day_are_those_that_no_check_refuses(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A day ended with a target out of reach, which shows once singular ones are left out."""
+    reasons = iter([{1: "at a singularity"}, {0: "out of reach", 2: "out of reach"}, {}])
+
+    def refuse(robot: object, nominal: object, q: Array) -> None:
+        if faults := next(reasons):
+            raise TargetError(faults)
+
+    monkeypatch.setattr(day, "corrected_targets", refuse)
+    targets = np.arange(5.0)[:, None]
+    assert day._correctable(MagicMock(), targets)[:, 0].tolist() == [2.0, 4.0]
 
 
 @pytest.mark.slow

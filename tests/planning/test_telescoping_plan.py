@@ -23,6 +23,7 @@ from cell.geometry import robot_frames
 from cell.load import load_robot
 from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_yaml
+from ident.estimator.noise import ExcessNoise
 from ident.identify import identify_together
 from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import tcp_error
@@ -268,6 +269,20 @@ def test_a_better_sensor_predicts_less_and_a_rigid_hold_is_no_unknown(
         return tcp_rms(evaluator, found)
 
     assert sigma(1e-6) < sigma(1e-5) < sigma(1e-4)
+
+
+def test_a_result_does_not_make_the_sensor_better(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    """Model dh states an excess of 1e-8 m and none of the joints: 3 um were foretold of 11 um."""
+    on = evaluator.predictor
+    alone = predict(on, trajectory, np.zeros(trajectory.t.size))
+    of_dh = replace(on, excess=ExcessNoise(0.0, 0.0, 0.0, 1e-8))
+    after = predict(of_dh, trajectory, np.zeros(trajectory.t.size))
+    assert after.tcp_sigma == pytest.approx(alone.tcp_sigma)
+    worse = replace(on, excess=ExcessNoise(0.0, 0.0, 0.0, 1e-3))  # what it found counts
+    found = predict(worse, trajectory, np.zeros(trajectory.t.size))
+    assert found.tcp_sigma.mean() > 2.0 * alone.tcp_sigma.mean()
 
 
 @pytest.mark.slow
