@@ -34,12 +34,13 @@ from ident.loads.gear_loads import MassModel, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.options import DEFAULT_SAMPLES
 from ident.recording_fit import WIDEST_KNOT_SPACING
-from ident.robot.accuracy import accuracy_grid, position_sigma
+from ident.robot.accuracy import position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import interpolating_log
 from planning.known import Known
 from planning.request import PlanSensors, PlanTiming, Workspace
 from planning.trajectory import Passage
+from planning.workspace import workspace_grid
 
 EXACT = 1e-9  # [m] prior of a length taken as exact
 # Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
@@ -142,15 +143,9 @@ def predictor(
     """The predictor of a cell with its sensors over a workspace.
 
     known : from results of the machine, whose corrections and noise it takes.
+
+    Raises InputError for a workspace that the robot does not have.
     """
-    grid = accuracy_grid(cell.robot)
-    if workspace is not None:
-        box = replace(
-            cell.robot,
-            accuracy_lower=np.radians(workspace.lower_deg),
-            accuracy_upper=np.radians(workspace.upper_deg),
-        )
-        grid = accuracy_grid(box)
     names = [] if cell.ballbar.stroke is not None else supported_corrections(cell.robot)
     corrections = tuple(correction_named(name, cell, sensors.encoders) for name in names)
     if known is not None:
@@ -161,7 +156,7 @@ def predictor(
         sensors=sensors,
         timing=timing,
         corrections=corrections,
-        grid=grid,
+        grid=workspace_grid(cell.robot, workspace),
         samples=samples,
         excess=None if known is None else known.excess,
         known=known,

@@ -277,6 +277,16 @@ class Workspace(Strict):
     lower_deg: Axes
     upper_deg: Axes
 
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        if len(self.lower_deg) != len(self.upper_deg):
+            message = f"found {len(self.upper_deg)} values, lower_deg has {len(self.lower_deg)}"
+            raise wrong_key("upper_deg", message=message)
+        for i, (low, high) in enumerate(zip(self.lower_deg, self.upper_deg, strict=True)):
+            if not low < high:
+                raise wrong_key("upper_deg", i, message=f"expected more than lower_deg, {low:g}")
+        return self
+
 
 class PlanRequest(Strict):
     """A plan request, such as the files of scenarios/plans."""

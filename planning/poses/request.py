@@ -16,7 +16,7 @@ from cell.pose_file import KnownDistances
 from cell.schema import Name, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
-from planning.request import REQUESTS, Axes, Cone, KeepOut, Positive
+from planning.request import REQUESTS, Axes, Cone, KeepOut, Positive, Workspace
 from sim.settings import Vector3
 
 SCHEMA = "ballbar-pose-plan/1"
@@ -70,13 +70,6 @@ class PosePlanLimits(Strict):
     keep_out: tuple[KeepOut, ...] = Field((), description="Boxes to stay clear of.")
 
 
-class PoseWorkspace(Strict):
-    """Box of axis angles over which the TCP error counts."""
-
-    lower_deg: Axes
-    upper_deg: Axes
-
-
 class PosePlanRequest(Strict):
     """A request for still poses, such as `scenarios/plans/irb2400_tracker.yaml`."""
 
@@ -103,7 +96,7 @@ class PosePlanRequest(Strict):
         40, description="Number of poses, over all seats and targets."
     )
     limits: PosePlanLimits = PosePlanLimits()
-    workspace: PoseWorkspace | None = Field(
+    workspace: Workspace | None = Field(
         None, description="Workspace; by default the accuracy box of the robot file."
     )
     unexplained_m: Positive = Field(

@@ -7,7 +7,7 @@ them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,8 @@ from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.pose_file import known_distances
 from cell.poses import KnownDistance
-from ident.robot.accuracy import accuracy_grid
 from planning.poses.request import PosePlanRequest, SeatEntry, TargetEntry
+from planning.workspace import workspace_grid
 
 TURN = 2.0 * np.pi  # [rad] an axis that turns further is planned over half a turn to either side
 
@@ -61,28 +61,20 @@ class Setup:
     upper: Array  # (J,) [rad]
     shortest: float  # [m] distance of a target from its seat; 0 for sockets
     longest: float  # [m]
-
-    @property
-    def grid(self) -> Array:
-        """(G, J) [rad] DH joint angles over which the TCP error counts."""
-        box = self.request.workspace
-        if box is None:
-            return accuracy_grid(self.robot)
-        lower, upper = np.radians(box.lower_deg), np.radians(box.upper_deg)
-        return accuracy_grid(replace(self.robot, accuracy_lower=lower, accuracy_upper=upper))
+    grid: Array  # (G, J) [rad] DH joint angles over which the TCP error counts
 
 
 def setup_of(request: PosePlanRequest, *, relative_to: Path) -> Setup:
     """The cell of a request; relative_to : folder of the request's file.
 
-    Raises DescriptionError for a wrong description, InputError for limits that allow nothing.
+    Raises DescriptionError for a wrong description, InputError for limits that allow nothing
+    or a workspace that the robot does not have.
     """
     robot = load_robot(request.robot, relative_to=relative_to)
     instrument = load_instrument(request.instrument, relative_to=relative_to)
     lower, upper = _axis_box(request, robot)
     limits, stroke = request.limits, instrument.upper - instrument.lower
     margin = limits.stroke_margin_share * stroke if instrument.measured == "length" else 0.0
-    _check_workspace(request, robot)
     return Setup(
         request=request,
         robot=robot,
@@ -96,6 +88,7 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> Setup:
         upper=upper,
         shortest=instrument.lower + margin,
         longest=instrument.upper - margin,
+        grid=workspace_grid(robot, request.workspace),
     )
 
 
@@ -127,12 +120,6 @@ def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
             "axis_lower_deg and axis_upper_deg, or reduce axis_margin_deg."
         )
     return lower, upper
-
-
-def _check_workspace(request: PosePlanRequest, robot: Robot) -> None:
-    if request.workspace is not None:
-        for key in ("lower_deg", "upper_deg"):
-            _check_length(f"workspace.{key}", getattr(request.workspace, key), robot)
 
 
 def _check_length(key: str, values: tuple[float, ...], robot: Robot) -> None:
