@@ -4,8 +4,6 @@ The information of a result is the inverse of its stated covariance. It holds th
 identification once; so does that of every other result of the machine, and they count once:
 
     N = sum_k C_k^-1 - (K - 1) P^-1
-
-Of another ball-bar or plate than the request's nothing is known but its priors.
 """
 
 from __future__ import annotations
@@ -17,9 +15,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Parameter, parameter_table
+from cell.geometry import parameter_table
 from ident.corrections import correction_of_result
-from ident.corrections.base import GEAR, Correction
+from ident.corrections.base import Correction
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.unknowns import Unknowns, priors
@@ -43,9 +41,6 @@ class Known:
 
     results: tuple[Stated, ...]
     corrections: dict[str, tuple[str, ...]]  # names of the coefficients of each
-    of_ballbar: frozenset[str]  # unknowns of the ball-bar
-    ballbar: str  # names of the descriptions that the results were identified with
-    plate: str
     excess: ExcessNoise  # of the first result
 
     def corrections_with(self, cell: Cell, encoders: tuple[int, ...]) -> tuple[Correction, ...]:
@@ -64,11 +59,9 @@ class Known:
         identified = layout.sigma.copy()  # priors that the results hold already
         identified[:first] = priors(cell, table, layout.shared)
         out = np.diag(layout.sigma**-2.0)
-        unlike: set[str] = set() if cell.ballbar.name == self.ballbar else {*self.of_ballbar}
-        unlike |= set() if cell.plate.name == self.plate else {table.plate}
-        named = set(unlike)
+        named: set[str] = set()
         for k, result in enumerate(self.results):
-            own = [n for n in result.names if n in layout.names and n not in unlike]
+            own = [n for n in result.names if n in layout.names]
             at = np.array([layout.names.index(name) for name in own])
             stated = [result.names.index(name) for name in own]
             information = inverse(result.covariance[np.ix_(stated, stated)])
@@ -91,21 +84,9 @@ def _positive(information: Array, units: Array) -> Array:
 
 def known_of(machines: Sequence[Machine]) -> Known:
     """What some results of one robot, ball-bar and plate say of it."""
-    cell = machines[0].robot.cell
     corrections = [c for m in machines for c in m.robot.corrections]
-    table = parameter_table(cell.robot)
-    bar = {p.name for p in table.parameters if p.side == "bar"}
-    bar |= {
-        k.name
-        for c in corrections
-        for k in c.coefficients
-        if not isinstance(k.channel, Parameter) and k.channel < GEAR
-    }
     return Known(
         results=tuple(Stated(m.names, m.covariance) for m in machines),
         corrections={c.name: tuple(k.name for k in c.coefficients) for c in reversed(corrections)},
-        of_ballbar=frozenset(bar),
-        ballbar=cell.ballbar.name,
-        plate=cell.plate.name,
         excess=machines[0].excess,
     )

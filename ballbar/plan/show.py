@@ -17,19 +17,18 @@ from rich.markup import escape
 from rich.table import Table
 
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slope
+from ballbar.plan.known_results import known_from
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
-from ballbar.result.calibration import calibration_file, load_calibration
 from ballbar.terminal import animated, wide_console
 from ballbar.units import MM, UM, URAD
 from cell.errors import InputError
-from cell.files import claimed_folder, write_whole
-from cell.load import load_measured_cell, load_robot
+from cell.files import DESCRIPTIONS, claimed_folder, write_whole
 from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
 from planning.export import BALLBAR, TELESCOPING, program_files, without_program
 from planning.files import OUTPUTS, REQUEST, write_plan, write_request
-from planning.known import Known, known_of
+from planning.known import Known
 from planning.next_step import EVERY_ENCODER, ROD_SIGMA
 from planning.plan import COVERED_WITHIN, Plan, assess, known_path, plans
 from planning.questions import CHANGES, ENCODERS, Question, check_questions, question
@@ -78,43 +77,52 @@ def plan_path(
     request = load_request(file, overrides=overrides)
     questions = [question(text) for text in what_if]
     check_questions(request, questions)
-    known = known_from(after, request) if after else None
+    known = known_from(after, request, err) if after else None
     outputs = {*OUTPUTS, *program_files(request.name)}
     with claimed_folder(folder, outputs, "the plan"):
         if path:
             candidates = iter([given_path(request, path, position, known)])
         else:
             candidates = searched(request, file.parent, seconds, err, known)
-        violated = 0
+        plan, feasible = checked(candidates, out, err)
+        names = [*write_plan(plan, folder), REQUEST]
         write_request(file, folder, overrides=overrides)
-        for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
-            if attempt:
-                out.print(
-                    "[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]"
-                )
-            names = [*write_plan(plan, folder), REQUEST]
-            write_whole(folder / "plan.svg", plan_picture(plan))
-            say_plan(out, plan)
-            say_gain(out, plan)
-            if plan.forces is None:
-                out.print(
-                    "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
-                    "targets under its usual servo; the limits above hold for the nominal robot"
-                )
-                break
-            with status(err, "running it in MuJoCo on soft servo ..."):
-                results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
-            violated = sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
-            say_checks(out, results)
-            if not violated:
-                break
+        write_whole(folder / "plan.svg", plan_picture(plan))
+        for earlier in outputs - {*names, "plan.svg", DESCRIPTIONS}:  # of another plan
+            (folder / earlier).unlink(missing_ok=True)
         questions += instead(plan)
         if questions:
             names += answer(plan, questions, folder, out, err)
         if reason := without_program(plan.evaluator.cell.robot):
             out.print(escape(reason))
         out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
-    return violated == 0
+    return feasible
+
+
+def checked(candidates: Iterator[Plan], out: Console, err: Console) -> tuple[Plan, bool]:
+    """The first plan that keeps all limits in MuJoCo, or the last of ATTEMPTS; whether it does.
+
+    candidates : best first. Nothing is written before, so that Ctrl-C leaves no unchecked plan.
+    """
+    feasible = False
+    for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
+        if attempt:
+            out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
+        say_plan(out, plan)
+        say_gain(out, plan)
+        if plan.forces is None:
+            out.print(
+                "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
+                "targets under its usual servo; the limits above hold for the nominal robot"
+            )
+            return plan, True
+        with status(err, "running it in MuJoCo on soft servo ..."):
+            results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
+        say_checks(out, results)
+        feasible = not sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
+        if feasible:
+            break
+    return plan, feasible
 
 
 def searched(
@@ -302,15 +310,22 @@ def say_gain(out: Console, plan: Plan) -> None:
         return
     now, then = before * UM, float(np.median(plan.tcp)) * UM
     out.print(
-        f"TCP sigma without scale by the results so far {now:.1f} um rms, with this path "
+        f"TCP sigma, scale known, by the results so far {now:.1f} um rms, with this path "
         f"{then:.1f} um ({1.0 - then / now:.0%} less)"
     )
     if not worthwhile(plan):
-        out.print(
-            f"[yellow]this path lowers it by less than {WORTHWHILE:.0%}[/]; what would, if "
-            "anything, is below. Another seat of the ball-bar may: free its place in the request "
-            "(ballbar_region_m)"
-        )
+        out.print(f"[yellow]this path lowers it by less than {WORTHWHILE:.0%}[/]{_advice(plan)}")
+
+
+def _advice(plan: Plan) -> str:
+    """What may be done where a path hardly adds to the results before it."""
+    below = "; what would, if anything, is below" if instead(plan) else ""
+    if plan.request.cell.ballbar_position_m is None:
+        return below
+    return (
+        f"{below}. Another seat of the ball-bar may: free its place in the request "
+        "(ballbar_region_m)"
+    )
 
 
 def worthwhile(plan: Plan) -> bool:
@@ -331,40 +346,6 @@ def instead(plan: Plan) -> list[Question]:
         out.append(Question("rod_sigma", CHANGES["rod_sigma"].unit, (ROD_SIGMA,)))
     out.append(Question("duration", "s", (2.0 * plan.request.timing.duration_s,)))
     return out
-
-
-def known_from(results: Sequence[Path], request: PlanRequest) -> Known:
-    """What results say of the machine of a request.
-
-    Raises InputError for a result of still poses, of model dh with a ball-bar, of another robot
-    than the request's or without covariance, and for results of unlike robots, ball-bars or plates.
-    """
-    machines = []
-    for result in results:
-        file = calibration_file(result)
-        if not file.is_file():
-            raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
-        calibration = load_calibration(file)
-        content = calibration.file
-        cell = load_measured_cell(
-            content.robot, content.instrument, content.plate, relative_to=file.parent
-        )
-        if content.model == "dh" and cell.ballbar.stroke is None:
-            raise InputError(
-                f"{file}: is of model dh, and a path is predicted with the complete model, of "
-                "which it states no uncertainty. Identify the recordings with --model complete."
-            )
-        machines.append(calibration.machine(cell))
-        wanted = load_robot(request.cell.robot).title
-        first = machines[0].robot.cell
-        if cell.robot.title != wanted:
-            raise InputError(f"{file}: is of {cell.robot.title}, the request of {wanted}")
-        if (cell.ballbar.name, cell.plate.name) != (first.ballbar.name, first.plate.name):
-            raise InputError(
-                f"{file}: is of another ball-bar or plate than {calibration_file(results[0])}; "
-                "give results of the same ones"
-            )
-    return known_of(machines)
 
 
 def _expected(plan: Plan) -> str:

@@ -39,9 +39,6 @@ def knowing(plan: Plan, share: float) -> Known:
         corrections={
             c.name: tuple(k.name for k in c.coefficients) for c in typical.model.corrections
         },
-        of_ballbar=frozenset(),
-        ballbar="lund_600",
-        plate="plate_250",
         excess=ExcessNoise(1e-5, 2e-5, 1e-5, 1e-6),
     )
 

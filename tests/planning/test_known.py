@@ -55,9 +55,6 @@ def known_by(prediction: Prediction, results: int = 1) -> Known:
         corrections={
             c.name: tuple(k.name for k in c.coefficients) for c in prediction.model.corrections
         },
-        of_ballbar=frozenset({"bd3"}),
-        ballbar="lund_600",
-        plate="plate_250",
         excess=EXCESS,
     )
 
@@ -91,13 +88,6 @@ def test_two_results_hold_their_priors_once(cell: Cell, first: Prediction) -> No
     assert two[i, i] == pytest.approx(one[i, i], rel=1e-3)
     j = names.index("ra2")
     assert two[j, j] > 1.5 * one[j, j]
-
-
-def test_of_another_ballbar_only_the_robot_is_known(cell: Cell, first: Prediction) -> None:
-    normal, names = known_normal(cell, replace(known_by(first), ballbar="lund_1000"))
-    i = names.index("bd3")
-    assert normal[i, i] == pytest.approx(cell.ballbar.length_tolerance**-2.0)
-    assert normal[i, names.index("ra2")] == 0.0
 
 
 def test_a_measured_rod_adds_to_what_is_known(cell: Cell, first: Prediction) -> None:

@@ -1,0 +1,118 @@
+"""`ballbar plan --after`: results of the machine of a request, and whether they can be planned on.
+
+What `identify` would not combine with the new recording is refused: another robot, ball-bar or
+plate. So is a recording that stands in two results, whose information would count twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from ballbar.result.calibration import (
+    Calibration,
+    CalibrationFile,
+    RecordingEntry,
+    calibration_file,
+    load_calibration,
+)
+from ballbar.result.run_recordings import description_identity
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.errors import InputError
+from ident.verdict import Status
+from planning.known import Known, known_of
+from planning.request import PlanRequest
+
+# Of the noise of a log, which every fit of a recording states alike, up to rounding.
+SAME_NOISE = 1e-9
+
+
+def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> Known:
+    """What results say of the machine of a request; of a fit that is not good it is said.
+
+    Raises InputError for a result of still poses, of model dh with a ball-bar, without covariance,
+    or of another robot, ball-bar or plate than the request's, and for results that share a
+    recording.
+    """
+    files = [_existing(result) for result in results]
+    calibrations = [load_calibration(file) for file in files]
+    machines = []
+    for file, calibration in zip(files, calibrations, strict=True):
+        cell = calibration.cell()
+        _check_complete(file, calibration.file, cell)
+        _check_same_cell(file, calibration.file, request)
+        machines.append(calibration.machine(cell))
+    _check_shared_recordings(files, calibrations)
+    for file, calibration in zip(files, calibrations, strict=True):
+        if (status := calibration.file.fit.status) != Status.GOOD:
+            err.print(
+                f"[yellow]warning:[/] {escape(str(file))}: its fit is called {escape(status)!r}; "
+                "what is foretold after it is no surer than its report"
+            )
+    return known_of(machines)
+
+
+def _existing(result: Path) -> Path:
+    file = calibration_file(result)
+    if not file.is_file():
+        raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
+    return file
+
+
+def _check_complete(file: Path, content: CalibrationFile, cell: Cell) -> None:
+    if content.model == "dh" and cell.ballbar.stroke is None:
+        raise InputError(
+            f"{file}: is of model dh, and a path is predicted with the complete model, of "
+            "which it states no uncertainty. Identify the recordings with --model complete."
+        )
+
+
+def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest) -> None:
+    """Own descriptions are compared by their content, as `identify` does."""
+    wanted = request.cell
+    pairs = [
+        ("robot", content.robot, wanted.robot),
+        *(("ball-bar", content.instrument, rod) for rod in wanted.rods),
+        ("plate", content.plate, wanted.plate),
+    ]
+    for what, name, here in pairs:
+        if description_identity(name, file.parent) != description_identity(here, Path()):
+            raise InputError(
+                f"{file}: is of {what} {name}, the request of {here}"
+                f"{', whose content differs' * (Path(name).name == Path(here).name)}. "
+                "Recordings that belong together must be of the same robot, ball-bar and plate."
+            )
+
+
+def _check_shared_recordings(files: Sequence[Path], calibrations: Sequence[Calibration]) -> None:
+    entries = [
+        (file, recording)
+        for file, calibration in zip(files, calibrations, strict=True)
+        for recording in calibration.file.recordings
+    ]
+    for k, (file, recording) in enumerate(entries):
+        for before, other in entries[:k]:
+            if _is_same(recording, other):
+                raise InputError(
+                    f"{file}: holds recording {recording.name}, which {before} holds too, so it "
+                    "would count twice. Leave one of them out: a joint result holds all that its "
+                    "recordings say."
+                )
+
+
+def _is_same(one: RecordingEntry, other: RecordingEntry) -> bool:
+    """Whether two results are of one recording: folders may have any name, noise is its own."""
+    noise, known = _noise(one), _noise(other)
+    if noise.shape != known.shape or not noise.any():
+        return False
+    return np.allclose(noise, known, rtol=SAME_NOISE, atol=0.0)
+
+
+def _noise(entry: RecordingEntry) -> Array:
+    noise = entry.noise
+    return np.array([*noise.joint_rad, *noise.encoder_rad.values(), noise.length_m or 0.0])
