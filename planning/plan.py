@@ -156,7 +156,7 @@ def plans(
                 hints=hints(request, relative_to),
                 show=show,
             )
-            best = ranked(progress.incumbents, pool)
+            best = ranked(progress.incumbents, pool) or best  # none yet where Ctrl-C came at once
     took = since()
     for start in best:
         candidate = rounded(space_of(request).candidate(start.genome))

@@ -79,6 +79,7 @@ def plan(
     """
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.show import default_folder, parse_position, plan_path
+    from cell.errors import InputError
     from planning.poses.request import holds_pose_request
 
     changes = overrides or ()
@@ -87,6 +88,11 @@ def plan(
             {"--path": path, "--position": position, "--what-if": what_if, "--after": after}
         )
         raise typer.Exit(_plan_poses(request, out_dir, seconds, changes, as_json=as_json))
+    if position is not None and path is None:
+        raise InputError(
+            "--position belongs to --path. For a search, set cell.ballbar_position_m or "
+            "cell.ballbar_region_m of the request, here with --set."
+        )
     base = None if position is None else parse_position(position)
     folder = out_dir or default_folder(request, changes)
     if as_json:

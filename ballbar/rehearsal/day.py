@@ -300,14 +300,17 @@ def _planned(day: _Day) -> Scenario:
         out=said,
         err=said,
     )
-    predicted = load_yaml(plan / "plan.yaml").data["tcp_sigma_m"]
+    planned = load_yaml(plan / "plan.yaml").data
+    if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on
+        raise KeyboardInterrupt
+    predicted = planned["tcp_sigma_m"]
     before, then = predicted["by_results_before"], predicted["rms_median_robot"]
     path = load_model(plan / "path.yaml", LissajousFile)
     position = path.ballbar_position_m
     assert position is not None  # a plan states it
     seat = ", ".join(f"{v:.3f}" for v in position)
     sentence = (
-        f"seat ({seat}) m, stated without scale {_mm(before)} by the first result, {_mm(then)} "
+        f"seat ({seat}) m; scale known, {_mm(before)} by the first result, {_mm(then)} "
         f"foretold with the path{'' if feasible else '; a limit is violated in MuJoCo'}"
     )
     figures = {"tcp_sigma_m": predicted, "seat_m": list(position), "feasible": feasible}

@@ -26,6 +26,7 @@ from ballbar.watch.state import Alarm
 from cell.arrays import Array
 from cell.egm_file import FILE_START, frame
 from cell.errors import FailureError, InputError
+from cell.files import write_yaml
 from cell.load import load_robot
 from ident.robot.inverse_calibration import TargetError
 from planning.request import PlanRequest
@@ -154,6 +155,29 @@ def test_a_rehearsal_that_breaks_off_leaves_what_was_there(
         )
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     assert (out / "rehearsal.json").read_text() == "{}"
+
+
+def test_ctrl_c_while_the_day_plans_ends_the_day(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`plan` keeps its best path; the day went on with it for 41 s and ended with 0."""
+
+    def stopped(*_: object, folder: Path, **__: object) -> bool:
+        write_yaml(folder / "plan.yaml", {"search": {"stopped": True}, "tcp_sigma_m": {}})
+        return True
+
+    monkeypatch.setattr(day, "plan_path", stopped)
+    under_way = day._Day(
+        scenario=load_scenario(IRB),
+        file=scenario_file(IRB),
+        folder=tmp_path,
+        speed=10.0,
+        command="",
+        show=print,
+        progress=print,
+    )
+    with pytest.raises(KeyboardInterrupt):
+        day._planned(under_way)
 
 
 def test_targets_of_the_day_are_those_that_no_check_refuses(

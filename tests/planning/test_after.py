@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -13,7 +16,7 @@ from planning.evaluation import evaluators, tcp_rms, tcp_rms_before
 from planning.known import Known, Stated
 from planning.plan import Plan
 from planning.questions import ENCODERS
-from planning.request import PlanCell, PlanRequest
+from planning.request import PlanCell, PlanRequest, Region
 from tests.helpers.simulated_recordings import SCENARIOS
 
 POSITION = (0.897, -0.195, 0.486)  # as in scenarios/irb2400_planned.yaml
@@ -73,3 +76,32 @@ def test_where_a_path_brings_nothing_other_means_are_asked_for(plan: Plan) -> No
     assert not worthwhile(after)
     assert "less than 10%" in told(after)
     assert [q.key for q in instead(after)] == [ENCODERS, "rod_sigma", "duration"]
+
+
+def prediction(*, telescoping: bool, place_free: bool) -> Plan:
+    """A path that lowers 10.0 um to 9.9, as far as its sentence needs it."""
+    cell = PlanCell(
+        robot="irb2400",
+        ballbar=None if telescoping else "lund_600",
+        instrument="qc20w_300" if telescoping else None,
+        ballbar_position_m=None if place_free else POSITION,
+        ballbar_region_m=Region(lower=POSITION, upper=POSITION) if place_free else None,
+    )
+    requested = PlanRequest(schema="ballbar-plan/1", name="test", cell=cell)
+    bar = SimpleNamespace(length_tolerance=1e-5)
+    evaluator = SimpleNamespace(cell=SimpleNamespace(ballbar=bar))
+    plan: Any = SimpleNamespace(
+        tcp_before=1e-5, tcp=np.array([9.9e-6]), request=requested, evaluator=evaluator
+    )
+    return cast("Plan", plan)
+
+
+@pytest.mark.parametrize("place_free", [True, False])
+@pytest.mark.parametrize("telescoping", [True, False])
+def test_only_what_follows_or_can_be_done_is_advised(telescoping: bool, place_free: bool) -> None:
+    """Of a telescoping bar nothing else is predicted, and its place was free already."""
+    sentence = told(prediction(telescoping=telescoping, place_free=place_free))
+    assert "scale known, by the results so far 10.0 um rms, with this path 9.9 um" in sentence
+    assert "by less than 10%" in sentence
+    assert ("is below" in sentence) == (not telescoping)
+    assert ("ballbar_region_m" in sentence) == (not place_free)
