@@ -20,9 +20,12 @@ def main() -> None:
     for name in ONE_THREAD:  # before the libraries load
         os.environ.setdefault(name, "1")
     before = signal.signal(signal.SIGINT, _exit_at_once)
+    signal.signal(signal.SIGTERM, _exit_at_once)
     from ballbar.commands.cli import main as run  # noqa: PLC0415
 
     signal.signal(signal.SIGINT, before)
+    # The end of a batch job or container counts as Ctrl-C: what is under way is put away first.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         run()
     except SystemExit as leaving:
@@ -44,7 +47,7 @@ def _leave(code: int) -> None:
 
 
 def _exit_at_once(*_: object) -> None:
-    """Ctrl-C while libraries load: nothing is open yet, and some make another error of it."""
+    """Ctrl-C, SIGTERM while libraries load: nothing is open, and some make another error of it."""
     sys.stderr.write("interrupted before it began\n")
     sys.stderr.flush()
     os._exit(130)

@@ -24,7 +24,7 @@ from rich.segment import Segment
 from cell.foreign_text import printable
 
 FAULT = 3  # exit code after a fault of the program, or with too little memory
-INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+INTERRUPTED = 130  # exit code after Ctrl-C or SIGTERM, as shells have it of the former
 
 
 class PlainConsole(Console):
@@ -54,7 +54,7 @@ _detail = _Detail()
 
 
 def say_interrupted() -> None:
-    """Prints that Ctrl-C ended a command."""
+    """Prints that Ctrl-C or SIGTERM ended a command."""
     err.print("interrupted; no incomplete file was left behind")
 
 

@@ -1,7 +1,7 @@
 """The command line.
 
 Exit codes: 0 done, 1 the result is not acceptable, 2 bad input, 3 a fault of the program or too
-little memory, 130 interrupted by Ctrl-C.
+little memory, 130 interrupted by Ctrl-C or SIGTERM.
 """
 
 from __future__ import annotations

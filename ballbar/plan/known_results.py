@@ -105,9 +105,9 @@ def _check_shared_recordings(files: Sequence[Path], calibrations: Sequence[Calib
                 )
 
 
-def _is_same(one: RecordingEntry, other: RecordingEntry) -> bool:
+def _is_same(recording: RecordingEntry, other: RecordingEntry) -> bool:
     """Whether two results are of one recording: folders may have any name, noise is its own."""
-    noise, known = _noise(one), _noise(other)
+    noise, known = _noise(recording), _noise(other)
     if noise.shape != known.shape or not noise.any():
         return False
     return np.allclose(noise, known, rtol=SAME_NOISE, atol=0.0)

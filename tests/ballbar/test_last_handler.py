@@ -67,7 +67,8 @@ def test_an_error_that_ctrl_c_became_is_an_interruption(monkeypatch: pytest.Monk
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_ctrl_c_while_libraries_load_gives_no_traceback() -> None:
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_ctrl_c_while_libraries_load_gives_no_traceback(number: str) -> None:
     """In the first 1.4 s it gave one."""
     program = (
         "import builtins, os, signal\n"
@@ -75,7 +76,7 @@ def test_ctrl_c_while_libraries_load_gives_no_traceback() -> None:
         "real = builtins.__import__\n"
         "def load(name, *rest, **more):\n"
         "    if name == 'ballbar.commands.cli':\n"
-        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        f"        os.kill(os.getpid(), signal.{number})\n"
         "    return real(name, *rest, **more)\n"
         "builtins.__import__ = load\n"
         "command.main()\n"

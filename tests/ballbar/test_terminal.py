@@ -137,9 +137,11 @@ def test_colours_are_for_a_terminal_unless_they_are_forced(
     assert ESCAPE in forced.stdout
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
-    scenario: Path, tmp_path: Path
+    scenario: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
+    """So does the end of a batch job, which left the folder under way for ever."""
     command = [
         sys.executable,
         "-c",
@@ -156,7 +158,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
         assert running.stderr is not None
         while "fitting" not in running.stderr.readline():
             assert running.poll() is None
-        running.send_signal(signal.SIGINT)
+        running.send_signal(number)
         said, told = running.communicate(timeout=60.0)
     assert running.returncode == 130
     assert said == ""
