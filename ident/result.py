@@ -88,6 +88,10 @@ class RobotEstimate:
     corrections: tuple[CorrectionEstimate, ...]
     tcp: TcpUncertainty  # stated, over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
+    # [m] parts of the root mean square of `tcp.without_scale`: what the data would leave were their
+    # residuals white, and by how much it is more; the rest is what priors and masses leave
+    tcp_white: float
+    tcp_widened: float
     tool: ToolCovariance  # of what moves the unloaded tool
     lower: Array  # (J,) [rad] least angle of each joint over the fitted samples
     upper: Array  # (J,) [rad]
