@@ -297,15 +297,12 @@ class CovarianceEntry(Strict):
                 f"{RESTORE}",
             )
         scale = np.sqrt(np.where(exact, 1.0, np.diag(values)))
-        correlation = values / np.outer(scale, scale)
-        try:
-            np.linalg.cholesky(correlation + ROUNDING * np.eye(len(values)))
-        except np.linalg.LinAlgError:
+        if not _is_positive(values / np.outer(scale, scale) + ROUNDING * np.eye(len(values))):
             raise wrong_key(
                 "lower",
                 message="these numbers are no covariance: some combination of the unknowns would "
                 f"have a negative variance. {RESTORE}",
-            ) from None
+            )
         return self
 
     @cached_property
@@ -315,6 +312,20 @@ class CovarianceEntry(Strict):
             values[k, : k + 1] = values[: k + 1, k] = _numbers_of_row(k, row)
         masses = np.array(self.masses) if self.masses else np.zeros((0, 0))
         return ToolCovariance(self.names, masses, values, self.held)
+
+
+def _is_positive(matrix: Array) -> bool:
+    """Whether a symmetric matrix is positive definite: whether elimination keeps its pivots so.
+
+    Without BLAS: its second thread waits half a second where all cores are busy (cell.threads).
+    """
+    left = matrix.copy()
+    for k in range(len(left)):
+        if left[k, k] <= 0.0:
+            return False
+        column = left[k + 1 :, k]
+        left[k + 1 :, k + 1 :] -= column[:, None] * (column / left[k, k])
+    return True
 
 
 def _numbers_of_row(k: int, row: str) -> list[float]:
