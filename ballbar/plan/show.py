@@ -23,7 +23,7 @@ from ballbar.terminal import animated, wide_console
 from ballbar.units import MM, UM, URAD
 from cell.errors import InputError
 from cell.files import claimed_folder, write_whole
-from cell.load import load_measured_cell, load_robot
+from cell.load import load_robot
 from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
@@ -346,9 +346,7 @@ def known_from(results: Sequence[Path], request: PlanRequest) -> Known:
             raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
         calibration = load_calibration(file)
         content = calibration.file
-        cell = load_measured_cell(
-            content.robot, content.instrument, content.plate, relative_to=file.parent
-        )
+        cell = calibration.cell()
         if content.model == "dh" and cell.ballbar.stroke is None:
             raise InputError(
                 f"{file}: is of model dh, and a path is predicted with the complete model, of "
