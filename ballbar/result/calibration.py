@@ -315,16 +315,11 @@ class CovarianceEntry(Strict):
 
 
 def _is_positive(matrix: Array) -> bool:
-    """Whether a symmetric matrix is positive definite: whether elimination keeps its pivots so.
-
-    Without BLAS: its second thread waits half a second where all cores are busy (cell.threads).
-    """
-    left = matrix.copy()
-    for k in range(len(left)):
-        if left[k, k] <= 0.0:
-            return False
-        column = left[k + 1 :, k]
-        left[k + 1 :, k + 1 :] -= column[:, None] * (column / left[k, k])
+    """Whether a symmetric matrix is positive definite."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
     return True
 
 
