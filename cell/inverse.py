@@ -75,6 +75,8 @@ def refine(
     Jacobian on the way is singular.
     """
     q = q.copy()
+    if not q.size:
+        return q
     target_rotation, target_tip = poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T
     for _ in range(iterations):
         frames = forward(chain, q)

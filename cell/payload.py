@@ -8,7 +8,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Link
+from cell.errors import InputError
 
+FARTHEST = 5.0  # [m] of a payload's centre from the flange: longer than any tool; 10 mm exceed it
 TOOL = 4  # deviations of the tool: mass [kg] and first moment [kg m] in the flange's frame
 
 
@@ -21,8 +23,8 @@ class LinkDeviation:
 
 
 @dataclass(frozen=True, eq=False)
-class Payload:
-    """The tool that the flange carries, plate and all, and the arm beside its file."""
+class Masses:
+    """Masses of tool and arm as they are computed; that of a light tool may be below 0."""
 
     mass: float  # [kg]
     com: Array  # (3,) [m] centre of mass, robot flange frame
@@ -30,7 +32,31 @@ class Payload:
     links: tuple[LinkDeviation, ...] = ()  # of links 1 to J beside that; none for exact ones
 
 
-def with_payload(cell: Cell, payload: Payload) -> Cell:
+@dataclass(frozen=True, eq=False)
+class Payload(Masses):
+    """The tool that the flange carries, plate and all, and the arm beside its file.
+
+    Raises InputError for a mass or a centre that no tool has.
+    """
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass >= 0.0):
+            raise InputError(f"payload: mass {self.mass:g} kg: expected a finite mass, 0 or more")
+        com = np.asarray(self.com, dtype=np.float64)
+        shown = np.array2string(com, separator=", ", formatter={"float_kind": "{:g}".format})
+        if com.shape != (3,) or not np.isfinite(com).all():
+            raise InputError(
+                f"payload: centre of mass {shown}: expected three finite numbers, x, y and z [m] "
+                "in the robot's flange frame"
+            )
+        if (distance := float(np.linalg.norm(com))) > FARTHEST:
+            raise InputError(
+                f"payload: centre of mass {shown} m is {distance:g} m from the flange, expected "
+                f"at most {FARTHEST:g} m. Lengths are metres: 100 mm are 0.1"
+            )
+
+
+def with_payload(cell: Cell, payload: Masses) -> Cell:
     """The cell with these masses; the tool keeps the inertia of the plate about its own centre."""
     body = Link(payload.mass, payload.com, cell.plate.body.inertia)
     base, *links = cell.robot.required("links")
@@ -52,14 +78,15 @@ def with_deviations(cell: Cell, deviations: Array) -> Cell:
     return with_payload(cell, payload_of(cell, deviations))
 
 
-def payload_of(cell: Cell, deviations: Array, arm: float = 1.0) -> Payload:
+def payload_of(cell: Cell, deviations: Array, arm: float = 1.0) -> Masses:
     """The masses of a cell with such deviations, and all links times `arm` beside."""
     body, tool = cell.plate.body, deviations[:TOOL]
     mass = body.mass + float(tool[0])
+    moment = body.mass * body.com + tool[1:]
     rows = deviations[TOOL:].reshape(-1, 4)
-    return Payload(
+    return Masses(
         mass,
-        (body.mass * body.com + tool[1:]) / mass,
+        moment / mass if mass else body.com,  # an empty flange has no moment either
         arm,
         tuple(LinkDeviation(1.0 + float(row[0]), row[1:]) for row in rows),
     )

@@ -61,7 +61,7 @@ from ident.result import (
     RobotEstimate,
 )
 from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, tcp_uncertainty
+from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, part_without_scale, tcp_uncertainty
 from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
@@ -368,6 +368,7 @@ def _robot(
     machine = np.concatenate((shared, *positions)).astype(np.intp)
     at_prior = [layout.names[i] for i in shared if not known[i]]
     whole = _stated_covariance(cell, fit, stated, deviated)
+    tcp, white, widened = _tcp_uncertainty(cell, fit, stated, whole, deviated)
     angles = np.concatenate([e.samples.joint_angles(e.robot_time) for e in fit.linear.evaluations])
     return RobotEstimate(
         cell=cell,
@@ -399,7 +400,9 @@ def _robot(
             )
             for c, position in zip(corrections, positions, strict=True)
         ),
-        tcp=_tcp_uncertainty(cell, fit, whole, deviated),
+        tcp=tcp,
+        tcp_white=white,
+        tcp_widened=widened,
         dropped=_dropped(cell, first, fit, at_prior),
         tool=_tool_covariance(cell, machine, fit, whole, deviated),
         lower=angles.min(axis=0),
@@ -487,19 +490,23 @@ def _stated_covariance(
 
 
 def _tcp_uncertainty(
-    cell: Cell, fit: Fit, whole: _StatedCovariance, deviated: Sequence[Cell]
-) -> TcpUncertainty:
-    """Of the unloaded robot's tool over the accuracy grid."""
+    cell: Cell, fit: Fit, stated: Uncertainty, whole: _StatedCovariance, deviated: Sequence[Cell]
+) -> tuple[TcpUncertainty, float, float]:
+    """Of the unloaded robot's tool over the accuracy grid, and the parts by the data."""
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
     robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
-    moves = robot.jacobian(grid, layout.shared)
+    moves = own = robot.jacobian(grid, layout.shared)
     if whole.held.size:
         rigid = UnloadedRobot(cell, fit.geometry())
         moves = np.concatenate((moves, rigid.jacobian(robot.joints(grid), whole.held)))
     if deviated:
         moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
-    return tcp_uncertainty(robot.tool(grid), moves, whole.values, whole.names)
+    tool, machine = robot.tool(grid), np.ix_(layout.machine, layout.machine)
+    white, widened = (
+        part_without_scale(tool, own, part[machine]) for part in (stated.white, stated.widened)
+    )
+    return tcp_uncertainty(tool, moves, whole.values, whole.names), white, widened
 
 
 def _bordered(covariance: Array, cross: Array, own: Array) -> Array:

@@ -17,7 +17,7 @@ from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.statistics import rms
-from ident.corrections import correction_of_result
+from ident.corrections import as_in_result, correction_of_result
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.loads.payload import PayloadEstimate
@@ -88,6 +88,10 @@ class RobotEstimate:
     corrections: tuple[CorrectionEstimate, ...]
     tcp: TcpUncertainty  # stated, over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
+    # [m] parts of the root mean square of `tcp.without_scale`: what the data would leave were their
+    # residuals white, and by how much it is more; the rest is what priors and masses leave
+    tcp_white: float
+    tcp_widened: float
     tool: ToolCovariance  # of what moves the unloaded tool
     lower: Array  # (J,) [rad] least angle of each joint over the fitted samples
     upper: Array  # (J,) [rad]
@@ -110,10 +114,14 @@ def unloaded_robot(
     encoders: tuple[int, ...],
     corrections: Sequence[CorrectionEstimate],
 ) -> UnloadedRobot:
-    """A robot with the identified corrections; encoders : of the ball-bar that found them."""
+    """A robot with the identified corrections; encoders : of the ball-bar that found them.
+
+    Raises InputError for a correction whose coefficients are not those that this cell has.
+    """
+    named = ((c.name, [k.name for k in c.coefficients]) for c in corrections)
     made = tuple(
-        correction_of_result(c.name, [k.name for k in c.coefficients], cell, encoders)
-        for c in corrections
+        as_in_result(correction_of_result(name, own, cell, encoders), own, cell.robot)
+        for name, own in named
     )
     values = np.array([c.value for correction in corrections for c in correction.coefficients])
     return UnloadedRobot(cell, geometry, made, values)

@@ -39,7 +39,7 @@ SHORTEST = 50
 # Of stamps that show by themselves that they are coarse: the step as a share of the rows' distance,
 # the share of distances that are one of two, how often the rarer comes at least, and how many of
 # these may end a line. Where rows are lost at random every second or third ends one.
-COARSE, TWO, FEW, ENDING = 0.01, 0.95, 10, 0.2
+COARSE, TWO, FEW, ENDING = 0.01, 0.95, 20, 0.2
 BETWEEN = 0.3  # steps: further from all of them lies no stamp of a clock that shows its steps
 _FLAT = 1e-9  # steps
 

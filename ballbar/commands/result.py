@@ -132,13 +132,9 @@ def _compare_poses(calibration: Path, reference: Path, *, as_json: bool) -> None
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
     from ballbar.result.calibration import load_calibration
     from ballbar.result.compare import compare, compare_with_truth
-    from cell.load import load_measured_cell
     from sim.truth import load_truth
 
-    file = model.file
-    cell = load_measured_cell(
-        file.robot, file.instrument, file.plate, relative_to=calibration.parent
-    )
+    file, cell = model.file, model.cell()
     identified = list(file.identified)
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)

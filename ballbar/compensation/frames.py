@@ -84,7 +84,7 @@ def angles_near(pose: Array, previous: Sequence[float]) -> Array:
 
 
 def payload_of(kilograms: float, centre_mm: Sequence[float]) -> Payload:
-    """A payload with its centre in the flange's frame."""
+    """A payload with its centre in the flange's frame. Raises InputError where none is so."""
     return Payload(kilograms, MM * np.array(centre_mm, dtype=np.float64))
 
 
@@ -105,9 +105,10 @@ def _frame(option: str, values: str) -> Array:
 
 def _payload(values: str) -> Payload:
     kilograms, *centre = _numbers("--payload", values, (1, 4), "KG or KG,X,Y,Z")
-    if kilograms < 0.0:
-        raise InputError(f"--payload {values}: a mass is not negative")
-    return payload_of(kilograms, centre or (0.0, 0.0, 0.0))
+    try:
+        return payload_of(kilograms, centre or (0.0, 0.0, 0.0))
+    except InputError as error:
+        raise InputError(f"--payload {values}: {error}") from None
 
 
 def _numbers(option: str, values: str, counts: tuple[int, ...], form: str) -> list[float]:

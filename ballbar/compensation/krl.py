@@ -50,6 +50,7 @@ from ballbar.compensation.program_text import (
     tokens_of,
 )
 from cell.arrays import Array
+from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.payload import Payload
 
@@ -685,4 +686,7 @@ def _load(reader: Reader, fields: Callable[[Reader, str], dict[str, Number]]) ->
         reader.take(",")
     if mass is None or mass < 0.0:
         raise ProgramError(reader.tokens[0].line, f"{what}: expected a mass M")
-    return payload_of(mass, centre)
+    try:
+        return payload_of(mass, centre)
+    except InputError as error:
+        raise ProgramError(reader.tokens[0].line, f"{what}: {error}") from None

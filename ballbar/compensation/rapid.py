@@ -34,6 +34,7 @@ from ballbar.compensation.program_text import (
     tokens_of,
 )
 from cell.arrays import Array
+from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.payload import Payload
 
@@ -335,7 +336,10 @@ class _Module:
         if held != "true":
             raise ProgramError(data.line, f"tool {name} is stationary, which is not reckoned with")
         values = _numbers(load, 4, f"load of {name}", data.line)
-        declared = payload_of(values[0], values[1:4]) if values[0] >= 0.0 else None
+        try:
+            declared = payload_of(values[0], values[1:4]) if values[0] >= 0.0 else None
+        except InputError as error:
+            raise ProgramError(data.line, f"load of {name}: {error}") from None
         return _pose(frame, name, data.line), stated or declared
 
     def _not_given(self, name: str, move: Token, stated: Mapping[str, object]) -> None:

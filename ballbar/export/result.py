@@ -27,7 +27,6 @@ from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.geometry import Parameter, nominal_chain, parameter_table
-from cell.load import load_measured_cell
 from ident.poses.closure import Placement
 
 EFFECTS = {
@@ -220,9 +219,7 @@ def load_result(path: Path) -> AnyResult:
     if holds_pose_result(file):
         return PoseResult(file, digest, load_pose_calibration(file))
     calibration = load_calibration(file)
-    names = calibration.file
-    cell = load_measured_cell(names.robot, names.instrument, names.plate, relative_to=file.parent)
-    return Result(file, digest, calibration, cell)
+    return Result(file, digest, calibration, calibration.cell())
 
 
 def parameter_note(result: AnyResult, parameter: Parameter) -> str:

@@ -6,13 +6,15 @@ also when there is only one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import FittedRecording, RunData
@@ -20,12 +22,14 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, InputError
 from cell.files import copied_description, write_yaml
-from cell.geometry import Geometry, table_of_names
+from cell.geometry import Geometry, ParameterTable, parameter_named, parameter_table, table_of_names
 from cell.load import load_measured_cell
-from cell.payload import LinkDeviation, Payload, with_payload
-from cell.schema import Strict
+from cell.payload import TOOL, LinkDeviation, Payload, with_payload
+from cell.schema import LARGEST_OTHER, Strict
+from cell.schema_errors import Loc, nearest, wrong_key
 from cell.statistics import rms
 from cell.strict_yaml import check_schema, load_yaml, parse_model
+from ident.corrections import OF_MACHINE
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut, LoopClosure
@@ -50,7 +54,21 @@ SCHEMA = "ballbar-calibration/2"
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 ParameterValue = Annotated[float, Field(ge=-1e3, le=1e3)]  # [m] or [rad]
+EncoderName = Annotated[str, Field(pattern=r"^b[1-5]$")]
 POSES = "poses"  # `model` of a result of still poses
+# Least eigenvalue of a correlation that rounding may leave negative; -1e-15 is seen where a
+# covariance has lost a direction.
+ROUNDING = 1e-6
+RESTORE = "Restore the file as it was written, or identify again"
+
+
+def _kept_in_results(name: str) -> str:
+    if name not in OF_MACHINE:
+        raise ValueError(f"no correction of results.{nearest(name, OF_MACHINE, noun='name')}")
+    return name
+
+
+CorrectionName = Annotated[str, AfterValidator(_kept_in_results)]
 
 
 class ParameterEntry(Strict):
@@ -75,7 +93,7 @@ class NoiseEntry(Strict):
     """Standard deviations of one logged row."""
 
     joint_rad: tuple[NotNegative, ...]
-    encoder_rad: dict[str, NotNegative]
+    encoder_rad: dict[EncoderName, NotNegative]
     length_m: NotNegative | None = None  # of a sensed length
 
 
@@ -138,7 +156,7 @@ class RecordingEntry(Strict):
     """What one recording has of its own."""
 
     name: str  # of its folder
-    encoder_directions: dict[str, Literal[-1, 1]]  # against the declared ones
+    encoder_directions: dict[EncoderName, Literal[-1, 1]]  # against the declared ones
     clock: ClockEntry | None = None
     parameters: dict[str, ParameterEntry]  # encoder offsets and base pose
     noise: NoiseEntry
@@ -225,6 +243,11 @@ class MassesEntry(Strict):
     arm_scale_sigma: Positive
     links: tuple[LinkMassEntry, ...] = ()  # of links 1 to J beside that
 
+    @model_validator(mode="after")
+    def _is_payload(self) -> MassesEntry:
+        _ = self.payload  # which refuses masses that no tool has
+        return self
+
     @property
     def payload(self) -> Payload:
         links = tuple(LinkDeviation(link.scale, np.array(link.shift_m)) for link in self.links)
@@ -236,6 +259,12 @@ class RangeEntry(Strict):
 
     lower_rad: float
     upper_rad: float
+
+    @model_validator(mode="after")
+    def _is_not_reversed(self) -> RangeEntry:
+        if self.lower_rad > self.upper_rad:
+            raise wrong_key("lower_rad", message=f"expected at most upper_rad, {self.upper_rad:g}")
+        return self
 
 
 class CovarianceEntry(Strict):
@@ -249,20 +278,65 @@ class CovarianceEntry(Strict):
     lower: tuple[str, ...]  # rows of the lower triangle: names, held, directions of masses
 
     @model_validator(mode="after")
-    def _is_triangle(self) -> CovarianceEntry:
-        sizes = [len(row.split()) for row in self.lower]
-        count = len(self.names) + len(self.held) + len(self.masses)
-        if sizes != list(range(1, count + 1)):
-            raise ValueError("lower: expected a row for each name and each direction of masses")
+    def _is_covariance(self) -> CovarianceEntry:
+        unknowns = (*self.names, *self.held, *(f"mass {k + 1}" for k in range(len(self.masses))))
+        if len(self.lower) != len(unknowns):
+            raise wrong_key(
+                "lower",
+                message=f"expected {len(unknowns)} rows, one for each of names, held and masses, "
+                f"found {len(self.lower)}. {RESTORE}",
+            )
+        values = self.covariance.values
+        # of what the fit took as exact the files may say that it is
+        exact = ~values.any(axis=1) & np.isin(unknowns, self.held)
+        for k in np.flatnonzero((np.diag(values) <= 0.0) & ~exact):
+            raise wrong_key(
+                "lower",
+                int(k),
+                message=f"expected a variance of {unknowns[k]} above 0 as the last number. "
+                f"{RESTORE}",
+            )
+        scale = np.sqrt(np.where(exact, 1.0, np.diag(values)))
+        if not _is_positive(values / np.outer(scale, scale) + ROUNDING * np.eye(len(values))):
+            raise wrong_key(
+                "lower",
+                message="these numbers are no covariance: some combination of the unknowns would "
+                f"have a negative variance. {RESTORE}",
+            )
         return self
 
-    @property
+    @cached_property
     def covariance(self) -> ToolCovariance:
         values = np.zeros((len(self.lower), len(self.lower)))
         for k, row in enumerate(self.lower):
-            values[k, : k + 1] = values[: k + 1, k] = [float(text) for text in row.split()]
+            values[k, : k + 1] = values[: k + 1, k] = _numbers_of_row(k, row)
         masses = np.array(self.masses) if self.masses else np.zeros((0, 0))
         return ToolCovariance(self.names, masses, values, self.held)
+
+
+def _is_positive(matrix: Array) -> bool:
+    """Whether a symmetric matrix is positive definite."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _numbers_of_row(k: int, row: str) -> list[float]:
+    """The numbers of row k, from 0, of a lower triangle."""
+    try:
+        numbers = list(map(float, row.split()))
+        extremes = (min(numbers), max(numbers), sum(numbers))  # the sum of a NaN is one
+    except ValueError:  # also of an empty row
+        numbers, extremes = [], (0.0, 0.0, 0.0)
+    if len(numbers) != k + 1 or not all(abs(number) <= LARGEST_OTHER for number in extremes):
+        raise wrong_key(
+            "lower",
+            k,
+            message=f"expected numbers, {k + 1} finite ones with spaces between. {RESTORE}",
+        )
+    return numbers
 
 
 class CalibrationFile(Strict):
@@ -277,13 +351,64 @@ class CalibrationFile(Strict):
     model: Literal["dh", "complete"]
     parameters: dict[str, ParameterEntry]  # of robot and instrument
     dropped: tuple[DroppedEntry, ...] = ()
-    corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
+    corrections: dict[CorrectionName, dict[str, CoefficientEntry]] = Field(default_factory=dict)
     masses: MassesEntry | None = None  # absent where those of the files were used
     ranges: tuple[RangeEntry, ...] = ()  # of the joints; older files do not state them
     covariance: CovarianceEntry | None = None  # likewise
     recordings: Annotated[tuple[RecordingEntry, ...], Field(min_length=1)]
     fit: FitEntry
     held_out: tuple[HeldOutEntry, ...] = ()
+
+    @model_validator(mode="after")
+    def _is_of_one_mechanism(self) -> CalibrationFile:
+        """Parameters, ranges, masses and covariance are of the same joints and unknowns."""
+        _check_names(("parameters",), self.parameters, lambda name: not belongs_to_recording(name))
+        table = table_of_names(self.parameters)
+        _check_complete(("parameters",), self.parameters, shared_names(table))
+        own = [name for name in table.names if belongs_to_recording(name)]
+        for k, recording in enumerate(self.recordings):
+            place = ("recordings", k, "parameters")
+            _check_names(place, recording.parameters, belongs_to_recording)
+            _check_complete(place, recording.parameters, own)
+        counts: dict[Loc, int] = {("ranges",): len(self.ranges)}
+        if self.masses is not None:
+            counts["masses", "links"] = len(self.masses.links)
+        for loc, count in counts.items():
+            if count not in (0, table.joints):
+                raise wrong_key(
+                    *loc,
+                    message=f"expected one for each of the {table.joints} joints that `parameters` "
+                    f"has, found {count}",
+                )
+        if self.covariance is not None:
+            self._check_unknowns(self.covariance, table)
+        return self
+
+    def _check_unknowns(self, stated: CovarianceEntry, table: ParameterTable) -> None:
+        """The covariance names parameters in the order of the table, then all coefficients."""
+        names, shared = set(stated.names), shared_names(table)
+        coefficients = [name for entries in self.corrections.values() for name in entries]
+        expected = {
+            "names": [*(n for n in shared if n in names), *coefficients],
+            "held": [n for n in shared if n in stated.held and n not in names],
+        }
+        for key, order in expected.items():
+            for k, pair in enumerate(zip_longest(getattr(stated, key), order)):
+                if pair[0] != pair[1]:
+                    raise wrong_key(
+                        *("covariance", key, k)[: 3 if pair[0] else 2],
+                        message=f"expected {pair[1] or 'no further name'} as name {k + 1}: each "
+                        "name once, parameters in the order ra, rd, ralpha, rtheta, rbeta, ba, bd, "
+                        f"balpha, then the coefficients in the order of `corrections`. {RESTORE}",
+                    )
+        size = TOOL + 4 * table.joints
+        for k, direction in enumerate(stated.masses):
+            if len(direction) != size:
+                raise wrong_key(
+                    *("covariance", "masses", k),
+                    message=f"expected {size} numbers, of the tool and of {table.joints} links, "
+                    f"found {len(direction)}",
+                )
 
     def geometry(self, recording: int = 0, *, nominal: bool = False) -> Geometry:
         """All kinematic parameters, base pose and encoder offsets those of one recording."""
@@ -297,6 +422,39 @@ class CalibrationFile(Strict):
         """Names of the identified parameters, those of the first recording included."""
         entries = self.parameters | self.recordings[0].parameters
         return tuple(name for name in table_of_names(entries).names if entries[name].identified)
+
+
+def _check_names(place: Loc, entries: Iterable[str], belongs: Callable[[str], bool]) -> None:
+    """Each name stands for a parameter, and for one of those that belong here."""
+    for name in entries:
+        try:
+            parameter_named(name)
+        except KeyError:
+            raise wrong_key(*place, name, message="no parameter has this name") from None
+        if not belongs(name):
+            raise wrong_key(
+                *place,
+                name,
+                message="this parameter does not belong here: encoder offsets and base pose stand "
+                "with each recording, all others in `parameters`",
+            )
+
+
+def _check_complete(place: Loc, entries: Iterable[str], expected: Sequence[str]) -> None:
+    """No parameter is missing of the mechanism that the entries describe."""
+    present = {name: parameter_named(name) for name in entries}
+    missing = [parameter_named(name) for name in expected if name not in present]
+    extra = [name for name in present if name not in expected]
+    if missing:
+        first = missing[0]
+        row = [p for p in missing if (p.side, p.row) == (first.side, first.row)]
+        beside = [n for n, p in present.items() if (p.side, p.row) == (first.side, first.row)]
+        listed = ", ".join(p.name for p in row)
+        others = f" beside {', '.join(beside)}" if beside else ""
+        remove = f", or remove {', '.join(beside)}" if len(beside) < len(row) else ""
+        raise wrong_key(*place, message=f"without {listed}{others}. Add what is missing{remove}")
+    if extra:
+        raise wrong_key(*place, extra[0], message="no parameter of this mechanism. Remove it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,9 +486,20 @@ class Calibration:
         return self.file.geometry(nominal=True)
 
     def cell(self) -> Cell:
-        """The cell that the file names. Raises DescriptionError where one of its files fails."""
-        file = self.file
-        return load_measured_cell(file.robot, file.instrument, file.plate, relative_to=self.folder)
+        """The cell that the file names.
+
+        Raises DescriptionError where one of its files fails, or where its robot is of another
+        structure than the parameters.
+        """
+        file, table = self.file, self.nominal.table
+        cell = load_measured_cell(file.robot, file.instrument, file.plate, relative_to=self.folder)
+        if table != (expected := parameter_table(cell.robot)):
+            raise DescriptionError(
+                f"{self.folder / CALIBRATION}: parameters: of {table.joints} joints with "
+                f"{', '.join(table.hayati) or 'no rbeta'}; robot {file.robot} has "
+                f"{expected.joints} joints with {', '.join(expected.hayati)}. {RESTORE}."
+            )
+        return cell
 
     def kinematics(
         self, *, payload: Payload | None = None, tool: Array | None = None

@@ -7,15 +7,23 @@ says of poses that were not fitted.
 
 from __future__ import annotations
 
-import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from ballbar.result.calibration import POSES, SCHEMA, CoefficientEntry, ParameterEntry, RangeEntry
+from ballbar.result.calibration import (
+    POSES,
+    RESTORE,
+    SCHEMA,
+    CoefficientEntry,
+    ParameterEntry,
+    Positive,
+    RangeEntry,
+)
 from ballbar.result.pose_run import PoseRun
 from cell.arrays import Array
 from cell.chain import Chain
@@ -27,18 +35,38 @@ from cell.load import load_robot
 from cell.pose_file import pose_file_path
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from cell.schema import Strict
+from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import check_schema, load_yaml, parse_model
+from ident.corrections import as_in_result
 from ident.corrections.base import Correction
 from ident.corrections.joint_compliance import gear_compliance
-from ident.corrections.joint_harmonics import joint_harmonics, orders_of
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
 from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement
 from ident.poses.identify import JointErrors
+from ident.poses.unknowns import robot_parameters
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_arm
 
 Three = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
+
+# Corrections of a result by name, formed again from the names of their coefficients.
+POSE_CORRECTIONS: dict[str, Callable[[Robot, Iterable[str]], Correction]] = {
+    "unit_weights": lambda robot, _: unit_weights(robot),
+    "joint_compliance": lambda robot, _: gear_compliance(robot),
+    JOINT_HARMONICS: lambda _, coefficients: joint_harmonics(orders_of(coefficients)),
+}
+
+
+def _kept_in_results(name: str) -> str:
+    if name not in POSE_CORRECTIONS:
+        hint = nearest(name, POSE_CORRECTIONS, noun="name")
+        raise ValueError(f"no correction of still poses.{hint}")
+    return name
+
+
+PoseCorrectionName = Annotated[str, AfterValidator(_kept_in_results)]
 
 
 class PlacementEntry(Strict):
@@ -85,10 +113,10 @@ class OrderEntry(Strict):
 class CrossValidationEntry(Strict):
     """Errors of poses in regions of joint space that were not fitted."""
 
-    mean_m: float
-    quantile_95_m: float
-    sigma_m: float  # along each axis
-    region_factor: float  # of the 95 % region, over that of chi-square
+    mean_m: Positive
+    quantile_95_m: Positive
+    sigma_m: Positive  # along each axis
+    region_factor: Positive  # of the 95 % region, over that of chi-square
 
 
 class PoseHeldOutEntry(Strict):
@@ -128,25 +156,31 @@ class PoseCalibrationFile(Strict):
     instrument: str
     model: Literal["poses"]
     parameters: dict[str, ParameterEntry]
-    corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
+    corrections: dict[PoseCorrectionName, dict[str, CoefficientEntry]] = Field(default_factory=dict)
     orders: tuple[OrderEntry, ...] = ()
-    seats: dict[str, PlacementEntry]
-    targets: dict[str, PlacementEntry]
+    seats: Annotated[dict[str, PlacementEntry], Field(min_length=1)]
+    targets: Annotated[dict[str, PlacementEntry], Field(min_length=1)]
     ranges: Annotated[tuple[RangeEntry, ...], Field(min_length=5, max_length=8)]
     recordings: Annotated[tuple[GroupEntry, ...], Field(min_length=1)]
     cross_validation: CrossValidationEntry
     fit: PoseFitEntry
     held_out: tuple[PoseHeldOutEntry, ...] = ()
 
+    @model_validator(mode="after")
+    def _recordings_have_their_seats_and_targets(self) -> PoseCalibrationFile:
+        for k, group in enumerate(self.recordings):
+            for key, known in (("seat", self.seats), ("target", self.targets)):
+                if (name := getattr(group, key)) not in known:
+                    hint = nearest(name, known, noun="name")
+                    raise wrong_key("recordings", k, key, message=f"not in `{key}s`.{hint}")
+        return self
+
     def chain(self, robot: Robot) -> Chain:
-        """DH rows of the identified robot; what the file does not name is nominal."""
+        """DH rows of the identified robot; what still poses cannot tell is nominal."""
         nominal = nominal_chain(robot)
         rows = {f.name: getattr(nominal, f.name).copy() for f in fields(Chain)}
-        for name, entry in self.parameters.items():
-            parts = re.fullmatch(r"r(a|d|alpha|theta|beta)(\d+)", name)
-            if parts is None or not 1 <= int(parts[2]) <= robot.a.size:
-                raise InputError(f"parameters.{name}: no parameter of a robot of {robot.title}")
-            rows[parts[1]][int(parts[2]) - 1] = entry.value
+        for p in robot_parameters(robot):
+            rows[p.kind][p.row] = self.parameters[p.name].value
         return Chain(**rows)
 
     def joint_errors(self) -> JointErrors:
@@ -192,19 +226,7 @@ class PoseCalibrationFile(Strict):
         made: list[Correction] = []
         values: list[float] = []
         for name, entries in self.corrections.items():
-            if name == "unit_weights":
-                correction = unit_weights(robot)
-            elif name == "joint_compliance":
-                correction = gear_compliance(robot)
-            else:
-                correction = joint_harmonics(orders_of(entries))
-            expected = [c.name for c in correction.coefficients]
-            if list(entries) != expected:
-                raise InputError(
-                    f"corrections.{name}: expected the coefficients {', '.join(expected[:4])} ... "
-                    f"of robot {robot.title}; was the robot's file changed since?"
-                )
-            made.append(correction)
+            made.append(as_in_result(POSE_CORRECTIONS[name](robot, entries), entries, robot))
             values += [entry.value for entry in entries.values()]
         return tuple(made), np.array(values)
 
@@ -388,6 +410,13 @@ def load_pose_calibration(path: Path) -> PoseCalibration:
         raise DescriptionError(
             f"{path}: ranges of {len(file.ranges)} joints, robot {file.robot} has {robot.joints}. "
             "Was the robot's file changed since?"
+        )
+    expected = {p.name for p in robot_parameters(robot)}
+    for name in sorted(expected.symmetric_difference(file.parameters)):
+        what = "missing" if name in expected else "no parameter that still poses tell"
+        raise DescriptionError(
+            f"{document.place_of(('parameters', name))}: parameters.{name}: {what} of robot "
+            f"{file.robot}. {RESTORE}."
         )
     return PoseCalibration(file, robot)
 

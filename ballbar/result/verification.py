@@ -13,7 +13,6 @@ from ballbar.result.calibration import CalibrationFile, calibration_file, load_c
 from ballbar.result.pose_calibration import load_pose_calibration
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
-from cell.load import load_measured_cell
 from cell.poses import PoseTable
 from cell.recording import RecordingFile
 from ident.options import SILENT, Listener
@@ -53,9 +52,6 @@ def verify_folder(
     content = calibration.file
     recording = read_with_causes(folder)
     _check_same_cell(content, file, recording.description, folder)
-    cell = load_measured_cell(
-        content.robot, content.instrument, content.plate, relative_to=file.parent
-    )
     if recording.length_log is not None:
         raise InputError(
             f"{folder}: a length hardly tells its own clock, so one short recording of it cannot "
@@ -63,7 +59,7 @@ def verify_folder(
             "still poses."
         )
     logs = logs_of(distinct_names([folder])[0], recording)
-    outcome = verify_recording(calibration.machine(cell), logs, listener=listener)
+    outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
     return outcome, temperature_remarks(content, recording.description.temperature_C)
 
 

@@ -31,6 +31,8 @@ class Estimate:
     sentence: str  # of the verdict
     tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid, with the scale
     without_scale: float  # [m] likewise, without it
+    white: float  # [m] part of that which the data would leave were their residuals white
+    widened: float  # [m] part by which it is more, as they are not
     acceptable: bool
     clock: tuple[float, float] | None  # [s] offset, [1] skew; None without encoders
     clock_sigma: tuple[float, float]  # [s], [1]

@@ -349,6 +349,8 @@ def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
         sentence=result.verdict.sentence,
         tcp_sigma=rms(result.robot.tcp_sigma),
         without_scale=rms(result.robot.tcp.without_scale),
+        white=result.robot.tcp_white,
+        widened=result.robot.tcp_widened,
         acceptable=result.verdict.acceptable,
         clock=None if clock is None else (clock.offset, clock.skew),
         clock_sigma=recording.clock_sigma,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from cell.descriptions import Cell, Key, Robot
 from cell.errors import InputError
@@ -109,10 +109,13 @@ def correction_named(
     return CORRECTIONS[name](cell, encoders)
 
 
+# The machine's, which results keep: slips and remounted tools are a recording's.
+OF_MACHINE = (*CORRECTIONS, JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
+
+
 def belongs_to_machine(correction: Correction) -> bool:
-    """Whether a correction is the machine's: slips and remounted tools are a recording's."""
-    names = (JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
-    return correction.name in CORRECTIONS or correction.name in names
+    """Whether a correction is the machine's."""
+    return correction.name in OF_MACHINE
 
 
 def correction_of_result(
@@ -129,3 +132,30 @@ def correction_of_result(
     if name == ROD_ELONGATION:
         return rod_elongation(cell)
     return correction_named(name, cell, encoders)
+
+
+def as_in_result(made: Correction, coefficients: Iterable[str], robot: Robot) -> Correction:
+    """A correction, if its coefficients are those of a result, in that order.
+
+    coefficients : names in the result. Raises InputError where they are others, or of a joint that
+    the robot does not have.
+    """
+    stated, expected = list(coefficients), [c.name for c in made.coefficients]
+    if stated != expected:
+        wrong = next(
+            (k for k, pair in enumerate(zip(stated, expected, strict=False)) if pair[0] != pair[1]),
+            min(len(stated), len(expected)),
+        )
+        here = stated[wrong] if wrong < len(stated) else "nothing"
+        there = expected[wrong] if wrong < len(expected) else "nothing more"
+        raise InputError(
+            f"corrections.{made.name}: coefficient {wrong + 1} is {here}, expected {there} of "
+            f"robot {robot.title}. The order counts. Restore the file as it was "
+            "written, or identify again if the robot's file was changed since."
+        )
+    for c in made.coefficients:
+        if isinstance(c.channel, int) and c.channel >= robot.joints:
+            raise InputError(
+                f"corrections.{made.name}.{c.name}: robot {robot.title} has {robot.joints} joints"
+            )
+    return made

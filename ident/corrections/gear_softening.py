@@ -20,12 +20,19 @@ from ident.corrections.base import GEAR, Coefficient, Correction, State
 
 GEAR_SOFTENING = "gear_softening"
 SPREAD = 1.0  # of the catalogue compliance: half as stiff
-_COEFFICIENT = re.compile(r"soft(\d+)_(\d+(?:\.\d+)?(?:e[+-]?\d+)?)")
+_COEFFICIENT = re.compile(r"soft([1-9]\d*)_(\d+(?:\.\d+)?(?:e[+-]?\d+)?)")
 
 
 def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correction:
-    """Compliances [rad/(N m)] of gears (from 0) below their knees [N m], beside the others."""
+    """Compliances [rad/(N m)] of gears (from 0) below their knees [N m], beside the others.
+
+    Raises InputError for a gear that the robot does not have.
+    """
     compliance = 1.0 / robot.required("gears").stiffness
+    if any(gear >= robot.joints for gear, _ in knees):
+        raise InputError(
+            f"corrections.{GEAR_SOFTENING}: robot {robot.title} has {robot.joints} gears"
+        )
 
     def regressors(state: State) -> list[Array]:
         load = state.loads.gears(state.tension)

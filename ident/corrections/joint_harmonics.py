@@ -19,7 +19,7 @@ from ident.corrections.base import GEAR, Coefficient, Correction, State
 PRIOR = 3e-4
 WAVES = {"cos": np.cos, "sin": np.sin}
 JOINT_HARMONICS = "joint_harmonics"
-_COEFFICIENT = re.compile(r"joint(\d+)_(\d+(?:\.\d+)?)_(?:cos|sin)")
+_COEFFICIENT = re.compile(r"joint([1-9]\d*)_(\d+(?:\.\d+)?)_(?:cos|sin)")
 
 
 def joint_harmonics(orders: Sequence[tuple[int, float]]) -> Correction:

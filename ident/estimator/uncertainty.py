@@ -30,6 +30,8 @@ class Uncertainty:
     """How well the unknowns of a fit are known."""
 
     covariance: Array  # (P, P) what is considered included
+    white: Array  # (P, P) part that the data would leave were their residuals white
+    widened: Array  # (P, P) part by which it is more, as they are not
     considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
@@ -61,6 +63,8 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     return Uncertainty(
         covariance=0.5 * (covariance + covariance.T),
+        white=data,
+        widened=inflated - data,
         considered=shifts,
         inflation=inflation,
         information_gain=gain,

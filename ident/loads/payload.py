@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
-from cell.payload import TOOL, Payload, payload_of
+from cell.payload import TOOL, Masses, payload_of
 from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_columns import ARM, mass_columns
@@ -51,7 +51,7 @@ SURE = 3.0  # deviations from which the found masses replace the file's
 class PayloadEstimate:
     """What the torque logs say of the masses."""
 
-    payload: Payload
+    payload: Masses
     stated: float  # [kg] mass of the tool in the file
     mass_sigma: float  # [kg]
     arm_sigma: float

@@ -91,6 +91,18 @@ def tcp_uncertainty(
     )
 
 
+def part_without_scale(positions: Array, moves: Array, part: Array) -> float:
+    """[m] root mean square of `without_scale` that a part (P, P) of the covariance makes up.
+
+    positions, moves : as `tcp_uncertainty`. The squares of parts add up to that of the whole.
+    """
+    fields = aligned_columns(positions, moves)
+    scale = scale_direction(positions)
+    rest = fields - np.outer(scale, scale @ fields)
+    square = float(np.einsum("gp,pq,gq->", rest, part, rest, optimize=True))
+    return float(np.sqrt(max(0.0, square) / len(positions)))
+
+
 def scale_direction(positions: Array) -> Array:
     """(3G,) unit vector of the motion of points (G, 3) [m] under a common factor, base aligned."""
     centred = (positions - positions.mean(axis=0)).ravel()  # orthogonal to every rigid motion

@@ -20,10 +20,13 @@ COMMON = 1 + 3e-5  # no controller's crystal agrees with another clock to better
 
 def table(t: Array, step: float) -> Table:
     """Rows taken at t [s], stamped with the last step of a clock."""
-    stamps = np.rint(np.floor(t / step) * step * 1e9).astype(np.int64)
-    return Table(
-        {STAMP: stamps}, ("log.csv",), np.zeros(t.size, dtype=np.int64), np.arange(t.size) + 2
-    )
+    return table_of(np.rint(np.floor(t / step) * step * 1e9).astype(np.int64))
+
+
+def table_of(stamps: Array) -> Table:
+    """Rows with stamps [ns]."""
+    rows = np.arange(stamps.size)
+    return Table({STAMP: stamps}, ("log.csv",), np.zeros_like(rows), rows + 2)
 
 
 def off(stamps: Array, t: Array) -> Array:
@@ -196,3 +199,11 @@ def test_a_log_with_rows_that_share_stamps_is_read_unless_they_are_declared_exac
     assert remark.sentence.startswith(
         "stamps in steps of 16 ms, rows put evenly between them, 4.03"
     )
+
+
+def test_some_rows_that_are_half_a_period_late_do_not_show_a_coarse_clock() -> None:
+    """Regression: 9 of 3000 such logs were put on even rows, with their rows up to 3 ms off."""
+    for draw in range(400):
+        distances = np.full(999, 10_000_000)
+        distances[np.random.default_rng([10, draw]).choice(999, 10, replace=False)] = 15_000_000
+        assert not spread(table_of(np.cumsum(distances))).findings

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -325,6 +326,51 @@ def test_a_prediction_outside_the_fitted_range_warns_and_has_no_finite_sigma(
         arm.tool(q[:1])
     with pytest.raises(InputError, match="target 'none': the result has big ball, frame"):
         result.calibration.arm("none")
+
+
+EDITED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "no target": (lambda d: d["targets"].clear(), "targets: expected at least 1 items, found 0"),
+    "no seat": (lambda d: d["seats"].clear(), "seats: expected at least 1 items, found 0"),
+    "target renamed": (
+        lambda d: d["recordings"][0].update(target="big bal"),
+        "recordings[0].target = 'big bal': not in `targets`. Did you mean big ball?",
+    ),
+    "no error": (
+        lambda d: d["cross_validation"].update(sigma_m=0.0, mean_m=0.0),
+        "cross_validation.mean_m = 0.0: expected more than 0",
+    ),
+    "parameter missing": (
+        lambda d: d["parameters"].pop("rtheta3"),
+        "parameters.rtheta3: missing of robot ur10",
+    ),
+    "parameter unknown": (
+        lambda d: d["parameters"].update(ra7=d["parameters"]["ra2"].copy()),
+        "parameters.ra7: no parameter that still poses tell of robot ur10",
+    ),
+    "range reversed": (
+        lambda d: d["ranges"][0].update(lower_rad=2.0, upper_rad=-2.0),
+        "ranges[0].lower_rad = 2.0: expected at most upper_rad, -2",
+    ),
+    "ranges too few": (lambda d: d["ranges"].pop(), "ranges of 5 joints, robot ur10 has 6"),
+    "correction unknown": (
+        lambda d: d["corrections"].update(magic={}),
+        "corrections.magic: no correction of still poses. Valid names: joint_compliance, ",
+    ),
+}
+
+
+@pytest.mark.parametrize(("edit", "said"), EDITED.values(), ids=EDITED.keys())
+def test_a_result_that_was_edited_wrongly_is_refused_by_name(
+    edit: Callable[[dict[str, Any]], Any], said: str, tmp_path: Path
+) -> None:
+    """Empty targets were a StopIteration, errors of 0 a division by zero."""
+    file = write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=1)
+    data = yaml.safe_load(file.read_text())
+    edit(data)
+    file.write_text(yaml.safe_dump(data, sort_keys=False))
+    with pytest.raises(DescriptionError, match=re.escape(said)) as refusal:
+        Calibration.load(file)
+    assert str(refusal.value).startswith(str(file))
 
 
 def test_calibration_load_reads_both_kinds(tmp_path: Path, result: PoseResult) -> None:

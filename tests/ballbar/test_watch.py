@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.watch.alarms import standing
 from ballbar.watch.beside import WatchBeside
-from ballbar.watch.forecast import POWER, foretold
+from ballbar.watch.forecast import WHITE, WIDENED, foretold
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, line
 from ballbar.watch.state import Estimate, State
@@ -43,6 +43,8 @@ ESTIMATE = Estimate(
     sentence="",
     tcp_sigma=1.0,
     without_scale=1.0,
+    white=1.0,
+    widened=0.0,
     acceptable=True,
     clock=None,
     clock_sigma=(0.0, 0.0),
@@ -229,12 +231,14 @@ def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_t
     assert last["recorded_s"] == pytest.approx(50.0, abs=0.2)
 
 
-def test_the_scale_stays_and_the_rest_falls_until_the_end() -> None:
-    scale, rest = 2e-5, 5e-5
-    half = replace(ESTIMATE, until=60.0, without_scale=rest, tcp_sigma=float(np.hypot(rest, scale)))
-    at_the_end = foretold(half, 120.0, scale=scale)
-    fell = np.log(rest / np.sqrt(at_the_end**2 - scale**2)) / np.log(2.0)
-    assert fell == pytest.approx(POWER)
+def test_scale_and_priors_stay_and_the_part_of_the_data_falls_until_the_end() -> None:
+    scale, by_priors, white, widened = 2e-5, 3e-5, 4e-5, 6e-5
+    rest = float(np.sqrt(by_priors**2 + white**2 + widened**2))
+    half = replace(ESTIMATE, until=60.0, without_scale=rest, white=white, widened=widened)
+    half = replace(half, tcp_sigma=float(np.hypot(rest, scale)))
+    fell = white * 0.5**WHITE, widened * 0.5**WIDENED
+    expected = np.linalg.norm([scale, by_priors, *fell])
+    assert foretold(half, 120.0, scale=scale) == pytest.approx(expected)
     assert foretold(half, 60.0, scale=scale) == pytest.approx(half.tcp_sigma)
     assert foretold(half, 50.0, scale=scale) == pytest.approx(half.tcp_sigma)  # it went on longer
 

@@ -61,6 +61,8 @@ def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
         covariance=NamedCovariance(("ra2",), np.array([[1e-10]]), np.array([[1e-11]])),
         corrections=corrections,
         tcp=TcpUncertainty(np.full(10, 1e-5), np.full(10, 9e-6), ()),
+        tcp_white=5e-6,
+        tcp_widened=5e-6,
         dropped=(),
         tool=ToolCovariance(("ra2",), np.zeros((0, 28)), np.array([[1e-10]])),
         lower=np.full(6, -1.0),

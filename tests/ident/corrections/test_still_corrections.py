@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from cell.chain import forward
+from cell.errors import InputError
 from cell.geometry import nominal_chain
 from cell.load import load_robot
-from ident.corrections import SUBSTITUTES, supported_corrections
+from ident.corrections import SUBSTITUTES, as_in_result, supported_corrections
 from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import torques, unit_weights
 from ident.poses.joint_corrections import joint_displacements, regressors_at
@@ -27,6 +28,28 @@ def test_the_torque_of_a_unit_weight_is_the_slope_of_its_height(name: str) -> No
         ahead, behind = (forward(chain, q + s * np.eye(chain.rows)[j]) for s in (step, -step))
         slope = np.einsum("c,kcn->kn", DOWN, ahead.origin - behind.origin) / (2.0 * step)
         assert np.abs(levers[j] - slope[1:]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("orders", "named", "said"),
+    [
+        ([(1, 17)], ["joint2_17_sin", "joint2_17_cos"], "1 is joint2_17_sin, expected joint2_17_c"),
+        ([(1, 17)], ["joint2_17_cos"], "coefficient 2 is nothing, expected joint2_17_sin of robot"),
+        ([(6, 2)], ["joint7_2_cos", "joint7_2_sin"], "joint7_2_cos: robot .* has 6 joints"),
+    ],
+)
+def test_a_result_names_the_coefficients_of_its_robot_in_their_order(
+    orders: list[tuple[int, float]], named: list[str], said: str
+) -> None:
+    """Values go by their place: in another order each would be another coefficient's."""
+    with pytest.raises(InputError, match=said):
+        as_in_result(joint_harmonics(orders), named, load_robot("ur5"))
+
+
+def test_joints_are_counted_from_1() -> None:
+    """Joint 0 was the last channel, the bending of the plate."""
+    with pytest.raises(InputError, match="expected joint2_17_cos or alike"):
+        orders_of(["joint0_2_cos"])
 
 
 def test_every_axis_that_feels_a_weight_has_a_coefficient_and_the_vertical_one_has_none() -> None:

@@ -37,6 +37,8 @@ def robot_of(geometry: Geometry, *corrections: CorrectionEstimate) -> RobotEstim
         covariance=NamedCovariance(tuple(CHANGED), np.diag(sigmas**2), np.diag(sigmas**2)),
         corrections=corrections,
         tcp=TcpUncertainty(nothing, nothing, ()),
+        tcp_white=0.0,
+        tcp_widened=0.0,
         dropped=(),
         tool=ToolCovariance(tuple(CHANGED), np.zeros((0, 28)), np.diag(sigmas**2)),
         lower=np.full(6, -1.0),

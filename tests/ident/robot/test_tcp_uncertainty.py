@@ -9,7 +9,13 @@ from cell.arrays import Array
 from cell.geometry import Geometry, robot_frames
 from cell.statistics import rms
 from ident.robot.accuracy import accuracy_grid, tcp_error
-from ident.robot.tcp_uncertainty import SCALE, TcpUncertainty, scale_direction, tcp_uncertainty
+from ident.robot.tcp_uncertainty import (
+    SCALE,
+    TcpUncertainty,
+    part_without_scale,
+    scale_direction,
+    tcp_uncertainty,
+)
 from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.six_axes import INDEX
@@ -49,6 +55,16 @@ def drawn(nominal: Geometry, grid: Array, root: Array) -> tuple[Array, Array, Ar
         without.append(off.error_without_scale)
     square = (np.square(errors) - np.square(without)).mean(axis=1)
     return np.array(errors), np.array(without), square
+
+
+def test_the_squares_of_parts_of_the_covariance_add_up(
+    nominal: Geometry, grid: Array, root: Array, stated: TcpUncertainty
+) -> None:
+    robot = UnloadedRobot(CELL, nominal)
+    tool, moves = robot.tool(grid), robot.jacobian(grid, np.array([INDEX[n] for n in NAMES]))
+    halves = (root[:, ::2] @ root[:, ::2].T, root[:, 1::2] @ root[:, 1::2].T)
+    parts = [part_without_scale(tool, moves, half) for half in halves]
+    assert np.hypot(*parts) == pytest.approx(rms(stated.without_scale))
 
 
 @pytest.mark.slow
