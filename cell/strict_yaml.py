@@ -131,6 +131,15 @@ _Core.yaml_implicit_resolvers = {
 }
 
 
+class CoreDumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
+    """Quotes what this schema reads as a number too: `1e-12` is text to PyYAML's own dumper."""
+
+
+for _tag, (_pattern, _) in _SCALARS.items():
+    if _tag != _TAG + "str":
+        CoreDumper.add_implicit_resolver(_tag, _pattern, None)
+
+
 class _CoreLoader(_Core, yaml.SafeLoader):
     """With PyYAML's scanner and parser."""
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 import cell
 from cell import strict_yaml
 from cell.errors import DescriptionError
+from cell.files import write_yaml
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import MAX_BYTES, load_model, load_yaml, parse_model
 
@@ -360,3 +361,12 @@ def test_what_libyaml_alone_would_take_is_judged_by_pyyaml(
     fast = outcome()
     monkeypatch.setattr(strict_yaml.yaml, "__with_libyaml__", False)
     assert fast == outcome()
+
+
+@pytest.mark.parametrize(
+    "text", ["1e-12", "1e5", ".5", "0x1F", "0o17", "12", "yes", "null", "~", "-.inf", "2024-01-01"]
+)
+def test_text_that_looks_like_another_value_is_read_back_as_text(tmp_path: Path, text: str) -> None:
+    """Regression: a row of a covariance that was `1e-12` came back as a number."""
+    write_yaml(tmp_path / "a.yaml", {"row": [text, f"{text} 2"]})
+    assert load_yaml(tmp_path / "a.yaml").data == {"row": [text, f"{text} 2"]}
