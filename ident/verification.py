@@ -29,6 +29,7 @@ from cell.geometry import parameter_table
 from ident.causes import Causes
 from ident.corrections.base import GEAR
 from ident.estimator.fit import Fit
+from ident.estimator.smoothed_harmonics import smoothing_covariance
 from ident.estimator.step_faults import step_faults_in_logs
 from ident.estimator.uncertainty import uncertainty
 from ident.held_out import (
@@ -220,7 +221,7 @@ def verify_recording(
         limit=limit,
         explanations=tuple(ranked),
         single=single,
-        blind=_blind(ranked, cell.robot),
+        blind=_blind(ranked, limit, cell.robot),
         suspect=_suspect(cell, logs, misfit, ambiguous=recording.start.ambiguous),
     )
 
@@ -302,13 +303,14 @@ def _free_names(machine: Machine, free: Fit) -> list[str]:
     return [name for name in machine.names if name in free.model.unknowns.names]
 
 
-def _blind(explanations: Sequence[Explanation], robot: Robot) -> dict[int, float]:
+def _blind(explanations: Sequence[Explanation], limit: float, robot: Robot) -> dict[int, float]:
     """Axes whose zero may have changed by more than BLIND unseen, axis 1 apart.
 
     Its zero turns the robot about its base, which is not known to the ball-bar anyway.
     """
     sigma = {e.cause.axis: float(e.sigma[0]) for e in explanations if e.cause.kind == "axis"}
-    sizes = {axis: SEEN * sigma.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
+    seen = max(SEEN, float(np.sqrt(2.0 * max(0.0, limit))))  # evidence is half a squared deviation
+    sizes = {axis: seen * sigma.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
     return {axis: size for axis, size in sizes.items() if size > BLIND}
 
 
@@ -394,11 +396,12 @@ def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) ->
     by_data = white - white @ (white / layout.sigma[at][:, None] ** 2)
     noise = max(1.0, free.chi2_per_dof) * np.outer(inflation, inflation) * by_data
     seen = np.eye(at.size) - white / layout.sigma[at] ** 2
+    smoothed = smoothing_covariance(free, machine.robot.cell)[np.ix_(at, at)]
     error = seen @ (machine.covariance[np.ix_(own, own)] + wander) @ seen.T
     difference = _Difference(
         x=free.x[at] - closed.x[at],
         seen=seen,
-        covariance=error + noise + UNSETTLED * white,
+        covariance=error + noise + smoothed + UNSETTLED * white,
         blocks=stated.blocks,
     )
     return _Compared(closed, free, difference)
