@@ -119,12 +119,14 @@ class RecordingVerification:
     name: str
     identified: LoopClosure  # of the stored machine
     innovation: float  # its residual over what noise and stated uncertainty explain
+    innovation_left: float  # the same after the likeliest change, where there is one
     misfit: float  # chi-square per degree of freedom with the machine free
     limit: float  # of the evidence, exceeded in FALSE_ALARMS of checks of an unchanged machine
     explanations: tuple[Explanation, ...]  # best first
     single: bool  # whether nothing speaks strongly for a second change beside the first
     blind: dict[int, float]  # axes, and the size [rad] up to which a change of the zero is unseen
     suspect: str = ""  # what may be wrong with the logs; empty where nothing is
+    doubt: str = ""  # what is wrong with the stored calibration itself; empty where nothing is
 
     @property
     def statistic(self) -> float:
@@ -132,19 +134,28 @@ class RecordingVerification:
         return self.explanations[0].evidence
 
     @property
-    def explained(self) -> bool:
-        """Whether some machine of this kind explains the recording."""
-        return self.misfit <= MISFIT and not self.suspect
+    def unchanged(self) -> bool:
+        """Whether nothing speaks for a change."""
+        return self.statistic <= self.limit and self.innovation**2 <= MISFIT
+
+    @property
+    def comparable(self) -> bool:
+        """Whether calibration and logs are sound, and some machine of this kind explains them.
+
+        With the machine free the noise alone has to explain the rest; of the stored one, or of it
+        after the likeliest change, the stated uncertainty counts as well.
+        """
+        explained = self.misfit <= MISFIT or self.innovation_left**2 <= MISFIT
+        return explained and not self.suspect and not self.doubt
 
     @property
     def holds(self) -> bool:
-        unchanged = self.statistic <= self.limit and self.innovation**2 <= MISFIT
-        return unchanged and self.explained
+        return self.unchanged and self.comparable
 
     @property
     def named(self) -> tuple[Explanation, ...]:
         """The cause; several where the recording hardly tells them apart, none where none is."""
-        if self.holds or not self.single or not self.explained or self.statistic <= self.limit:
+        if not self.comparable or not self.single or self.statistic <= self.limit:
             return ()
         best = self.statistic
         return tuple(e for e in self.explanations if e.evidence > best - RIVAL)
@@ -158,17 +169,19 @@ class RecordingVerification:
         )
         if self.holds:
             return f"Holds: {closure}."
+        if self.doubt:
+            return f"Not comparable: {self.doubt}; {closure}."
+        if self.suspect:
+            return f"Not comparable: perhaps {self.suspect}; {closure}."
+        if not self.comparable:
+            return (
+                f"Not comparable: {closure}, and no machine of this kind explains the recording. "
+                "Look at it with ballbar check; if nothing is wrong with it, identify again."
+            )
         if self.named:
             each = ", or ".join(e.sentence for e in self.named)
             tail = "; this path does not tell which" if len(self.named) > 1 else ""
             return f"Changed since: {each}{tail}; {closure}."
-        if self.suspect:
-            return f"Not comparable: perhaps {self.suspect}; {closure}."
-        if not self.explained:
-            return (
-                f"Changed: {closure}, and no machine of this kind explains it. Check the "
-                "recording with ballbar check, then identify again."
-            )
         return (
             f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear) "
             "explains it clearly: identify again."
@@ -203,27 +216,32 @@ def verify_recording(
     limit = compared.difference.limit(causes)
     ranked = compared.difference.ranked(causes)
     single, best, now = ranked[0].evidence <= limit, ranked[0], machine
+    innovation = left = normalised_innovation(compared.closed, machine)
     for _ in range(0 if single else ROUNDS):
         listener.progress("fitting once more after the likeliest change")
         now = changed(now, compared.free, best)
-        after = _compared(now, recording, options).difference
+        rest = _compared(now, recording, options)
+        after, left = rest.difference, normalised_innovation(rest.closed, now)
         best = replace(best, size=after.explanation(best.cause).size)
         ranked[0] = replace(ranked[0], size=ranked[0].size + best.size)
         single = after.beside(best.cause).ranked(causes)[0].evidence <= RIVAL
         if single:
             break
-    misfit = compared.free.chi2_per_dof
-    return RecordingVerification(
+    outcome = RecordingVerification(
         name=logs.name,
         identified=loop_closure(compared.closed),
-        innovation=normalised_innovation(compared.closed, machine),
-        misfit=misfit,
+        innovation=innovation,
+        innovation_left=left,
+        misfit=compared.free.chi2_per_dof,
         limit=limit,
         explanations=tuple(ranked),
         single=single,
         blind=_blind(ranked, limit, cell.robot),
-        suspect=_suspect(cell, logs, misfit, ambiguous=recording.start.ambiguous),
     )
+    ambiguous = recording.start.ambiguous
+    if outcome.comparable and not ambiguous:
+        return outcome
+    return replace(outcome, suspect=_suspect(cell, logs, ambiguous=ambiguous))
 
 
 def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
@@ -239,10 +257,8 @@ def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
     return replace(machine, robot=replace(robot, geometry=geometry.replaced(moved), values=values))
 
 
-def _suspect(cell: Cell, logs: Logs, misfit: float, *, ambiguous: bool) -> str:
+def _suspect(cell: Cell, logs: Logs, *, ambiguous: bool) -> str:
     """What may be wrong with logs that no machine explains, or that align in several ways."""
-    if misfit <= MISFIT and not ambiguous:
-        return ""
     causes = Causes.of(cell, [logs])
     if causes:
         return str(causes)
