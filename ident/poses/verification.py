@@ -93,10 +93,16 @@ class Verification:
     ]  # joints, from 1, whose zero may have changed by so much [rad] unseen
     outside: int  # poses that do not count
     out_of_range: Mapping[int, tuple[float, float]]  # axes of those, and their ranges [rad]
+    doubt: str = ""  # what is wrong with the stored calibration itself; empty where nothing is
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the stored calibration is one that poses can be held against."""
+        return not self.doubt
 
     @property
     def holds(self) -> bool:
-        return self.square <= self.limit
+        return self.square <= self.limit and self.comparable
 
     @property
     def largest_mean(self) -> float:
@@ -111,6 +117,8 @@ class Verification:
             f"unchanged robot {self.predicted * 1e3:.3f} mm, at most "
             f"{self.largest_mean * 1e3:.3f} mm in 98 of 100 checks"
         )
+        if self.doubt:
+            return f"Not comparable: {self.doubt}; {numbers}."
         if self.holds and self.blind:
             return f"Holds as far as these poses tell, which is not far: {numbers}."
         if self.holds:
