@@ -25,7 +25,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
-from cell.geometry import parameter_table
+from cell.geometry import parameter_named, parameter_table
 from ident.causes import Causes
 from ident.corrections.base import GEAR
 from ident.estimator.fit import Fit
@@ -68,7 +68,7 @@ BLIND = 3e-4  # [rad] of an axis zero that may change unseen without being named
 class Cause:
     """One change since the identification that may explain a recording."""
 
-    kind: str  # axis, tool, rod, plate or gear
+    kind: str  # axis, tool, rod, plate or gear; else geometry or ball-bar
     axis: int  # from 1, of an axis or a gear; else 0
     names: tuple[str, ...]  # of the machine's unknowns that it moves
     columns: Array  # (U, K) change of the machine's unknowns per unit
@@ -81,6 +81,10 @@ class Cause:
             return f"zero of axis {self.axis}"
         if self.kind == "gear":
             return f"gear of axis {self.axis}"
+        if self.kind == "geometry":
+            return f"parameter {self.names[0]}"
+        if self.kind == "ball-bar":
+            return "axes of the ball-bar"
         return {"tool": "tool", "rod": "length of the rod", "plate": "length of the plate"}[
             self.kind
         ]
@@ -107,6 +111,11 @@ class Explanation:
             )
         if kind in ("rod", "plate"):
             return f"{words} by {size * 1e6:+.0f} um (sigma {sigma * 1e6:.0f} um; exchanged?)"
+        if kind == "geometry":
+            unit = "um" if parameter_named(self.cause.names[0]).is_length else "urad"
+            return f"{words} by {size * 1e6:+.0f} {unit} (sigma {sigma * 1e6:.0f} {unit}; bent?)"
+        if kind == "ball-bar":
+            return f"{words} (bent, or taken apart?)"
         if kind == "tool":
             return f"{words} (bolted on anew, or bent?)"
         return f"{words} (transmission error, compliance or backlash; gear exchanged?)"
@@ -183,8 +192,8 @@ class RecordingVerification:
             tail = "; this path does not tell which" if len(self.named) > 1 else ""
             return f"Changed since: {each}{tail}; {closure}."
         return (
-            f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear) "
-            "explains it clearly: identify again."
+            f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear, "
+            "another parameter) explains it clearly: identify again."
         )
 
     @property
@@ -266,7 +275,11 @@ def _suspect(cell: Cell, logs: Logs, *, ambiguous: bool) -> str:
 
 
 def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
-    """The single causes that move unknowns of a free fit; those of gears where it has them."""
+    """The single causes that move unknowns of a free fit; those of gears where it has them.
+
+    Beside the usual ones every other parameter of the arm, and those of the ball-bar together: the
+    many coefficients of a gear would take up a change of these.
+    """
     robot, layout = machine.robot.cell.robot, free.model.unknowns
     place = {name: k for k, name in enumerate(_free_names(machine, free))}
     table = parameter_table(robot)
@@ -303,6 +316,11 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
         ]
         if own:  # and with the gear, the zero of its axis
             made.append(cause("gear", gear + 1, [*own, (zeros[gear + 1], ZERO)]))
+    usual = {name for c in made if c is not None for name in c.names}
+    others = [p for p in table.parameters if p.name in place and p.name not in usual]
+    moves = {p.name: ({p.name: 1.0}, SHIFT if p.is_length else TURN) for p in others}
+    made += [cause("geometry", 0, [moves[p.name]]) for p in others if p.side == "robot"]
+    made.append(cause("ball-bar", 0, [moves[p.name] for p in others if p.side == "bar"]))
     return tuple(c for c in made if c is not None)
 
 

@@ -203,6 +203,7 @@ def recording_verification_data(
             {
                 "kind": e.cause.kind,
                 "axis": e.cause.axis or None,
+                "parameters": list(e.cause.names),
                 "size": e.size.tolist(),
                 "sigma": e.sigma.tolist(),
                 "log_bayes_factor": e.evidence,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,3 +35,23 @@ def test_ripple_faster_than_the_rows_is_no_exchanged_gear(
     truth, machine = stored
     outcome = verified(machine, truth, duration, 914)
     assert outcome.holds, outcome.sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "size", "kind"),
+    [("bd4", 2e-4, "ball-bar"), ("ra2", 5.8e-5, "geometry"), ("ra5", -6.5e-5, "geometry")],
+)
+def test_another_length_is_not_taken_for_a_gear(
+    stored: tuple[Truth, Machine], name: str, size: float, kind: str
+) -> None:
+    """The dozen coefficients of gear 1, 2 or 5 took up these, and the gear was named."""
+    truth, machine = stored
+    geometry = truth.geometry
+    now = replace(truth, geometry=geometry.replaced({name: geometry[name] + size}))
+    (named,) = verified(machine, now, 60.0, 1).named
+    assert named.cause.kind == kind
+    assert name in named.cause.names
+    if kind == "geometry":
+        assert named.size[0] == pytest.approx(size, abs=4.0 * named.sigma[0])
+        assert named.sentence.startswith(f"parameter {name} by ")
