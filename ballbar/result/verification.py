@@ -177,7 +177,7 @@ def verification_data(verification: Verification, remarks: Sequence[str]) -> dic
                 "size": cause.size.tolist(),
                 "sigma": cause.sigma.tolist(),
                 "sum_of_squares_left": float(cause.square),
-                "named": cause is verification.cause,
+                "named": cause in verification.named,
             }
             for cause in verification.causes[:5]
         ],

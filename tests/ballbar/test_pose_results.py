@@ -383,7 +383,7 @@ def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     code, said, _ = ballbar("verify", tmp_path / "r", tmp_path / "changed", "--json")
     data = json.loads(said)
     assert code == 1
-    assert data["sentence"].startswith("Changed since: joint 4 zero by +")
+    assert data["sentence"].startswith("Changed since: zero of axis 4 by +")
     assert data["causes"][0]["size"][0] == pytest.approx(2e-3, abs=1e-4)
     write_pose_table(tmp_path / "other", table, "ur5", q, "big ball")
     code, _, error = ballbar("verify", tmp_path / "r", tmp_path / "other")
