@@ -23,12 +23,12 @@ from ident.estimator.normal_equations import gradient_of, jacobian
 _ALIASES = np.arange(-20, 21)[:, None]  # of the knots' frequency, so many on either side
 
 
-def share_kept(frequency: Array, spacing: float) -> Array:
+def spline_response(frequency: Array, spacing: float) -> Array:
     """(...,) share of a harmonic of frequency (...,) [Hz] that knots `spacing` [s] apart keep."""
     u = np.minimum(np.abs(frequency) * spacing, float(_ALIASES[-1, 0]))
     around = np.sinc(u.reshape(-1) + _ALIASES) ** (2 * (DEGREE + 1))
-    kept = around[len(_ALIASES) // 2] / around.sum(axis=0)
-    return np.asarray(kept.reshape(u.shape))
+    response = around[len(_ALIASES) // 2] / around.sum(axis=0)
+    return np.asarray(response.reshape(u.shape))
 
 
 def smoothing_covariance(fit: Fit, cell: Cell) -> Array:
@@ -48,7 +48,7 @@ def smoothing_covariance(fit: Fit, cell: Cell) -> Array:
     at = np.array([layout.names.index(c.name) for c in ripple])
     orders = [(gear, order) for gear, order, _ in harmonic_orders(cell) for _ in WAVES]
     speed = np.array([order * point.state.gear_speed[gear] for gear, order in orders])
-    lost = 1.0 - share_kept(speed / (2.0 * np.pi), point.samples.smoothing)
+    lost = 1.0 - spline_response(speed / (2.0 * np.pi), point.samples.smoothing)
     missing = np.zeros((layout.count, at.size))
     for block in jacobian(model, fit.linear, 0):
         columns = block.values[np.isin(block.index, at)]

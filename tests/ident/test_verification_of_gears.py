@@ -1,4 +1,4 @@
-"""A stored machine with ripple of its gears against recordings, on robots of the benchmark."""
+"""A stored machine with ripple of its gears against recordings, on drawn machines."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.verify_recordings import OPTIONS, Truth, drawn, identified, recorded
 from ident.result import Machine
 from ident.verification import RecordingVerification, verify_recording
+from tests.helpers.drawn_machines import OPTIONS, Truth, drawn, identified, recorded
 
 
 @pytest.fixture(scope="module")

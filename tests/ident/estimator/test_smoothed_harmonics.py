@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.splines import smoothing_spline
-from ident.estimator.smoothed_harmonics import share_kept
+from ident.estimator.smoothed_harmonics import spline_response
 
 
 @pytest.mark.parametrize("share", [0.2, 0.45, 0.5, 0.55, 0.7, 3.3])
@@ -18,9 +18,11 @@ def test_the_share_that_smoothing_keeps_is_that_of_a_spline_of_many_rows(share: 
     waves = np.sin(2.0 * np.pi * frequency * t[:, None] + phases)
     spline = smoothing_spline(t, waves, np.arange(spacing, 16.0 - spacing / 2.0, spacing))
     inner = waves[2000:-2000]
-    kept = (spline(t[2000:-2000]) * inner).sum() / (inner * inner).sum()
-    assert share_kept(np.array([frequency, -frequency]), spacing) == pytest.approx(kept, abs=0.01)
+    response = (spline(t[2000:-2000]) * inner).sum() / (inner * inner).sum()
+    assert spline_response(np.array([frequency, -frequency]), spacing) == pytest.approx(
+        response, abs=0.01
+    )
 
 
 def test_a_harmonic_that_stands_still_is_kept_whole() -> None:
-    assert share_kept(np.zeros((2, 3)), 0.08) == pytest.approx(np.ones((2, 3)))
+    assert spline_response(np.zeros((2, 3)), 0.08) == pytest.approx(np.ones((2, 3)))
