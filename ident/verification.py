@@ -52,7 +52,7 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
 # [rad], [m] standard deviations of what an unchanged machine is apart by from one recording to the
 # next: friction and play leave the zero of an axis 10 urad, and 0.7 K a length of steel 5 um.
-WANDERS = {"axis": 1e-5} | dict.fromkeys(("tool", "rod", "plate", "geometry", "ball-bar"), 5e-6)
+WANDERS = {"axis": 1e-5} | dict.fromkeys(("tool", "rod", "plate", "geometry"), 5e-6)
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01

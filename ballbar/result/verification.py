@@ -84,7 +84,7 @@ def verify_folder(
 
 def _doubt(status: str) -> str:
     """What to say of a result whose own verdict was a misfit or worse; empty otherwise."""
-    if Status(status).severity < Status.MISFIT.severity:
+    if status not in [s for s in Status if s.severity >= Status.MISFIT.severity]:
         return ""
     return f'the stored result\'s own verdict is "{status}", so identify the robot again'
 
