@@ -37,6 +37,11 @@ class Finding:
         """What to do about a warning; empty for a repair."""
         return REMEDIES.get(self.kind, "") if self.severity == "warning" else ""
 
+    @property
+    def notable(self) -> bool:
+        """Whether something was changed or left out, or is to be done."""
+        return not self.remedy.startswith("Nothing")
+
 
 @dataclass(frozen=True)
 class FileSummary:

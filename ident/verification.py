@@ -25,10 +25,11 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
-from cell.geometry import parameter_table
+from cell.geometry import parameter_named, parameter_table
 from ident.causes import Causes
 from ident.corrections.base import GEAR
 from ident.estimator.fit import Fit
+from ident.estimator.smoothed_harmonics import smoothing_covariance
 from ident.estimator.step_faults import step_faults_in_logs
 from ident.estimator.uncertainty import uncertainty
 from ident.held_out import (
@@ -50,8 +51,8 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
 # [rad], [m] standard deviations of what an unchanged machine is apart by from one recording to the
-# next: friction and play leave the zero of an axis 10 urad, and 0.7 K a rod of steel 5 um.
-WANDERS = {"axis": 1e-5, "tool": 5e-6, "rod": 5e-6, "plate": 5e-6}
+# next: friction and play leave the zero of an axis 10 urad, and 0.7 K a length of steel 5 um.
+WANDERS = {"axis": 1e-5} | dict.fromkeys(("tool", "rod", "plate", "geometry"), 5e-6)
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01
@@ -67,7 +68,7 @@ BLIND = 3e-4  # [rad] of an axis zero that may change unseen without being named
 class Cause:
     """One change since the identification that may explain a recording."""
 
-    kind: str  # axis, tool, rod, plate or gear
+    kind: str  # axis, tool, rod, plate or gear; else geometry or ball-bar
     axis: int  # from 1, of an axis or a gear; else 0
     names: tuple[str, ...]  # of the machine's unknowns that it moves
     columns: Array  # (U, K) change of the machine's unknowns per unit
@@ -80,6 +81,10 @@ class Cause:
             return f"zero of axis {self.axis}"
         if self.kind == "gear":
             return f"gear of axis {self.axis}"
+        if self.kind == "geometry":
+            return f"parameter {self.names[0]}"
+        if self.kind == "ball-bar":
+            return "axes of the ball-bar"
         return {"tool": "tool", "rod": "length of the rod", "plate": "length of the plate"}[
             self.kind
         ]
@@ -106,6 +111,11 @@ class Explanation:
             )
         if kind in ("rod", "plate"):
             return f"{words} by {size * 1e6:+.0f} um (sigma {sigma * 1e6:.0f} um; exchanged?)"
+        if kind == "geometry":
+            unit = "um" if parameter_named(self.cause.names[0]).is_length else "urad"
+            return f"{words} by {size * 1e6:+.0f} {unit} (sigma {sigma * 1e6:.0f} {unit}; bent?)"
+        if kind == "ball-bar":
+            return f"{words} (bent, or taken apart?)"
         if kind == "tool":
             return f"{words} (bolted on anew, or bent?)"
         return f"{words} (transmission error, compliance or backlash; gear exchanged?)"
@@ -118,12 +128,14 @@ class RecordingVerification:
     name: str
     identified: LoopClosure  # of the stored machine
     innovation: float  # its residual over what noise and stated uncertainty explain
+    innovation_left: float  # the same after the likeliest change, where there is one
     misfit: float  # chi-square per degree of freedom with the machine free
     limit: float  # of the evidence, exceeded in FALSE_ALARMS of checks of an unchanged machine
     explanations: tuple[Explanation, ...]  # best first
     single: bool  # whether nothing speaks strongly for a second change beside the first
     blind: dict[int, float]  # axes, and the size [rad] up to which a change of the zero is unseen
     suspect: str = ""  # what may be wrong with the logs; empty where nothing is
+    doubt: str = ""  # what is wrong with the stored calibration itself; empty where nothing is
 
     @property
     def statistic(self) -> float:
@@ -131,19 +143,28 @@ class RecordingVerification:
         return self.explanations[0].evidence
 
     @property
-    def explained(self) -> bool:
-        """Whether some machine of this kind explains the recording."""
-        return self.misfit <= MISFIT and not self.suspect
+    def unchanged(self) -> bool:
+        """Whether nothing speaks for a change."""
+        return self.statistic <= self.limit and self.innovation**2 <= MISFIT
+
+    @property
+    def comparable(self) -> bool:
+        """Whether calibration and logs are sound, and some machine of this kind explains them.
+
+        With the machine free the noise alone has to explain the rest; of the stored one, or of it
+        after the likeliest change, the stated uncertainty counts as well.
+        """
+        explained = self.misfit <= MISFIT or self.innovation_left**2 <= MISFIT
+        return explained and not self.suspect and not self.doubt
 
     @property
     def holds(self) -> bool:
-        unchanged = self.statistic <= self.limit and self.innovation**2 <= MISFIT
-        return unchanged and self.explained
+        return self.unchanged and self.comparable
 
     @property
     def named(self) -> tuple[Explanation, ...]:
         """The cause; several where the recording hardly tells them apart, none where none is."""
-        if self.holds or not self.single or not self.explained or self.statistic <= self.limit:
+        if not self.comparable or not self.single or self.statistic <= self.limit:
             return ()
         best = self.statistic
         return tuple(e for e in self.explanations if e.evidence > best - RIVAL)
@@ -157,20 +178,22 @@ class RecordingVerification:
         )
         if self.holds:
             return f"Holds: {closure}."
+        if self.doubt:
+            return f"Not comparable: {self.doubt}; {closure}."
+        if self.suspect:
+            return f"Not comparable: perhaps {self.suspect}; {closure}."
+        if not self.comparable:
+            return (
+                f"Not comparable: {closure}, and no machine of this kind explains the recording. "
+                "Look at it with ballbar check; if nothing is wrong with it, identify again."
+            )
         if self.named:
             each = ", or ".join(e.sentence for e in self.named)
             tail = "; this path does not tell which" if len(self.named) > 1 else ""
             return f"Changed since: {each}{tail}; {closure}."
-        if self.suspect:
-            return f"Not comparable: perhaps {self.suspect}; {closure}."
-        if not self.explained:
-            return (
-                f"Changed: {closure}, and no machine of this kind explains it. Check the "
-                "recording with ballbar check, then identify again."
-            )
         return (
-            f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear) "
-            "explains it clearly: identify again."
+            f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear, "
+            "another parameter) explains it clearly: identify again."
         )
 
     @property
@@ -202,27 +225,32 @@ def verify_recording(
     limit = compared.difference.limit(causes)
     ranked = compared.difference.ranked(causes)
     single, best, now = ranked[0].evidence <= limit, ranked[0], machine
+    innovation = left = normalised_innovation(compared.closed, machine)
     for _ in range(0 if single else ROUNDS):
         listener.progress("fitting once more after the likeliest change")
         now = changed(now, compared.free, best)
-        after = _compared(now, recording, options).difference
+        rest = _compared(now, recording, options)
+        after, left = rest.difference, normalised_innovation(rest.closed, now)
         best = replace(best, size=after.explanation(best.cause).size)
         ranked[0] = replace(ranked[0], size=ranked[0].size + best.size)
         single = after.beside(best.cause).ranked(causes)[0].evidence <= RIVAL
         if single:
             break
-    misfit = compared.free.chi2_per_dof
-    return RecordingVerification(
+    outcome = RecordingVerification(
         name=logs.name,
         identified=loop_closure(compared.closed),
-        innovation=normalised_innovation(compared.closed, machine),
-        misfit=misfit,
+        innovation=innovation,
+        innovation_left=left,
+        misfit=compared.free.chi2_per_dof,
         limit=limit,
         explanations=tuple(ranked),
         single=single,
-        blind=_blind(ranked, cell.robot),
-        suspect=_suspect(cell, logs, misfit, ambiguous=recording.start.ambiguous),
+        blind=_blind(ranked, limit, cell.robot),
     )
+    ambiguous = recording.start.ambiguous
+    if outcome.comparable and not ambiguous:
+        return outcome
+    return replace(outcome, suspect=_suspect(cell, logs, ambiguous=ambiguous))
 
 
 def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
@@ -238,10 +266,8 @@ def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
     return replace(machine, robot=replace(robot, geometry=geometry.replaced(moved), values=values))
 
 
-def _suspect(cell: Cell, logs: Logs, misfit: float, *, ambiguous: bool) -> str:
+def _suspect(cell: Cell, logs: Logs, *, ambiguous: bool) -> str:
     """What may be wrong with logs that no machine explains, or that align in several ways."""
-    if misfit <= MISFIT and not ambiguous:
-        return ""
     causes = Causes.of(cell, [logs])
     if causes:
         return str(causes)
@@ -249,7 +275,11 @@ def _suspect(cell: Cell, logs: Logs, misfit: float, *, ambiguous: bool) -> str:
 
 
 def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
-    """The single causes that move unknowns of a free fit; those of gears where it has them."""
+    """The single causes that move unknowns of a free fit; those of gears where it has them.
+
+    Beside the usual ones every other parameter of the arm, and those of the ball-bar together: the
+    many coefficients of a gear would take up a change of these.
+    """
     robot, layout = machine.robot.cell.robot, free.model.unknowns
     place = {name: k for k, name in enumerate(_free_names(machine, free))}
     table = parameter_table(robot)
@@ -286,6 +316,11 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
         ]
         if own:  # and with the gear, the zero of its axis
             made.append(cause("gear", gear + 1, [*own, (zeros[gear + 1], ZERO)]))
+    usual = {name for c in made if c is not None for name in c.names}
+    others = [p for p in table.parameters if p.name in place and p.name not in usual]
+    moves = {p.name: ({p.name: 1.0}, SHIFT if p.is_length else TURN) for p in others}
+    made += [cause("geometry", 0, [moves[p.name]]) for p in others if p.side == "robot"]
+    made.append(cause("ball-bar", 0, [moves[p.name] for p in others if p.side == "bar"]))
     return tuple(c for c in made if c is not None)
 
 
@@ -302,13 +337,14 @@ def _free_names(machine: Machine, free: Fit) -> list[str]:
     return [name for name in machine.names if name in free.model.unknowns.names]
 
 
-def _blind(explanations: Sequence[Explanation], robot: Robot) -> dict[int, float]:
+def _blind(explanations: Sequence[Explanation], limit: float, robot: Robot) -> dict[int, float]:
     """Axes whose zero may have changed by more than BLIND unseen, axis 1 apart.
 
     Its zero turns the robot about its base, which is not known to the ball-bar anyway.
     """
     sigma = {e.cause.axis: float(e.sigma[0]) for e in explanations if e.cause.kind == "axis"}
-    sizes = {axis: SEEN * sigma.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
+    seen = max(SEEN, float(np.sqrt(2.0 * max(0.0, limit))))  # evidence is half a squared deviation
+    sizes = {axis: seen * sigma.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
     return {axis: size for axis, size in sizes.items() if size > BLIND}
 
 
@@ -394,11 +430,12 @@ def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) ->
     by_data = white - white @ (white / layout.sigma[at][:, None] ** 2)
     noise = max(1.0, free.chi2_per_dof) * np.outer(inflation, inflation) * by_data
     seen = np.eye(at.size) - white / layout.sigma[at] ** 2
+    smoothed = smoothing_covariance(free, machine.robot.cell)[np.ix_(at, at)]
     error = seen @ (machine.covariance[np.ix_(own, own)] + wander) @ seen.T
     difference = _Difference(
         x=free.x[at] - closed.x[at],
         seen=seen,
-        covariance=error + noise + UNSETTLED * white,
+        covariance=error + noise + smoothed + UNSETTLED * white,
         blocks=stated.blocks,
     )
     return _Compared(closed, free, difference)

@@ -173,25 +173,31 @@ def verify(
     named if it explains the change. Of a recording: the zero of an axis, the tool, the length of
     rod or plate, a gear; only clock, base pose and encoder offsets are fitted. Of still poses: the
     zero of a joint, a target that moved, the scale of the measured values, one bad pose; only the
-    seats (and new targets) are fitted. Exits with 1 when the calibration does not hold.
+    seats (and new targets) are fitted. Exits with 1 when the calibration does not hold, and with 2
+    when these measurements cannot tell.
     """
     verify_one = _verify_poses if (folder / "poses.yaml").exists() else _verify_recording
-    raise typer.Exit(0 if verify_one(result, folder, as_json=as_json) else 1)
+    raise typer.Exit(verify_one(result, folder, as_json=as_json))
 
 
-def _verify_poses(result: Path, folder: Path, *, as_json: bool) -> bool:
-    from acquisition.poses import read_poses
-    from ballbar.result.verification import say_verification, verification_data, verify_poses
-
-    verification = verify_poses(result, read_poses(folder))
-    if as_json:
-        say_json(verification_data(verification))
-    say_verification(out, verification)
-    return verification.holds
-
-
-def _verify_recording(result: Path, folder: Path, *, as_json: bool) -> bool:
+def _verify_poses(result: Path, folder: Path, *, as_json: bool) -> int:
     from ballbar.result.verification import (
+        exit_code,
+        say_verification,
+        verification_data,
+        verify_poses,
+    )
+
+    outcome, remarks = verify_poses(result, folder)
+    if as_json:
+        say_json(verification_data(outcome, remarks))
+    say_verification(out, outcome, remarks)
+    return exit_code(outcome)
+
+
+def _verify_recording(result: Path, folder: Path, *, as_json: bool) -> int:
+    from ballbar.result.verification import (
+        exit_code,
         recording_verification_data,
         say_verification,
         verify_folder,
@@ -201,7 +207,7 @@ def _verify_recording(result: Path, folder: Path, *, as_json: bool) -> bool:
     if as_json:
         say_json(recording_verification_data(outcome, remarks))
     say_verification(out, outcome, remarks)
-    return outcome.holds
+    return exit_code(outcome)
 
 
 @commands.command(

@@ -3,39 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 
+from acquisition.poses import import_poses
+from acquisition.report import ImportReport, finding_line
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import CalibrationFile, calibration_file, load_calibration
 from ballbar.result.pose_calibration import load_pose_calibration
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
-from cell.poses import PoseTable
+from cell.pose_file import load_poses_file, pose_file_path
 from cell.recording import RecordingFile
 from ident.options import SILENT, Listener
+from ident.poses.start import PoseStartError
 from ident.poses.verification import Verification, verify
+from ident.start.automatic import StartError
+from ident.verdict import Status
 from ident.verification import RecordingVerification, verify_recording
 
 # [K] from which a difference of temperature is named: a length of 1 m of steel grows by 24 um.
 WARMER = 2.0
 
 
-def verify_poses(result: Path, table: PoseTable) -> Verification:
-    """Whether the calibration.yaml of still poses holds for a table.
+def verify_poses(result: Path, folder: Path) -> tuple[Verification, tuple[str, ...]]:
+    """Whether the calibration.yaml of still poses holds for the poses.yaml in a folder.
 
-    Raises InputError for a result of logs, a table of another robot, or one with too few poses.
+    Returns also what the reader found in its tables. Raises InputError for a result of logs, and
+    for a table of another robot, with too few poses, or that fits no place of the instrument.
     """
     file = _existing(result)
     calibration = load_pose_calibration(file)
-    if table.robot.title != calibration.robot.title:
-        raise InputError(
-            f"{table.name}: is of robot {table.robot.title}, {file} of {calibration.robot.title}."
-        )
-    mean = calibration.file.cross_validation.mean_m
-    return verify(calibration.arm(), calibration.targets, mean, table)
+    content, path = calibration.file, pose_file_path(folder)
+    _check_same("robot", (load_poses_file(path).robot, path.parent), (content.robot, file))
+    read = import_poses(path)
+    mean = content.cross_validation.mean_m
+    try:
+        outcome = verify(calibration.arm(), calibration.targets, mean, read.table)
+    except PoseStartError as error:
+        raise InputError(f"{folder}: cannot be held against {file}: {error}") from None
+    return replace(outcome, doubt=_doubt(content.fit.status)), reading_remarks(read.report)
 
 
 def verify_folder(
@@ -43,9 +53,9 @@ def verify_folder(
 ) -> tuple[RecordingVerification, tuple[str, ...]]:
     """Whether the calibration.yaml of recordings holds for the recording in a folder.
 
-    Returns also what is to be said of the temperatures. Raises InputError for a result of still
-    poses or one without covariance, for a recording of a sensed length, and for one that cannot be
-    read or is of another robot, ball-bar or plate; StartError when its logs do not fit together.
+    Returns also what is to be said of the temperatures and of the reading. Raises InputError for a
+    result of still poses or one without covariance, for a recording of a sensed length, and for one
+    that cannot be read, is of another robot, ball-bar or plate, or whose logs do not fit together.
     """
     file = _existing(result)
     calibration = load_calibration(file)
@@ -59,8 +69,20 @@ def verify_folder(
             "still poses."
         )
     logs = logs_of(distinct_names([folder])[0], recording)
-    outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
-    return outcome, temperature_remarks(content, recording.description.temperature_C)
+    try:
+        outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
+    except StartError as error:
+        raise InputError(f"{folder}: cannot be held against {file}: {error}") from None
+    outcome = replace(outcome, doubt=_doubt(content.fit.status))
+    warmth = temperature_remarks(content, recording.description.temperature_C)
+    return outcome, (*warmth, *reading_remarks(recording.report))
+
+
+def _doubt(status: str) -> str:
+    """What to say of a result whose own verdict was a misfit or worse; empty otherwise."""
+    if status not in [s for s in Status if s.severity >= Status.MISFIT.severity]:
+        return ""
+    return f'the stored result\'s own verdict is "{status}", so identify the robot again'
 
 
 def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[str, ...]:
@@ -88,35 +110,54 @@ def _existing(result: Path) -> Path:
 def _check_same_cell(
     content: CalibrationFile, file: Path, recorded: RecordingFile, folder: Path
 ) -> None:
-    pairs = (
-        ("robot", content.robot, recorded.robot),
-        ("instrument", content.instrument, recorded.measured_by),
-        ("plate", content.plate, recorded.plate),
-    )
-    for what, name, here in pairs:
-        if description_identity(here, folder) != description_identity(name, file.parent):
-            raise InputError(
-                f"{folder}: is of {what} {here}, {file} of {name}. A result is tried on recordings "
-                "of the same robot, ball-bar and plate."
-            )
+    _check_same("robot", (recorded.robot, folder), (content.robot, file))
+    _check_same("instrument", (recorded.measured_by, folder), (content.instrument, file))
+    _check_same("plate", (recorded.plate, folder), (content.plate, file))
+
+
+def _check_same(what: str, measured: tuple[str, Path], stored: tuple[str, Path]) -> None:
+    """measured : name of a description, and its folder. stored : name, and calibration.yaml."""
+    (here, folder), (name, file) = measured, stored
+    if description_identity(here, folder) != description_identity(name, file.parent):
+        raise InputError(
+            f"{folder}: is of {what} {here}, {file} of {name}, or their files differ. A result is "
+            "tried on measurements of the same robot, instrument and plate."
+        )
+
+
+def reading_remarks(report: ImportReport) -> tuple[str, ...]:
+    """What the reader left out or changed, and its warnings that ask for something."""
+    return tuple(finding_line(entry) for entry in report.findings if entry.notable)
 
 
 def say_verification(
     out: Console, verification: Verification | RecordingVerification, remarks: Sequence[str] = ()
 ) -> None:
-    """Print the sentence, green or red, then what does not count, and further remarks."""
-    colour = "green" if verification.holds else "red"
+    """Print the sentence, then what does not count, and further remarks.
+
+    Green where it holds, red where something changed, yellow where nothing can be said.
+    """
+    sound = verification.comparable
+    colour = "green" if verification.holds else "red" if sound else "yellow"
     out.print(f"[bold {colour}]{escape(verification.sentence)}[/]")
     for warning in (*verification.warnings, *remarks):
         out.print(f"[yellow]warning:[/] {escape(warning)}")
 
 
-def verification_data(verification: Verification) -> dict[str, object]:
-    """JSON of `verify`, SI units."""
+def exit_code(verification: Verification | RecordingVerification) -> int:
+    """0 where it holds, 1 where something changed, 2 where nothing can be said."""
+    if not verification.comparable:
+        return 2
+    return 0 if verification.holds else 1
+
+
+def verification_data(verification: Verification, remarks: Sequence[str]) -> dict[str, object]:
+    """JSON of `verify` with still poses, SI units."""
     return {
         "holds": verification.holds,
+        "comparable": verification.comparable,
         "sentence": verification.sentence,
-        "warnings": verification.warnings,
+        "warnings": [*verification.warnings, *remarks],
         "poses": int(verification.error.size),
         "poses_outside_fitted_ranges": verification.outside,
         "mean_error_m": float(verification.error.mean()),
@@ -132,7 +173,7 @@ def verification_data(verification: Verification) -> dict[str, object]:
                 "size": cause.size.tolist(),
                 "sigma": cause.sigma.tolist(),
                 "sum_of_squares_left": float(cause.square),
-                "named": cause is verification.cause,
+                "named": cause in verification.named,
             }
             for cause in verification.causes[:5]
         ],
@@ -145,6 +186,7 @@ def recording_verification_data(
     """JSON of `verify` with a recording, SI units."""
     return {
         "holds": outcome.holds,
+        "comparable": outcome.comparable,
         "sentence": outcome.sentence,
         "warnings": [*outcome.warnings, *remarks],
         "position_rms_m": outcome.identified.position_rms,
@@ -157,6 +199,7 @@ def recording_verification_data(
             {
                 "kind": e.cause.kind,
                 "axis": e.cause.axis or None,
+                "parameters": list(e.cause.names),
                 "size": e.size.tolist(),
                 "sigma": e.sigma.tolist(),
                 "log_bayes_factor": e.evidence,

@@ -8,8 +8,10 @@ is that of chi-square where the stated 95 % region of one pose is; where the reg
 tails are heavier, and the shape is the one that has this quantile (for a single pose, exactly).
 The variance is itself an estimate, which the limit allows for as Fisher's F does.
 
-What changed is sought among single causes: each is one more unknown, and the one that explains the
-errors is named if the rest would pass as unchanged, or nearly so, and no other one does as well.
+What changed is sought among single causes: the zero of an axis, with the joints that a parallel rod
+couples to it, a target, the scale, one pose, or another DH parameter. The one that explains the
+errors is named if the rest would pass as unchanged, or nearly so; beside it those that do as well:
+the zero of the last axis is a turn of the only target about it.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from scipy.special import fdtri, gammaincinv
 from cell.arrays import Array
 from cell.chain import joint_screws
 from cell.errors import InputError
+from cell.geometry import parameter_named
 from cell.poses import PoseGroup, PoseTable
 from cell.statistics import chi_square_quantile
 from ident.poses.closure import Placement
@@ -49,14 +52,15 @@ RIVAL = 6.0  # sum of squares by which a cause must be better than the next one,
 # to the sum of squares, per unknown of a cause: the criterion of Akaike 1974 asks 2; a target has
 # three unknowns, and among ten causes the best of many is taken
 PRICE = 4.0
+MANY = 3  # causes that are named together at most
 
 
 @dataclass(frozen=True, eq=False)
 class Cause:
     """One change since the identification that may explain the errors."""
 
-    kind: str  # joint, target, scale or pose
-    name: str  # joint from 1, name of the target, or file and row of the pose
+    kind: str  # axis, target, scale, pose or geometry
+    name: str  # axis from 1, target, file and row of the pose, or parameter
     size: Array  # (K,) [rad], [m] or [1]
     sigma: Array  # (K,)
     square: float  # sum of squares that it leaves
@@ -65,9 +69,13 @@ class Cause:
     def sentence(self) -> str:
         """The cause and its size."""
         size, sigma = float(np.linalg.norm(self.size)), float(np.linalg.norm(self.sigma))
-        if self.kind == "joint":
+        if self.kind == "axis":
             value = float(self.size[0]) * 1e3
-            return f"joint {self.name} zero by {value:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad)"
+            return f"zero of axis {self.name} by {value:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad)"
+        if self.kind == "geometry":
+            unit = "mm" if parameter_named(self.name).is_length else "mrad"
+            value = float(self.size[0]) * 1e3
+            return f"parameter {self.name} by {value:+.3f} {unit} (sigma {sigma * 1e3:.3f} {unit})"
         if self.kind == "target":
             return f"target {self.name} moved by {size * 1e3:.3f} mm (sigma {sigma * 1e3:.3f} mm)"
         if self.kind == "scale":
@@ -87,16 +95,25 @@ class Verification:
     limit: float  # of `square`, exceeded in FALSE_ALARMS of checks of an unchanged robot
     predicted: float  # [m] mean error of an unchanged robot
     causes: tuple[Cause, ...]  # best first; empty where the calibration holds
-    cause: Cause | None  # that explains the change clearly
-    blind: Mapping[
-        int, float
-    ]  # joints, from 1, whose zero may have changed by so much [rad] unseen
+    named: tuple[Cause, ...]  # that explain the change clearly; several where alike
+    blind: Mapping[int, float]  # axes, from 1, whose zero may have changed by so much [rad] unseen
     outside: int  # poses that do not count
     out_of_range: Mapping[int, tuple[float, float]]  # axes of those, and their ranges [rad]
+    doubt: str = ""  # what is wrong with the stored calibration itself; empty where nothing is
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the stored calibration is one that poses can be held against."""
+        return not self.doubt
 
     @property
     def holds(self) -> bool:
-        return self.square <= self.limit
+        return self.square <= self.limit and self.comparable
+
+    @property
+    def cause(self) -> Cause | None:
+        """The only cause that explains the change clearly."""
+        return self.named[0] if len(self.named) == 1 else None
 
     @property
     def largest_mean(self) -> float:
@@ -111,6 +128,8 @@ class Verification:
             f"unchanged robot {self.predicted * 1e3:.3f} mm, at most "
             f"{self.largest_mean * 1e3:.3f} mm in 98 of 100 checks"
         )
+        if self.doubt:
+            return f"Not comparable: {self.doubt}; {numbers}."
         if self.holds and self.blind:
             return f"Holds as far as these poses tell, which is not far: {numbers}."
         if self.holds:
@@ -120,11 +139,13 @@ class Verification:
                 f"One pose stands out, {self.cause.sentence}; the others agree with the "
                 f"calibration. Measure it again. {numbers}."
             )
-        if self.cause is not None:
-            return f"Changed since: {self.cause.sentence}; {numbers}."
+        if self.named:
+            each = ", or ".join(cause.sentence for cause in self.named)
+            tail = "; these poses do not tell which" if len(self.named) > 1 else ""
+            return f"Changed since: {each}{tail}; {numbers}."
         return (
-            f"Changed: {numbers}. No single cause (zero of a joint, target, scale of the measured "
-            "values, one bad pose) explains it clearly: identify the robot again."
+            f"Changed: {numbers}. No single cause (zero of an axis, target, scale of the measured "
+            "values, one bad pose, another parameter) explains it clearly: identify it again."
         )
 
     @property
@@ -135,11 +156,9 @@ class Verification:
             outside = range_sentence(dict(self.out_of_range))
             out.append(f"{self.outside} poses do not count: they are {outside}")
         if self.blind:
-            each = ", ".join(
-                f"{joint} ({size * 1e3:.1f} mrad)" for joint, size in self.blind.items()
-            )
+            each = ", ".join(f"{axis} ({size * 1e3:.1f} mrad)" for axis, size in self.blind.items())
             out.append(
-                f"changes of the zeros of these joints, up to the size named, would not show: "
+                f"changes of the zeros of these axes, up to the size named, would not show: "
                 f"{each}; spread the poses over the workspace"
             )
         return out
@@ -185,11 +204,11 @@ def verify(
     limit = limit_of(freedom, arm.factor)
     square = equations.cost
     causes: tuple[Cause, ...] = ()
-    cause = None
+    named: tuple[Cause, ...] = ()
     if square > limit:
         counting = [name for name, counts in zip(names, inside, strict=True) if counts]
         causes = _causes(check, part, model, equations, counting)
-        cause = _clear(causes, square, freedom, arm.factor)
+        named = _clear(causes, square, freedom, arm.factor)
     blind = _blind(check, model, equations)
     error = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in equations.points])
     coordinates = equations.equations
@@ -201,7 +220,7 @@ def verify(
         limit=limit,
         predicted=mean * max(1.0, check.sigma / arm.discrepancy) * np.sqrt(freedom / coordinates),
         causes=causes,
-        cause=cause,
+        named=named,
         blind=blind,
         outside=int((~inside).sum()),
         out_of_range=arm.out_of_range(table.q),
@@ -227,19 +246,21 @@ def limit_of(freedom: int, factor: float) -> float:
 
 
 def _blind(check: _Check, model: PoseModel, equations: PoseEquations) -> dict[int, float]:
-    """Joints, from 1, and the size [rad] up to which these poses hide a change of their zero.
+    """Axes, from 1, and the size [rad] up to which these poses hide a change of their zero.
 
-    Those of them that would move the target by more than UNSEEN. The first and the last joint are
+    Those of them that would move the target by more than UNSEEN. The first and the last axis are
     left out: seats and targets take up their zeros.
     """
-    frames, out = check.arm.frames(check.arm.workspace()), {}
-    levers = np.sqrt((joint_screws(frames)[:, :3] ** 2).sum(axis=1).mean(axis=1))
-    for joint in range(2, check.arm.robot.joints):
-        columns = _columns(model, equations, "joint", str(joint))
-        cause = _linear(model, equations, columns, "joint", str(joint))
+    arm, out = check.arm, {}
+    moved = joint_screws(arm.frames(arm.workspace()))[: arm.robot.joints, :3]
+    by_axis = np.einsum("aj,jcn->acn", arm.robot.controller_to_joint, moved)
+    levers = np.sqrt((by_axis**2).sum(axis=1).mean(axis=1))
+    for axis in range(2, arm.robot.joints):
+        columns = _columns(model, equations, "axis", str(axis))
+        cause = _linear(model, equations, columns, "axis", str(axis))
         size = np.inf if cause is None else SEEN * float(cause.sigma[0])
-        if size * levers[joint - 1] > UNSEEN:
-            out[joint] = size
+        if size * levers[axis - 1] > UNSEEN:
+            out[axis] = size
     return out
 
 
@@ -247,17 +268,23 @@ def _causes(
     check: _Check, table: PoseTable, model: PoseModel, equations: PoseEquations, names: list[str]
 ) -> tuple[Cause, ...]:
     """Single causes, best first, by linearised equations; then the best of each kind exactly."""
-    joints = [("joint", str(j + 1)) for j in range(check.arm.robot.joints)]
+    axes = [("axis", str(j + 1)) for j in range(check.arm.robot.joints)]
     known = [("target", name) for name in table.targets if name in check.known]
     measured = any(group.values.shape[1] for group in table.groups)
     scale = [("scale", "")] if measured else []
+    others = [("geometry", p.name) for p in model.unknowns.parameters if p.kind != "theta"]
     causes = []
-    for kind, name in (*joints, *known, *scale):
+    for kind, name in (*axes, *known, *scale, *others):
         first = _linear(model, equations, _columns(model, equations, kind, name), kind, name)
         if first is not None:
             causes.append(_refined(check, table, first))
     causes += _single_poses(model, equations, names)
-    return tuple(sorted(causes, key=lambda c: c.square + PRICE * c.size.size))
+    return tuple(sorted(causes, key=_priced))
+
+
+def _priced(cause: Cause) -> float:
+    """Sum of squares that a cause leaves, with the price of its unknowns."""
+    return cause.square + PRICE * cause.size.size
 
 
 def _refined(check: _Check, table: PoseTable, first: Cause) -> Cause:
@@ -283,14 +310,19 @@ def _applied(check: _Check, table: PoseTable, cause: Cause) -> tuple[PoseTable, 
         known = check.known[cause.name]
         moved = Placement(known.rotation, known.origin + cause.size)
         return table, replace(check, known={**check.known, cause.name: moved})
+    if cause.kind == "geometry":
+        parameter, chain = parameter_named(cause.name), check.arm.chain
+        row = getattr(chain, parameter.kind).copy()
+        row[parameter.row] += float(cause.size[0])
+        bent = replace(check.arm, chain=replace(chain, **{parameter.kind: row}))
+        return table, replace(check, arm=bent)
     groups = []
     for group in table.groups:
         if cause.kind == "scale":
             groups.append(replace(group, values=group.values * (1.0 + float(cause.size[0]))))
         else:
-            q = group.q.copy()
-            q[:, int(cause.name) - 1] += float(cause.size[0])
-            groups.append(replace(group, q=q))
+            shares = check.arm.robot.controller_to_joint[int(cause.name) - 1]
+            groups.append(replace(group, q=group.q + float(cause.size[0]) * shares))
     return replace(table, groups=tuple(groups)), check
 
 
@@ -300,8 +332,12 @@ def _columns(model: PoseModel, equations: PoseEquations, kind: str, name: str) -
     triples = zip(equations.points, equations.weights, equations.jacobians, strict=True)
     for point, weights, jacobian in triples:
         group, n = point.group, point.group.size
-        if kind == "joint":
-            out.append(weights(point.joint_columns[int(name) - 1][None]))
+        if kind == "axis":
+            shares = model.table.robot.controller_to_joint[int(name) - 1]
+            out.append(weights(np.einsum("j,jcn->cn", shares, point.joint_columns)[None]))
+        elif kind == "geometry":
+            at = model.unknowns.names.index(name)
+            out.append(jacobian[at : at + 1])
         elif kind == "target":
             own = jacobian[model.unknowns.targets[name]][:3]
             out.append(own if group.target == name else np.zeros((3, *own.shape[1:])))
@@ -357,16 +393,24 @@ def _single_poses(model: PoseModel, equations: PoseEquations, names: list[str]) 
     return causes
 
 
-def _clear(causes: tuple[Cause, ...], square: float, freedom: int, factor: float) -> Cause | None:
-    """The first cause, if it explains the change and no other one does nearly as well."""
-    best, *others = causes
+def _clear(
+    causes: tuple[Cause, ...], square: float, freedom: int, factor: float
+) -> tuple[Cause, ...]:
+    """The first cause, if it explains the change; beside it those that do nearly as well.
+
+    A cause of more unknowns that leaves no more is among them, whatever its price: the first may
+    be a part of it. Of more than MANY none is named.
+    """
+    best = causes[0]
     left = freedom - best.size.size
     if left < 1 or best.square > NEARLY * limit_of(left, factor):
-        return None
-    priced = [c.square + PRICE * c.size.size for c in causes]
-    if square - priced[0] < RIVAL or (others and priced[1] - priced[0] < RIVAL):
-        return None
-    return best
+        return ()
+    if square - _priced(best) < RIVAL:
+        return ()
+    alike = tuple(
+        c for c in causes if c.square <= best.square or _priced(c) - _priced(best) < RIVAL
+    )
+    return alike if len(alike) <= MANY else ()
 
 
 def _positions(table: PoseTable) -> PoseTable:

@@ -37,6 +37,7 @@ from tests.helpers.drawn_pose_tables import drawn_robot, point_table
 from tests.helpers.pose_results import write_pose_result, write_pose_table
 from tests.helpers.published_urdf import PUBLISHED, PublishedUrdf
 
+SHIPPED = Path(__file__).parents[2] / "cell" / "robots"
 ROBOTS = ("ur10", "panda", "irb2400", "irb1600")
 EXACT = 1e-9  # [m, rad]
 
@@ -428,11 +429,45 @@ def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     code, said, _ = ballbar("verify", tmp_path / "r", tmp_path / "changed", "--json")
     data = json.loads(said)
     assert code == 1
-    assert data["sentence"].startswith("Changed since: joint 4 zero by +")
+    assert data["sentence"].startswith("Changed since: zero of axis 4 by +")
     assert data["causes"][0]["size"][0] == pytest.approx(2e-3, abs=1e-4)
     write_pose_table(tmp_path / "other", table, "ur5", q, "big ball")
     code, _, error = ballbar("verify", tmp_path / "r", tmp_path / "other")
     assert (code, "is of robot" in error) == (2, True)
+    own = tmp_path / "same" / "mine.yaml"  # of the same title; 50 mm of a link made no difference
+    own.write_text((SHIPPED / "ur10.yaml").read_text().replace("-0.612,", "-0.662,"))
+    described = tmp_path / "same" / "poses.yaml"
+    described.write_text(described.read_text().replace("robot: ur10", "robot: mine.yaml"))
+    code, _, error = ballbar("verify", tmp_path / "r", tmp_path / "same")
+    assert (code, "is of robot mine.yaml" in error) == (2, True)
+
+
+@pytest.mark.slow
+def test_verifying_says_which_poses_were_left_out_and_doubts_a_misfit(tmp_path: Path) -> None:
+    """A row without its position was left out, and not a word said of it."""
+    rng = np.random.default_rng(6)
+    file = write_pose_result(tmp_path / "r" / "calibration.yaml", "ur10", seed=1)
+    result = load_result(file)
+    assert isinstance(result, PoseResult)
+    arm = result.calibration.arm("big ball")
+    drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
+    q = rng.uniform(-1.5, 1.5, (11, 6))
+    table = point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)
+    folder = write_pose_table(tmp_path / "t", table, "ur10", q, "big ball")
+    (poses,) = folder.glob("*.csv")
+    lines = poses.read_text().splitlines()
+    lines[3] = lines[3].rsplit(",", 1)[0] + ",nan"
+    poses.write_text("\n".join(lines) + "\n")
+    code, said, error = ballbar("verify", tmp_path / "r", folder, "--json")
+    data = json.loads(said)
+    assert (code, data["poses"]) == (0, 10), error
+    assert "row left out" in data["warnings"][-1]
+    file.write_text(re.sub(r"status: \w+", "status: misfit", file.read_text()))
+    code, said, error = ballbar("verify", tmp_path / "r", folder)
+    assert (code, said.split(";")[0]) == (
+        2,
+        'Not comparable: the stored result\'s own verdict is "misfit", so identify the robot again',
+    )
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -243,6 +244,48 @@ def test_a_joint_that_did_not_move_and_keys_in_another_order_are_no_fault(
         result, changed(result, tmp_path / "edited", edit)
     ))  # fmt: skip
     assert (after.geometry.values == before.geometry.values).all()
+
+
+@pytest.fixture
+def damaged(recorded: Recorded, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(recorded.folder, tmp_path / "damaged"))
+
+
+@pytest.mark.slow
+def test_rows_that_were_left_out_are_named(result: Path, damaged: Path) -> None:
+    """A channel stood still for two seconds, its rows were left out, and not a word said of it."""
+    log = damaged / "raw" / "robot.csv"
+    lines = log.read_text().splitlines()
+    frozen = lines[3000].split(",")[2]
+    for i in range(3001, 3500):
+        cells = lines[i].split(",")
+        lines[i] = ",".join([*cells[:2], frozen, *cells[3:]])
+    log.write_text("\n".join(lines) + "\n")
+    code, said, error = ballbar("verify", result, damaged, "--json")
+    data = json.loads(said)
+    assert code == 0, said + error
+    assert any("frozen channel" in warning for warning in data["warnings"])
+
+
+def test_a_recording_that_is_too_short_is_bad_input(result: Path, damaged: Path) -> None:
+    """Its exit code was that of a machine that changed."""
+    log = damaged / "raw" / "robot.csv"
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join(lines[: len(lines) // 20]) + "\n")
+    code, _, error = ballbar("verify", result, damaged)
+    assert (code, "cannot be held against" in error) == (2, True), error
+
+
+@pytest.mark.slow
+def test_a_result_that_is_itself_a_misfit_is_not_said_to_hold(
+    result: Path, recorded: Recorded, tmp_path: Path
+) -> None:
+    def poor(data: dict[str, Any]) -> None:
+        data["fit"]["status"] = "misfit"
+
+    code, said, _ = ballbar("verify", changed(result, tmp_path / "poor", poor), recorded.folder)
+    assert code == 2
+    assert said.startswith('Not comparable: the stored result\'s own verdict is "misfit"')
 
 
 def content(result: Path, *temperatures: float | None) -> CalibrationFile:

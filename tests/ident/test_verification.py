@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cell.geometry import Geometry
+from ident.held_out import LoopClosure
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.result import Machine
@@ -16,6 +18,7 @@ from ident.verification import (
     LENGTH,
     ZERO,
     Cause,
+    Explanation,
     RecordingVerification,
     _Difference,
     _wander,
@@ -88,6 +91,38 @@ def test_two_changes_have_no_single_cause(machine: Machine) -> None:
 def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Machine) -> None:
     doubted = replace(machine, covariance=machine.covariance * 100.0**2)
     assert verified(doubted, moved(rtheta4=1e-4)).holds
+
+
+def outcome_of(**changes: Any) -> RecordingVerification:
+    """An unchanged robot on a quick path, whose residual is more than the noise explains."""
+    cause = Cause("axis", 4, (), np.ones((1, 1)), np.array([ZERO]))
+    outcome = RecordingVerification(
+        name="quick",
+        identified=LoopClosure(3.4e-5, 1.6e-4, 1.2e-4, 1.5),
+        innovation=0.78,
+        innovation_left=0.78,
+        misfit=2.06,
+        limit=1.94,
+        explanations=(Explanation(cause, np.array([1e-6]), np.array([1e-5]), -2.6),),
+        single=True,
+        blind={},
+    )
+    return replace(outcome, **changes)
+
+
+def test_a_residual_beyond_the_noise_alone_does_not_make_a_changed_machine() -> None:
+    """It was called changed in 3 of 3 recordings that the stated uncertainty explained."""
+    assert outcome_of().holds
+    assert not outcome_of(suspect="its logs can be aligned in more than one way").comparable
+
+
+def test_a_recording_that_no_machine_explains_is_not_comparable() -> None:
+    outcome = outcome_of(innovation=3.0, innovation_left=3.0)
+    assert (outcome.holds, outcome.comparable, outcome.named) == (False, False, ())
+    assert outcome.sentence.startswith("Not comparable: the loop closes to 0.034 mm rms")
+    changed_since = Explanation(outcome.explanations[0].cause, np.ones(1), np.ones(1), 250.0)
+    named = outcome_of(innovation=3.0, explanations=(changed_since,)).named
+    assert named == (changed_since,), "a change that leaves what is explained is named"
 
 
 def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() -> None:

@@ -71,7 +71,7 @@ def test_the_example_from_poses_finds_the_robot_and_what_changed(
     said = capsys.readouterr().out
     assert said.startswith("Good fit")
     assert float(said.split("joint 4 zero: ")[1].split()[0]) == pytest.approx(2.0, abs=0.05)  # mrad
-    assert "Changed since: joint 3 zero by +1.0" in said
+    assert "Changed since: zero of axis 3 by +1.0" in said
 
 
 @pytest.mark.slow
