@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -102,7 +102,7 @@ def record(
         on_batch = stack.enter_context(_live_view()) if options.live else None
         files = [Path(name) for name in options.own_files]
         recording = LiveRecording(RecordingFolder(folder, names, files), sources, on_batch=on_batch)
-        beside = None
+        beside = identified = None
         if options.identify:
             duration, accuracy = options.duration, options.accuracy
             beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
@@ -114,10 +114,12 @@ def record(
                     shown(recording, beside)
                 finally:
                     recording.finish()
-            if beside is not None:
+            if beside is not None and meanwhile is None:
                 out.print("Last fit of the whole recording; Ctrl-C leaves it out.")
-        finally:  # Ctrl-C is now for the fit alone: the recording is whole
-            identified = None if beside is None else beside.finish()
+        finally:
+            if beside is not None:
+                with suppress(*(() if meanwhile else (KeyboardInterrupt,))):
+                    identified = beside.finish()
     return Recorded(recording, identified, "" if beside is None else beside.failure)
 
 

@@ -52,18 +52,21 @@ class WatchBeside:
     def finish(self) -> Data | None:
         """The last state, with a fit of the whole recording; None where the process has failed.
 
-        Ctrl-C leaves that fit out.
+        Raises KeyboardInterrupt after Ctrl-C, which leaves that fit out.
         """
         self._finished = not self.failure
         if self._process.poll() is None:
             self._process.terminate()
         try:
             self._process.wait(LAST)
-        except (subprocess.TimeoutExpired, KeyboardInterrupt):
+        except (subprocess.TimeoutExpired, KeyboardInterrupt) as reason:
             self._left_out = True
             self._process.kill()
             self._process.wait()
-        self._reader.join(1.0)
-        if self._process.stdout is not None and not self._reader.is_alive():
-            self._process.stdout.close()
+            if isinstance(reason, KeyboardInterrupt):
+                raise
+        finally:
+            self._reader.join(1.0)
+            if self._process.stdout is not None and not self._reader.is_alive():
+                self._process.stdout.close()
         return None if self.failure else self.latest

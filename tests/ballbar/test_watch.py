@@ -379,5 +379,7 @@ def test_ctrl_c_leaves_out_the_last_fit(tmp_path: Path, monkeypatch: pytest.Monk
         return wait()
 
     monkeypatch.setattr(beside._process, "wait", interrupted)
-    assert beside.finish() is None
+    with pytest.raises(KeyboardInterrupt):
+        beside.finish()
+    assert beside._process.poll() is not None
     assert "which `ballbar identify` makes" in beside.failure
