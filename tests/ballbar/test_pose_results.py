@@ -411,16 +411,20 @@ def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: 
         compare_pose_results(first, other)
 
 
-@pytest.mark.slow
-def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
+def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """A stored result of a ur10, angles (N, 6) [rad] and the table measured of it unchanged."""
     rng = np.random.default_rng(6)
-    file = write_pose_result(tmp_path / "r" / "calibration.yaml", "ur10", seed=1)
-    result = load_result(file)
+    result = load_result(write_pose_result(folder / "calibration.yaml", "ur10", seed=1))
     assert isinstance(result, PoseResult)
     arm = result.calibration.arm("big ball")
     drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
-    q = rng.uniform(-1.5, 1.5, (10, 6))
-    table = point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)
+    q = rng.uniform(-1.5, 1.5, (count, 6))
+    return q, point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)
+
+
+@pytest.mark.slow
+def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
+    q, table = result_and_poses(tmp_path / "r", 10)
     write_pose_table(tmp_path / "same", table, "ur10", q, "big ball")
     code, said, _ = ballbar("verify", tmp_path / "r", tmp_path / "same")
     assert (code, said.startswith("Holds: 10 poses to 0.0")) == (0, True), said
@@ -445,14 +449,7 @@ def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_verifying_says_which_poses_were_left_out_and_doubts_a_misfit(tmp_path: Path) -> None:
     """A row without its position was left out, and not a word said of it."""
-    rng = np.random.default_rng(6)
-    file = write_pose_result(tmp_path / "r" / "calibration.yaml", "ur10", seed=1)
-    result = load_result(file)
-    assert isinstance(result, PoseResult)
-    arm = result.calibration.arm("big ball")
-    drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
-    q = rng.uniform(-1.5, 1.5, (11, 6))
-    table = point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)
+    q, table = result_and_poses(tmp_path / "r", 11)
     folder = write_pose_table(tmp_path / "t", table, "ur10", q, "big ball")
     (poses,) = folder.glob("*.csv")
     lines = poses.read_text().splitlines()
@@ -462,6 +459,7 @@ def test_verifying_says_which_poses_were_left_out_and_doubts_a_misfit(tmp_path: 
     data = json.loads(said)
     assert (code, data["poses"]) == (0, 10), error
     assert "row left out" in data["warnings"][-1]
+    file = tmp_path / "r" / "calibration.yaml"
     file.write_text(re.sub(r"status: \w+", "status: misfit", file.read_text()))
     code, said, error = ballbar("verify", tmp_path / "r", folder)
     assert (code, said.split(";")[0]) == (
