@@ -61,7 +61,7 @@ from ident.result import (
     RobotEstimate,
 )
 from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, part_without_scale, tcp_uncertainty
+from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, parts_without_scale, tcp_uncertainty
 from ident.robot.tool_covariance import ToolCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
@@ -503,9 +503,7 @@ def _tcp_uncertainty(
     if deviated:
         moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
     tool, machine = robot.tool(grid), np.ix_(layout.machine, layout.machine)
-    white, widened = (
-        part_without_scale(tool, own, part[machine]) for part in (stated.white, stated.widened)
-    )
+    white, widened = parts_without_scale(tool, own, stated.white[machine], stated.widened[machine])
     return tcp_uncertainty(tool, moves, whole.values, whole.names), white, widened
 
 

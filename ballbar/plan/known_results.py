@@ -17,7 +17,7 @@ from ballbar.result.calibration import (
     Calibration,
     CalibrationFile,
     RecordingEntry,
-    calibration_file,
+    existing_calibration,
     load_calibration,
 )
 from ballbar.result.run_recordings import description_identity
@@ -39,7 +39,7 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
     or of another robot, ball-bar or plate than the request's, and for results that share a
     recording.
     """
-    files = [_existing(result) for result in results]
+    files = [existing_calibration(result) for result in results]
     calibrations = [load_calibration(file) for file in files]
     machines = []
     for file, calibration in zip(files, calibrations, strict=True):
@@ -55,13 +55,6 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
                 "what is foretold after it is no surer than its report"
             )
     return known_of(machines)
-
-
-def _existing(result: Path) -> Path:
-    file = calibration_file(result)
-    if not file.is_file():
-        raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
-    return file
 
 
 def _check_complete(file: Path, content: CalibrationFile, cell: Cell) -> None:

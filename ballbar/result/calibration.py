@@ -6,7 +6,7 @@ also when there is only one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
@@ -62,13 +62,18 @@ ROUNDING = 1e-6
 RESTORE = "Restore the file as it was written, or identify again"
 
 
-def _kept_in_results(name: str) -> str:
-    if name not in OF_MACHINE:
-        raise ValueError(f"no correction of results.{nearest(name, OF_MACHINE, noun='name')}")
-    return name
+def one_of(names: Collection[str], what: str) -> AfterValidator:
+    """Refuses texts that are none of some names, and says which one may be meant."""
+
+    def check(name: str) -> str:
+        if name not in names:
+            raise ValueError(f"no {what}.{nearest(name, names, noun='name')}")
+        return name
+
+    return AfterValidator(check)
 
 
-CorrectionName = Annotated[str, AfterValidator(_kept_in_results)]
+CorrectionName = Annotated[str, one_of(OF_MACHINE, "correction of results")]
 
 
 class ParameterEntry(Strict):
@@ -781,6 +786,14 @@ def _closure(closure: LoopClosure) -> ClosureEntry:
 def calibration_file(path: Path) -> Path:
     """The file itself, or the one in a folder that `run` or `identify` wrote."""
     return path / CALIBRATION if path.is_dir() else path
+
+
+def existing_calibration(path: Path) -> Path:
+    """As `calibration_file`. Raises InputError where there is none."""
+    file = calibration_file(path)
+    if not file.is_file():
+        raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
+    return file
 
 
 def holds_pose_result(path: Path) -> bool:

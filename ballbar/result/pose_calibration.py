@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from ballbar.result.calibration import (
     POSES,
@@ -23,6 +23,7 @@ from ballbar.result.calibration import (
     ParameterEntry,
     Positive,
     RangeEntry,
+    one_of,
 )
 from ballbar.result.pose_run import PoseRun
 from cell.arrays import Array
@@ -59,14 +60,7 @@ POSE_CORRECTIONS: dict[str, Callable[[Robot, Iterable[str]], Correction]] = {
 }
 
 
-def _kept_in_results(name: str) -> str:
-    if name not in POSE_CORRECTIONS:
-        hint = nearest(name, POSE_CORRECTIONS, noun="name")
-        raise ValueError(f"no correction of still poses.{hint}")
-    return name
-
-
-PoseCorrectionName = Annotated[str, AfterValidator(_kept_in_results)]
+PoseCorrectionName = Annotated[str, one_of(POSE_CORRECTIONS, "correction of still poses")]
 
 
 class PlacementEntry(Strict):

@@ -12,7 +12,7 @@ from rich.markup import escape
 from acquisition.poses import import_poses
 from acquisition.report import ImportReport, finding_line
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.calibration import CalibrationFile, calibration_file, load_calibration
+from ballbar.result.calibration import CalibrationFile, existing_calibration, load_calibration
 from ballbar.result.pose_calibration import load_pose_calibration
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
@@ -35,7 +35,7 @@ def verify_poses(result: Path, folder: Path) -> tuple[Verification, tuple[str, .
     Returns also what the reader found in its tables. Raises InputError for a result of logs, and
     for a table of another robot, with too few poses, or that fits no place of the instrument.
     """
-    file = _existing(result)
+    file = existing_calibration(result)
     calibration = load_pose_calibration(file)
     content, path = calibration.file, pose_file_path(folder)
     _check_same("robot", (load_poses_file(path).robot, path.parent), (content.robot, file))
@@ -57,7 +57,7 @@ def verify_folder(
     result of still poses or one without covariance, for a recording of a sensed length, and for one
     that cannot be read, is of another robot, ball-bar or plate, or whose logs do not fit together.
     """
-    file = _existing(result)
+    file = existing_calibration(result)
     calibration = load_calibration(file)
     content = calibration.file
     recording = read_with_causes(folder)
@@ -98,13 +98,6 @@ def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[st
         f"of steel are longer by {12 * (now - mean):+.0f} um/m, of aluminium by "
         f"{23 * (now - mean):+.0f} um/m",
     )
-
-
-def _existing(result: Path) -> Path:
-    file = calibration_file(result)
-    if not file.is_file():
-        raise InputError(f"{file}: no such file. Name a calibration.yaml, or its folder.")
-    return file
 
 
 def _check_same_cell(

@@ -91,16 +91,16 @@ def tcp_uncertainty(
     )
 
 
-def part_without_scale(positions: Array, moves: Array, part: Array) -> float:
-    """[m] root mean square of `without_scale` that a part (P, P) of the covariance makes up.
+def parts_without_scale(positions: Array, moves: Array, *parts: Array) -> list[float]:
+    """[m] root mean square of `without_scale` that each part (P, P) of the covariance makes up.
 
     positions, moves : as `tcp_uncertainty`. The squares of parts add up to that of the whole.
     """
     fields = aligned_columns(positions, moves)
     scale = scale_direction(positions)
     rest = fields - np.outer(scale, scale @ fields)
-    square = float(np.einsum("gp,pq,gq->", rest, part, rest, optimize=True))
-    return float(np.sqrt(max(0.0, square) / len(positions)))
+    squares = (float(((rest @ part) * rest).sum()) for part in parts)
+    return [float(np.sqrt(max(0.0, square) / len(positions))) for square in squares]
 
 
 def scale_direction(positions: Array) -> Array:

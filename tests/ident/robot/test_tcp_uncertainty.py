@@ -12,7 +12,7 @@ from ident.robot.accuracy import accuracy_grid, tcp_error
 from ident.robot.tcp_uncertainty import (
     SCALE,
     TcpUncertainty,
-    part_without_scale,
+    parts_without_scale,
     scale_direction,
     tcp_uncertainty,
 )
@@ -63,7 +63,7 @@ def test_the_squares_of_parts_of_the_covariance_add_up(
     robot = UnloadedRobot(CELL, nominal)
     tool, moves = robot.tool(grid), robot.jacobian(grid, np.array([INDEX[n] for n in NAMES]))
     halves = (root[:, ::2] @ root[:, ::2].T, root[:, 1::2] @ root[:, 1::2].T)
-    parts = [part_without_scale(tool, moves, half) for half in halves]
+    parts = parts_without_scale(tool, moves, *halves)
     assert np.hypot(*parts) == pytest.approx(rms(stated.without_scale))
 
 
