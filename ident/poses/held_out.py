@@ -18,6 +18,7 @@ from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification, position_errors
 from ident.poses.start import PoseStart, start_of_poses
+from ident.poses.steps import other_sides
 from ident.poses.unknowns import PoseUnknowns, pose_unknowns
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
 
@@ -33,6 +34,7 @@ class PoseHeldOut:
     nominal: Array  # (N,) [m] of the nominal robot, seats fitted likewise
     predicted: float  # [m] mean error that cross-validation predicts
     out_of_range: dict[int, tuple[float, float]]  # axes, from 1, beyond their fitted range [rad]
+    moved: tuple[str, ...] = ()  # targets as they are called on the other side of a step
 
     @property
     def acceptable(self) -> bool:
@@ -47,6 +49,8 @@ class PoseHeldOut:
             f"mm); nominal robot {self.nominal.mean() * 1e3:.3f} mm; predicted "
             f"{self.predicted * 1e3:.3f} mm"
         )
+        if self.moved:
+            opening += f"; its target stands as {', '.join(map(repr, self.moved))}"
         if self.out_of_range:
             opening += f"; some poses are {range_sentence(self.out_of_range)}"
         if self.acceptable:
@@ -57,9 +61,7 @@ class PoseHeldOut:
 def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
     """How well an identified robot predicts a table that it was not identified from."""
     arm = result.arm()
-    layout, x = result.fit.model.unknowns, result.fit.x
-    known = {name: layout.target(x, name) for name in layout.targets}
-    identified = placed(arm, table, known)
+    identified, moved = _as_it_stood(result, arm, table)
     bare = replace(arm, chain=nominal_chain(table.robot), corrections=(), values=np.zeros(0))
     before = result.nominal.model.unknowns
     nominal_targets = {name: before.target(result.nominal.x, name) for name in before.targets}
@@ -69,7 +71,25 @@ def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
         nominal=position_errors(placed(bare, table, nominal_targets)),
         predicted=result.cross_validation.mean,
         out_of_range=arm.out_of_range(table.q),
+        moved=moved,
     )
+
+
+def _as_it_stood(
+    result: PoseIdentification, arm: IdentifiedArm, table: PoseTable
+) -> tuple[PoseFit, tuple[str, ...]]:
+    """A table placed with each target on that side of its steps which fits better, and the names
+    of the targets that are not on the side with most fitted poses.
+    """
+    layout, x = result.fit.model.unknowns, result.fit.x
+    known = {name: layout.target(x, name) for name in layout.targets}
+    best, moved = placed(arm, table, known), dict[str, str]()
+    for target in table.targets:
+        for name in other_sides(result.findings.steps, target):
+            trial = placed(arm, table, known | {target: layout.target(x, name)})
+            if position_errors(trial).mean() < position_errors(best).mean():
+                best, moved[target] = trial, name
+    return best, tuple(moved.values())
 
 
 def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> PoseFit:

@@ -31,7 +31,16 @@ from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification
 from ident.poses.start import PoseStart, start_of_poses
-from ident.poses.steps import MOST, Step, sized, split, step_of
+from ident.poses.steps import (
+    MOST,
+    Step,
+    confirms,
+    refuse_large,
+    refuse_merged,
+    sized,
+    split,
+    step_of,
+)
 from ident.poses.unknowns import HELD, PoseUnknowns, pose_unknowns
 from ident.verdict import Status
 
@@ -65,9 +74,11 @@ def identify_poses(
 
     A seat or target that moved between two rows has two names in the result's table.
 
-    Raises InputError where the table holds fewer equations than the robot has parameters, and
-    PoseStartError where measurements and robot cannot be brought together.
+    Raises InputError where the table holds fewer equations than the robot has parameters, or where
+    two seats or targets go by one name, and PoseStartError where measurements and robot cannot be
+    brought together.
     """
+    refuse_merged(table)
     progress("finding seats and targets")
     start = start_of_poses(table, nominal_chain(table.robot))
     result = first = _identified(table, start, options, progress)
@@ -75,9 +86,11 @@ def identify_poses(
     while len(steps) < MOST and (step := step_of(result.fit)) is not None:
         progress(f"{step.kind} {step.name} moved: fitting once more")
         trial = _identified(*split(result.fit, step), options, progress)
-        if trial.cross_validation.mean >= result.cross_validation.mean:
+        after = sized(trial.fit, (*steps, step))
+        if not confirms(result.fit, trial.fit, step, after[-1]):
             break
-        result, steps = trial, (*steps, step)
+        refuse_large(table, after[-1])
+        result, steps = trial, after
     if not steps or result.verdict.status is Status.IMPLAUSIBLE:
         return first
     return replace(result, findings=replace(result.findings, steps=sized(result.fit, steps)))

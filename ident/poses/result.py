@@ -137,7 +137,7 @@ class PoseIdentification:
             seat_turns=seat in layout.framed,
             parameters=layout.parameters,
             covariance=fit.covariance[np.ix_(index, index)],
-            discrepancy=self.cross_validation.sigma,
+            discrepancy=self.cross_validation.of_points,
             factor=self.cross_validation.factor,
             lower=q.min(axis=0),
             upper=q.max(axis=0),

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cell.poses import PoseTable
 from ident.estimator.regions import distinct_poses
+from ident.poses.cross_validation import only_lengths
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 from ident.verdict import Status, Verdict
 
@@ -38,14 +38,14 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
     fit, validation = result.fit, result.cross_validation
     fitted, before = result.residual_means
     lost = int((~validation.counting).sum())
-    what = "distance" if _only_lengths(result.table) else "position"
+    what = "distance" if only_lengths(result.table) else "position"
     nominal = float(np.median(result.residual_nominal))
     errors = (
         f"poses in regions of joint space that were not fitted are predicted to "
         f"{validation.mean * 1e3:.3f} mm in {what} (95 %: {validation.quantile * 1e3:.3f} mm); "
         f"with the nominal robot {before * 1e3:.3f} mm"
     )
-    if _only_lengths(result.table):
+    if only_lengths(result.table):
         tool = float(result.tcp_sigma.mean())
         errors += f"; stated TCP uncertainty over the fitted ranges {tool * 1e3:.3f} mm"
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
@@ -126,7 +126,7 @@ def _warnings(result: PoseIdentification) -> list[str]:
             "lengths, all in one proportion: check their unit, the instrument's scale and the "
             "robot's variant; the scale of the result is that of the instrument"
         )
-    if _only_lengths(table) and len(table.seats) < SEATS:
+    if only_lengths(table) and len(table.seats) < SEATS:
         out.append(
             f"lengths from {len(table.seats)} seat{'s' * (len(table.seats) > 1)} judge the robot "
             "along the rods alone; the stated uncertainty of points allows for joint errors that "
@@ -200,7 +200,3 @@ def _of_orders(result: PoseIdentification) -> list[str]:
 def _listed(items: list[str]) -> str:
     more = f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
     return ", ".join(items[:LISTED]) + more
-
-
-def _only_lengths(table: PoseTable) -> bool:
-    return all(group.measured == "length" for group in table.groups)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class IdentifiedArm:
     seat_turns: bool  # whether the seat is a whole frame, or a point
     parameters: tuple[Parameter, ...]
     covariance: Array  # (U, U) of parameters, coefficients, the target's position and the seat
-    discrepancy: float  # [m] of what the model leaves unexplained, along each axis
+    discrepancy: float  # [m] of what the model leaves unexplained, along each axis, noise included
     factor: float  # of the region's size, over that of chi-square
     lower: Array  # (J,) [rad] range of each joint that was fitted
     upper: Array  # (J,) [rad]
@@ -67,16 +68,35 @@ class IdentifiedArm:
 
     def jacobian(self, q: Array) -> Array:
         """(U, 3, N) change of the target, seen from the seat [m], per unit of each unknown."""
+        moves, rigid = self._moves(q)
+        if self.seat_turns:
+            return np.concatenate((moves, -rigid))
+        along = np.einsum("ur,rcn->ucn", self._followed, rigid)
+        return np.concatenate((moves - along, np.zeros_like(rigid[:3])))
+
+    def _moves(self, q: Array) -> tuple[Array, Array]:
+        """(M, 3, N) motion of the target per unit of each unknown but the seat's, and (6, 3, N) in
+        shifts and turns of the whole robot about the seat.
+        """
         frames = self.frames(q)
         rows = [screw(frames, p.kind, p.row)[:3] for p in self.parameters]
         joints = joint_screws(frames)[: self.robot.a.size, :3]
         gears = np.einsum("gj,jcn->gcn", self.robot.gear_to_joint, joints)
         regressors = regressors_at(self.robot, self.corrections, q)
         each = [gears[c] * r for c, r in zip(channels(self.corrections), regressors, strict=True)]
-        shifts = -np.repeat(np.eye(3)[:, :, None], len(q), axis=2)
-        arm = frames.tip - self.seat.origin[:, None]
-        turns = -np.cross(np.eye(3)[:, :, None], arm[None], axis=1) if self.seat_turns else ()
-        return np.stack((*rows, *each, *frames.rotation(-2).transpose(1, 0, 2), *shifts, *turns))
+        shifts = np.repeat(np.eye(3)[:, :, None], len(q), axis=2)
+        turns = np.cross(
+            np.eye(3)[:, :, None], (frames.tip - self.seat.origin[:, None])[None], axis=1
+        )
+        moves = np.stack((*rows, *each, *frames.rotation(-2).transpose(1, 0, 2)))
+        return moves, np.concatenate((shifts, turns))
+
+    @cached_property
+    def _followed(self) -> Array:
+        """(M, 6) shift and turn of the whole robot that follow each unknown over the workspace."""
+        moves, rigid = self._moves(self.workspace())
+        flat = rigid.reshape(6, -1)
+        return np.asarray(np.linalg.lstsq(flat.T, moves.reshape(len(moves), -1).T, rcond=None)[0].T)
 
     def covered(self, q: Array) -> NDArray[np.bool_]:
         """(N,) whether every angle of q (N, J) [rad] is within the fitted range of its axis."""
