@@ -139,7 +139,7 @@ def identify_together(
     if causes and causes.hopeless:  # the complete fit would take long and come to nothing
         if len(single) > 1:
             raise StartError(str(causes))
-        result = _result(cell, single, single[0].fit, options)
+        result = result_of(cell, single, single[0].fit, options)
     else:
         result = _fitted(cell, single, options, listener)
     if result.verdict.status in UNEXPLAINED:
@@ -151,7 +151,7 @@ def identify_together(
 
 def kinematic_result(cell: Cell, single: RecordingFit, options: FitOptions) -> Identification:
     """The result of the `dh` fit of one recording, without asking what may be wrong with it."""
-    return _result(cell, [single], single.fit, options)
+    return result_of(cell, [single], single.fit, options)
 
 
 def _with_trackers(result: Identification, recordings: Sequence[Logs]) -> Identification:
@@ -185,7 +185,7 @@ def _fitted(
     without_corrections = automatic and not any(map(_is_misfit, single))
     measures_length = cell.ballbar.stroke is not None
     if options.model == "dh" or without_corrections:
-        simple = [_result(cell, [each], each.fit, options) for each in single]
+        simple = [result_of(cell, [each], each.fit, options) for each in single]
         if options.model == "dh":
             return simple[0]
         if not any(map(_asks_for_more, simple)):
@@ -193,7 +193,7 @@ def _fitted(
                 return simple[0]
             extras = [] if measures_length else [rod_elongation(cell)]
             fit = fit_complete(cell, single, (), options, listener, extras)
-            result = _result(cell, single, fit, options)
+            result = result_of(cell, single, fit, options)
             if len(single) == 1 or result.verdict.status is Status.GOOD:
                 return result
     corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
@@ -207,12 +207,12 @@ def _fitted(
     fit = fit_complete(cell, single, corrections, options, listener)
     if automatic and corrections:
         fit = fit_softening(cell, fit, listener)
-    result = _result(cell, single, fit, options, payload=payload)
+    result = result_of(cell, single, fit, options, payload=payload)
     if automatic and corrections and may_have_joint_errors(result):
         fit, orders = fit_joint_errors(cell, fit, listener)
         if orders:
             fit = settled(fit, listener)
-            result = _result(cell, single, fit, options, orders, payload=payload)
+            result = result_of(cell, single, fit, options, orders, payload=payload)
     return result
 
 
@@ -250,7 +250,7 @@ def _shares_errors(simple: Identification) -> bool:
     return rigid and several and simple.fit.autocorrelation > CORRELATED
 
 
-def _result(
+def result_of(
     cell: Cell,
     single: Sequence[RecordingFit],
     fit: Fit,

@@ -1,0 +1,137 @@
+"""Results of every subset of parameters are written and read back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from acquisition.recording import Recording
+from ballbar.result.calibration import Calibration, load_calibration, write_calibration
+from ballbar.result.run_data import FittedRecording, RunData
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.geometry import Geometry
+from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
+from ident.corrections import CORRECTIONS
+from ident.estimator.fit import fit_kinematics
+from ident.estimator.identifiability import candidates
+from ident.estimator.unknowns import belongs_to_recording
+from ident.identify import kinematic_result, result_of
+from ident.options import FitOptions
+from ident.recording_fit import RecordingFit, fit_recording
+from ident.result import Identification
+from tests.helpers.command_line import ballbar
+from tests.helpers.length_recordings import bar_run, first_seconds, wire_run, write_folder
+from tests.helpers.minute_logs import minute_logs
+from tests.helpers.six_axes import NAMES
+from tests.helpers.synthetic_recording import CELL
+
+OPTIONS = FitOptions(model="dh", samples=60)
+WITHOUT_LOADS = ("gear_ripple", "encoder_harmonics", "gear_ratio")
+
+
+@lru_cache
+def fitted(instrument: str) -> tuple[Cell, RecordingFit]:
+    """A recording of a ball-bar or of a telescoping bar, fitted from few samples."""
+    if instrument == "ball-bar":
+        return CELL, fit_recording(CELL, minute_logs(), OPTIONS)
+    run = bar_run(Clock(0.3, 0.0), seed=1, duration=40.0)
+    return run.cell, fit_recording(run.cell, run.logs, OPTIONS)
+
+
+def placed(found: RecordingFit) -> Geometry:
+    """The nominal robot with the base pose and the encoder offsets of a fit."""
+    own = filter(belongs_to_recording, found.nominal.table.names)
+    return found.nominal.replaced({name: found.geometry[name] for name in own})
+
+
+def run_data(result: Identification, names: Sequence[str] = ("made",)) -> RunData:
+    """A result as of recordings that name shipped descriptions."""
+    description = SimpleNamespace(
+        robot="irb2400", measured_by="lund_600", plate="plate_250", temperature_C=None
+    )
+    recording = cast(Recording, SimpleNamespace(description=description))
+    fits = zip(names, result.recordings, strict=True)
+    recordings = tuple(FittedRecording(name, Path(name), recording, each) for name, each in fits)
+    return RunData("made", recordings, result)
+
+
+def read_back(data: RunData) -> Calibration:
+    with TemporaryDirectory() as folder:
+        write_calibration(Path(folder) / "calibration.yaml", data)
+        return load_calibration(Path(folder) / "calibration.yaml")
+
+
+def check(result: Identification, read: Calibration) -> None:
+    """The file holds what the result holds, each number under its name."""
+    stated, robot = read.file.covariance, result.robot
+    assert stated is not None
+    assert stated.names == robot.tool.names
+    assert np.array_equal(stated.covariance.values, robot.tool.values)
+    assert {n: p.sigma for n, p in read.file.parameters.items() if p.identified} == robot.sigma
+    for k, estimate in enumerate(result.recordings):
+        assert np.array_equal(read.file.geometry(k).values, estimate.geometry.values)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    instrument=st.sampled_from(["ball-bar", "length"]),
+    names=st.lists(st.sampled_from(NAMES), unique=True),
+    share=st.floats(0.0, 1.0),
+)
+@example(instrument="length", names=["ra4", "rd4", "ra2", "ox"], share=0.5)
+@example(instrument="ball-bar", names=["ox"], share=1.0)  # nothing of robot or ball-bar
+def test_a_result_of_any_subset_of_parameters_reads_back(
+    instrument: str, names: list[str], share: float
+) -> None:
+    """share : of the fitted parameters that count as excited well."""
+    cell, found = fitted(instrument)
+    table = found.nominal.table
+    every = candidates(table, found.samples.encoders, complete=True, declared=())
+    parameters = np.array([i for i in map(table.index.get, names) if i in every], dtype=np.intp)
+    strong = round(share * parameters.size)
+    fit = fit_kinematics(
+        found.samples, placed(found), found.clock, parameters, found.fit.excess,
+        prior_sigma=np.full(parameters.size, 1e-3), max_iterations=1,
+    )  # fmt: skip
+    subset = replace(found.subset, parameters=parameters[:strong], weak=parameters[strong:])
+    result = kinematic_result(cell, replace(found, subset=subset, fit=fit), OPTIONS)
+    read = read_back(run_data(result))
+    assert set(read.file.identified) <= set(names)
+    check(result, read)
+
+
+@settings(max_examples=10, deadline=None)
+@given(count=st.integers(1, 3), names=st.lists(st.sampled_from(WITHOUT_LOADS), unique=True))
+def test_a_result_of_several_recordings_reads_back(count: int, names: list[str]) -> None:
+    cell, found = fitted("ball-bar")
+    corrections = [CORRECTIONS[name](cell, found.samples.encoders) for name in names]
+    pose = posed(cell, [found] * count, corrections, OPTIONS)
+    fit = fit_pose(pose, FIRST_EXCESS, max_iterations=1)
+    result = result_of(cell, [found] * count, fit, OPTIONS)
+    read = read_back(run_data(result, [f"recording {k}" for k in range(count)]))
+    assert list(read.file.corrections) == names
+    check(result, read)
+
+
+@pytest.mark.slow
+def test_a_short_length_log_is_identified_and_its_result_written(tmp_path: Path) -> None:
+    """It ended as a fault of the program, three times of three: `expected ra4 as name 4`."""
+    run = first_seconds(wire_run(Clock(0.3, 0.0), seed=1), 16.0)
+    write_folder(run, tmp_path / "short", "drawwire_2m")
+    code, out, err = ballbar("identify", tmp_path / "short", "--model", "dh", "--samples", "200")
+    assert code == 1, err
+    assert out.startswith("Uncertain: the logs are too short")
+    covariance = load_calibration(tmp_path / "short-identified/calibration.yaml").file.covariance
+    assert covariance is not None
+    assert "ra4" in covariance.names
