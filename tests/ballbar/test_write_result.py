@@ -1,7 +1,8 @@
-"""Results of every subset of parameters are written and read back."""
+"""Results of every subset of parameters are written, also where our own reader refuses them."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -12,12 +13,22 @@ from typing import cast
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.recording import Recording
-from ballbar.result.calibration import Calibration, load_calibration, write_calibration
+from ballbar.result import calibration, pose_calibration
+from ballbar.result.calibration import (
+    Calibration,
+    CovarianceEntry,
+    covariance_entry,
+    load_calibration,
+    write_calibration,
+)
+from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.write_result import RefusedResultError
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
@@ -28,12 +39,16 @@ from ident.estimator.identifiability import candidates
 from ident.estimator.unknowns import belongs_to_recording
 from ident.identify import kinematic_result, result_of
 from ident.options import FitOptions
+from ident.poses.unknowns import robot_parameters
 from ident.recording_fit import RecordingFit, fit_recording
 from ident.result import Identification
+from ident.robot.tool_covariance import ToolCovariance
 from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import bar_run, first_seconds, wire_run, write_folder
 from tests.helpers.minute_logs import minute_logs
+from tests.helpers.pose_results import write_pose_table
 from tests.helpers.six_axes import NAMES
+from tests.helpers.still_poses import angles, table_of, true_robot
 from tests.helpers.synthetic_recording import CELL
 
 OPTIONS = FitOptions(model="dh", samples=60)
@@ -135,3 +150,75 @@ def test_a_short_length_log_is_identified_and_its_result_written(tmp_path: Path)
     covariance = load_calibration(tmp_path / "short-identified/calibration.yaml").file.covariance
     assert covariance is not None
     assert "ra4" in covariance.names
+
+
+def refused_order(covariance: ToolCovariance) -> CovarianceEntry:
+    """The entry of a covariance with its names in another order than the reader expects."""
+    entry = covariance_entry(covariance)
+    return entry.model_copy(update={"names": entry.names[::-1]})
+
+
+def test_a_result_that_its_reader_refuses_is_kept_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also of numbers that no reader takes: not finite, negative sigma, or NumPy's own types."""
+    cell, found = fitted("ball-bar")
+    result = kinematic_result(cell, found, OPTIONS)
+    path, kept = tmp_path / CALIBRATION, tmp_path / REFUSED
+    write_calibration(path, run_data(result))
+    sound = yaml.safe_load(path.read_text())
+    with monkeypatch.context() as patch:
+        patch.setattr(calibration, "covariance_entry", refused_order)
+        with pytest.raises(RefusedResultError) as error:
+            write_calibration(path, run_data(result))
+    assert f"whole in {kept}, and not in calibration.yaml" in str(error.value)
+    assert f"{REFUSED}:" in str(error.value)
+    assert "covariance.names[0] = 'bd3': expected ra1 as name 1" in str(error.value)
+    assert [p.name for p in tmp_path.iterdir()] == [REFUSED], "no earlier result beside it"
+    sound["covariance"]["names"].reverse()
+    assert yaml.safe_load(kept.read_text()) == sound
+    fit = replace(result.fit, chi2_per_dof=np.float64("nan"), rank=np.int64(5))
+    sigma = {"ra2": np.float32(-1.0)}
+    strange = replace(result, fit=fit, robot=replace(result.robot, sigma=sigma))
+    with pytest.raises(RefusedResultError, match=r"fit\.chi2_per_dof = nan: expected a finite"):
+        write_calibration(path, run_data(strange))
+    again = yaml.safe_load(kept.read_text())
+    assert again["parameters"]["ra2"]["sigma"] == -1.0
+    assert again["fit"]["rank"] == 5
+    write_calibration(path, run_data(result))
+    assert [p.name for p in tmp_path.iterdir()] == [CALIBRATION]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["logs", "still poses"])
+def test_a_refused_result_ends_as_a_fault_with_all_files_written(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    if kind == "logs":
+        run = first_seconds(wire_run(Clock(0.3, 0.0), seed=1), 16.0)
+        write_folder(run, tmp_path / "in", "drawwire_2m")
+        options, files = (
+            ["--model", "dh", "--samples", "200"],
+            {"report.html", "import_report.json"},
+        )
+    else:
+        q, robot = angles("ur5", 100), true_robot("ur5")
+        write_pose_table(tmp_path / "in", table_of(robot, q=q), "ur5", q, "ball")
+        options, files = ["--joint-errors", "none"], {"report.html"}
+    words = ["identify", tmp_path / "in", "--out", out, "--json", *options]
+    with monkeypatch.context() as patch:
+        patch.setattr(calibration, "covariance_entry", refused_order)
+        patch.setattr(
+            pose_calibration, "robot_parameters", lambda robot: robot_parameters(robot)[1:]
+        )
+        code, said, err = ballbar(*words)
+    assert code == 3
+    assert said == ""
+    assert f"fault of the program: RefusedResultError: the result stands whole in {out}" in err
+    assert {p.name for p in out.iterdir()} == {REFUSED, *files}
+    assert yaml.safe_load((out / REFUSED).read_text())["fit"]["verdict"]
+    code, said, err = ballbar(*words)
+    assert code in (0, 1), err
+    assert json.loads(said)["calibration"]
+    assert {p.name for p in out.iterdir()} == {CALIBRATION, *files}
