@@ -104,6 +104,20 @@ def words(form: TimeForm) -> str:
     return _COUNTS[form].words if form in _COUNTS else _WORDS[form]
 
 
+def forms_by_start() -> dict[str, list[TimeForm]]:
+    """All forms of time stamps by what they count from."""
+    out: dict[str, list[TimeForm]] = {}
+    for form in TIME_FORMS:
+        if form in _WORDS:
+            start = "text"
+        elif _COUNTS[form].between is None:
+            start = "counted from any start"
+        else:
+            start = "counted since 1601, 1970 or 2000"
+        out.setdefault(start, []).append(form)
+    return out
+
+
 def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
     """The only one of several forms that a stamp may have; None if none or several fit."""
     if _DATE.fullmatch(cell) or _SHORT_YEAR.fullmatch(cell):

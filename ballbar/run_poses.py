@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ballbar.outputs import Progress
+from ballbar.outputs import Progress, write_pose_outputs
 from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
 from ballbar.result.limits import Limit, pose_limits
-from ballbar.result.names import CALIBRATION, RECORDING, REPORT
-from ballbar.result.pose_calibration import write_pose_calibration
+from ballbar.result.names import POSE_OUTPUTS, RECORDING
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
 from ballbar.scenario import PoseScenario, scenario_path, write_scenario
 from cell.errors import InputError
@@ -74,14 +73,10 @@ def run_pose_scenario(
     """
     folder = out / RECORDING
     beside = {truth_path(folder).name, scenario_path(folder).name}
-    with claimed_folder(out, {RECORDING, *beside, CALIBRATION, REPORT, DESCRIPTIONS}, "a run"):
+    with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
         run = identify_pose_folders([folder], progress=progress)
         comparison = compare_poses_with_truth(run.identification, simulation.truth)
-        write_pose_calibration(out / CALIBRATION, run)
-        from ballbar.report.pose_page import write_pose_report  # noqa: PLC0415  imports Matplotlib
-
-        progress("writing the report")
-        write_pose_report(out / REPORT, run, comparison, command=command)
+        write_pose_outputs(out, run, comparison, command=command, replay=False, progress=progress)
         limits = pose_limits(run.identification, comparison, scenario.accept)
         return PoseScenarioRun(simulation, run, comparison, limits)

@@ -26,8 +26,10 @@ Written by `python -m generators.command_line` from the texts of `--help`; do no
 
 **Exit codes.** 0: done. 1: the command ran, but its result is not acceptable; the first line says
 why. 2: bad input; the message names file, line and key, and the remedy. 3: a fault of the program,
-whose details are written to a file to be reported, or too little memory. 130: ended by Ctrl-C or
-SIGTERM, but `record`, `watch` and the search of `plan`, which then go on to their result.
+whose details are written to a file to be reported, or too little memory. A result that was fitted
+and that its own reader then refuses is such a fault; it is kept whole in calibration.refused.yaml
+in place of calibration.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`, `watch` and the search
+of `plan`, which then go on to their result.
 
 **Output.** Results go to standard output, everything else to standard error.
 

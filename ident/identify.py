@@ -1,8 +1,9 @@
 """From logs to the robot's parameters, with their uncertainty and a verdict.
 
 Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model
-with the clock as parameter (ident.recording_fit). Where that leaves something systematic, or
-several recordings are given: the complete model of all recordings together (ident.complete_fit).
+with the clock as parameter (ident.recording_fit). Several recordings are then fitted together, by
+kinematics alone or with corrections (ident.complete_fit), and one where something systematic is
+left.
 """
 
 from __future__ import annotations
@@ -120,11 +121,8 @@ def identify_together(
     result is not acceptable, its verdict names what may be wrong with the logs (ident.causes).
     Where a tracker contradicts it, the verdict says so (ident.tracker).
 
-    Raises StartError when the logs of a recording cannot be brought together, with the same cause;
-    ValueError for model `dh` with several recordings.
+    Raises StartError when the logs of a recording cannot be brought together, with the same cause.
     """
-    if options.model == "dh" and len(recordings) > 1:
-        raise ValueError("model: dh fits one recording; several together need the complete model")
     silent = Listener(progress=listener.progress)
     try:
         single = [
@@ -139,7 +137,7 @@ def identify_together(
     if causes and causes.hopeless:  # the complete fit would take long and come to nothing
         if len(single) > 1:
             raise StartError(str(causes))
-        result = _result(cell, single, single[0].fit, options)
+        result = result_of(cell, single, single[0].fit, options)
     else:
         result = _fitted(cell, single, options, listener)
     if result.verdict.status in UNEXPLAINED:
@@ -151,7 +149,7 @@ def identify_together(
 
 def kinematic_result(cell: Cell, single: RecordingFit, options: FitOptions) -> Identification:
     """The result of the `dh` fit of one recording, without asking what may be wrong with it."""
-    return _result(cell, [single], single.fit, options)
+    return result_of(cell, [single], single.fit, options)
 
 
 def _with_trackers(result: Identification, recordings: Sequence[Logs]) -> Identification:
@@ -180,20 +178,24 @@ def _is_misfit(recording: RecordingFit) -> bool:
 def _fitted(
     cell: Cell, single: Sequence[RecordingFit], options: FitOptions, listener: Listener
 ) -> Identification:
-    """The result of the model that the options name, or that the data ask for."""
+    """The result of the model that the options name, or that the data ask for.
+
+    Kinematics of several recordings together are the complete model without corrections.
+    """
+    if options.model == "dh":
+        several = len(single) > 1
+        fit = fit_complete(cell, single, (), options, listener) if several else single[0].fit
+        return result_of(cell, single, fit, options)
     automatic = options.model == "auto" and options.corrections is None
-    without_corrections = automatic and not any(map(_is_misfit, single))
     measures_length = cell.ballbar.stroke is not None
-    if options.model == "dh" or without_corrections:
-        simple = [_result(cell, [each], each.fit, options) for each in single]
-        if options.model == "dh":
-            return simple[0]
+    if automatic and not any(map(_is_misfit, single)):
+        simple = [result_of(cell, [each], each.fit, options) for each in single]
         if not any(map(_asks_for_more, simple)):
             if len(single) == 1 and not _shares_errors(simple[0]):
                 return simple[0]
             extras = [] if measures_length else [rod_elongation(cell)]
             fit = fit_complete(cell, single, (), options, listener, extras)
-            result = _result(cell, single, fit, options)
+            result = result_of(cell, single, fit, options)
             if len(single) == 1 or result.verdict.status is Status.GOOD:
                 return result
     corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
@@ -207,12 +209,12 @@ def _fitted(
     fit = fit_complete(cell, single, corrections, options, listener)
     if automatic and corrections:
         fit = fit_softening(cell, fit, listener)
-    result = _result(cell, single, fit, options, payload=payload)
+    result = result_of(cell, single, fit, options, payload=payload)
     if automatic and corrections and may_have_joint_errors(result):
         fit, orders = fit_joint_errors(cell, fit, listener)
         if orders:
             fit = settled(fit, listener)
-            result = _result(cell, single, fit, options, orders, payload=payload)
+            result = result_of(cell, single, fit, options, orders, payload=payload)
     return result
 
 
@@ -250,7 +252,7 @@ def _shares_errors(simple: Identification) -> bool:
     return rigid and several and simple.fit.autocorrelation > CORRELATED
 
 
-def _result(
+def result_of(
     cell: Cell,
     single: Sequence[RecordingFit],
     fit: Fit,
@@ -328,7 +330,7 @@ def _result(
             "the measured rod length was not used: the dh model explains the recording and finds "
             "the rod by itself; --model complete uses it"
         )
-    if complete and options.corrections is None:
+    if complete and options.model != "dh" and options.corrections is None:
         without = corrections_without_data(cell.robot)
         if without:
             keys = dict.fromkeys(f"`{key}`" for lacking in without.values() for key in lacking)

@@ -177,28 +177,18 @@ def _identify_poses(
 ) -> None:
     """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
     from ballbar.commands.result_json import pose_run_data
+    from ballbar.outputs import write_pose_outputs
     from ballbar.report.pose_terminal import say_poses
-    from ballbar.result.names import CALIBRATION, REPLAY, REPORT
-    from ballbar.result.pose_calibration import write_pose_calibration
+    from ballbar.result.names import POSE_OUTPUTS
     from ballbar.result.pose_run import identify_pose_folders
-    from cell.files import DESCRIPTIONS, claimed_folder
+    from cell.files import claimed_folder
 
     first = folders[0] if folders[0].is_dir() else folders[0].parent
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     options = _pose_options(joint_errors)
-    known = {CALIBRATION, REPORT, REPLAY, DESCRIPTIONS}
-    with claimed_folder(folder, known, "the result"), progress_bar() as progress:
+    with claimed_folder(folder, POSE_OUTPUTS, "the result"), progress_bar() as progress:
         run = identify_pose_folders(folders, validate, options=options, progress=progress)
-        write_pose_calibration(folder / CALIBRATION, run)
-        from ballbar.report.pose_page import write_pose_report
-
-        progress("writing the report")
-        write_pose_report(folder / REPORT, run, command=command_line())
-        if rerun:
-            from ballbar.replay.pose_replay import write_pose_replay
-
-            progress("writing the replay")
-            write_pose_replay(folder / REPLAY, run)
+        write_pose_outputs(folder, run, command=command_line(), replay=rerun, progress=progress)
     if as_json:
         say_json(pose_run_data(run, folder))
     say_poses(out, run)

@@ -16,7 +16,7 @@ from acquisition.table.fields import split_fields
 from acquisition.table.preview import column_names, likely_separator
 from acquisition.table.text import LogText
 from acquisition.times import TIME_FORMS, recognised
-from ballbar.recordings.questions import Ask, answer, one_of
+from ballbar.recordings.questions import Ask, answer, one_of, time_form
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.logs import SourceName
@@ -25,7 +25,6 @@ OWN = "new"  # the answer that asks for a dialect of one's own
 PERIODS = (2.0e-4, 0.1)  # [s] of rows that a robot or ball-bar logger writes without a remark
 DEGREES = 7.0  # a joint angle above it [rad] would be more than a turn
 SHOWN = 2000  # rows that are looked at
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
 _AXES = range(5, 9)
 _TIME_NAME = re.compile(r"(time|zeit|t|stamp|timestamp|date|datum|uhrzeit)\b", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
@@ -107,11 +106,7 @@ def _time_form(
     if given is None and (form := recognised(cells[len(cells) // 2], TIME_FORMS)):
         return form, True
     stamps = table.values(column)
-    period = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
-    fitting = [u for u, size in TIME_UNITS.items() if PERIODS[0] <= size * period <= PERIODS[1]]
-    proposal = fitting[0] if len(fitting) == 1 else None
-    question = f"{file}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})"
-    return answer(given, question, proposal, one_of(*TIME_FORMS), ask), False
+    return time_form(file, stamps, periods=PERIODS, given=given, ask=ask), False
 
 
 def _angles(file: str, table: _Table, time: str, ask: Ask) -> dict[str, Any]:

@@ -24,8 +24,8 @@ from acquisition.table.header import read_header
 from acquisition.table.preview import HEAD, column_names, likely_separator
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
-from ballbar.recordings.new_dialect import OWN, TIME_UNITS, new_dialect
-from ballbar.recordings.questions import Ask, answer, one_of, whole_number
+from ballbar.recordings.new_dialect import OWN, new_dialect
+from ballbar.recordings.questions import Ask, answer, one_of, time_form, whole_number
 from ballbar.recordings.read_with_causes import read_with_causes
 from cell.arrays import Array
 from cell.dialect import Container, Dialect, TimeForm, dialect_file, dialect_names, load_dialect
@@ -199,7 +199,7 @@ def _chosen_dialect(source: SourceName, given: str | None, log: _Preview, ask: A
         return name
 
     if fitting:
-        first, meaning = fitting[0], _meaning(dialects[fitting[0]])
+        first, meaning = fitting[0], _meaning(dialects[fitting[0]], log)
         question = f"{log.name} fits the dialect {first}: {meaning}. Which dialect? {choices}"
         return answer(given, question, first if len(fitting) == 1 else None, check, ask)
     question = f"{log.name} fits no dialect. Which one? {choices}"
@@ -251,12 +251,15 @@ def _refuse_unfit(dialect: Dialect, log: _Preview) -> None:
             raise InputError(f"{log.name} has no column {dialect.time.column} of time stamps.")
 
 
-def _meaning(dialect: Dialect) -> str:
-    forms = " or ".join(words(form) for form in dialect.time.possible)
+def _meaning(dialect: Dialect, log: _Preview) -> str:
+    """What a dialect takes a log for, as the part of a sentence."""
     if dialect.source == "robot":
-        return f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}, time in {forms}"
-    what = "a length" if dialect.source == "length" else "raw counters"
-    return f"{what}, time in {forms}"
+        what = f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
+    else:
+        what = "a length" if dialect.source == "length" else "raw counters"
+    possible = dialect.time.possible
+    form = possible[0] if len(possible) == 1 else _shown_form(dialect, log)
+    return what if form is None else f"{what}, time in {words(form)}"
 
 
 def _source(
@@ -280,13 +283,15 @@ def _source(
         dialect = Dialect.model_validate(json.loads(json.dumps(data)))
         return dialect, source if hidden is None else source | {"time": hidden}
     dialect = _dialect(chosen)
-    stamps = log.values(_stamp_column(log, dialect))
     if time is not None or (dialect.time.forms and not _shows_time_form(dialect, log)):
-        question = (
-            f"{log.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})"
+        source["time"] = time_form(
+            log.name,
+            log.values(_stamp_column(log, dialect)),
+            periods=dialect.period_s,
+            given=time,
+            ask=ask,
+            proposed=dialect.time.possible,
         )
-        likely = likely_time(dialect, stamps)
-        source["time"] = answer(time, question, likely, one_of(*TIME_FORMS), ask)
     return dialect, source
 
 
@@ -359,14 +364,6 @@ def likely_unit(instrument: Instrument, values: Array) -> tuple[str, float] | No
             if instrument.lower <= zero + size * least and zero + size * most <= instrument.upper:
                 return unit, zero
     return None
-
-
-def likely_time(dialect: Dialect, stamps: Array) -> str | None:
-    """The unit in which stamps (N,) have a period that the dialect expects, if it is only one."""
-    period = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
-    first, last = dialect.period_s
-    fitting = [unit for unit, size in TIME_UNITS.items() if first <= size * period <= last]
-    return fitting[0] if len(fitting) == 1 and fitting[0] in dialect.time.possible else None
 
 
 def _number(reply: str) -> float:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TypeVar
 
+import numpy as np
+
+from acquisition.times import TIME_FORMS, forms_by_start
+from cell.arrays import Array
 from cell.errors import InputError
 
 Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer
 T = TypeVar("T")
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
 
 
 def answer(
@@ -50,3 +55,30 @@ def whole_number(least: int, most: int) -> Callable[[str], int]:
         return int(reply)
 
     return check
+
+
+def time_form(
+    file: str,
+    stamps: Array,
+    *,
+    periods: tuple[float, float],
+    given: str | None,
+    ask: Ask,
+    proposed: Collection[str] = TIME_FORMS,
+) -> str:
+    """The form of time stamps (N,) that do not show it, from an option or the user's answer.
+
+    periods : [s] least and largest of rows. Proposed is the unit in which the rows have one of
+    them, if it is only one and among `proposed`.
+    """
+    period = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+    units = [u for u, size in _TIME_UNITS.items() if periods[0] <= size * period <= periods[1]]
+    proposal = units[0] if len(units) == 1 and units[0] in proposed else None
+    apart = f"; rows are {period:g} apart" if period else ""
+    forms = [f"  {start}: {', '.join(every)}" for start, every in forms_by_start().items()]
+    lines = [
+        f"{file}: what are the time stamps? They do not show it{apart}.",
+        *forms,
+        "Which form?",
+    ]
+    return answer(given, "\n".join(lines), proposal, one_of(*TIME_FORMS), ask)

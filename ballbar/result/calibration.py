@@ -11,17 +11,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.write_result import write_result
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, InputError
-from cell.files import copied_description, write_yaml
+from cell.files import copied_description
 from cell.geometry import Geometry, ParameterTable, parameter_named, parameter_table, table_of_names
 from cell.load import load_measured_cell
 from cell.payload import TOOL, LinkDeviation, Payload, with_payload
@@ -50,10 +51,11 @@ if TYPE_CHECKING:
     from ballbar.result.pose_calibration import PoseCalibration
     from ident.robot.identified_kinematics import IdentifiedKinematics
 
-SCHEMA = "ballbar-calibration/2"
+SCHEMA: Final = "ballbar-calibration/2"
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 ParameterValue = Annotated[float, Field(ge=-1e3, le=1e3)]  # [m] or [rad]
+Direction = Literal[-1, 1]  # in which an encoder counts, against the declared one
 EncoderName = Annotated[str, Field(pattern=r"^b[1-5]$")]
 POSES = "poses"  # `model` of a result of still poses
 # Least eigenvalue of a correlation that rounding may leave negative; -1e-15 is seen where a
@@ -161,7 +163,7 @@ class RecordingEntry(Strict):
     """What one recording has of its own."""
 
     name: str  # of its folder
-    encoder_directions: dict[EncoderName, Literal[-1, 1]]  # against the declared ones
+    encoder_directions: dict[EncoderName, Direction]
     clock: ClockEntry | None = None
     parameters: dict[str, ParameterEntry]  # encoder offsets and base pose
     noise: NoiseEntry
@@ -577,27 +579,30 @@ class Calibration:
 
 
 def calibration_of(data: RunData) -> CalibrationFile:
-    """The content of calibration.yaml for a run."""
+    """The content of calibration.yaml for a run, which is checked once it is written."""
     result, description = data.identification, data.recordings[0].recording.description
     robot, fit, verdict = result.robot, result.fit, result.verdict
     shared = shared_names(robot.nominal.table)
-    return CalibrationFile(
+    return CalibrationFile.model_construct(
         schema_=SCHEMA,
         robot=description.robot,
         instrument=description.measured_by,
         plate=description.plate,
         model=result.model,
         parameters=_parameters(shared, robot.nominal, robot.geometry, robot.sigma),
-        dropped=tuple(DroppedEntry(name=d.name, reason=d.reason, on=d.on) for d in robot.dropped),
+        dropped=tuple(
+            DroppedEntry.model_construct(name=d.name, reason=d.reason, on=d.on)
+            for d in robot.dropped
+        ),
         corrections=_corrections(robot),
         masses=masses_entry(robot.payload),
         ranges=tuple(
-            RangeEntry(lower_rad=float(low), upper_rad=float(high))
+            RangeEntry.model_construct(lower_rad=float(low), upper_rad=float(high))
             for low, high in zip(robot.lower, robot.upper, strict=True)
         ),
         covariance=covariance_entry(robot.tool),
         recordings=tuple(_recording(fitted) for fitted in data.recordings),
-        fit=FitEntry(
+        fit=FitEntry.model_construct(
             status=verdict.status,
             verdict=verdict.sentence,
             warnings=verdict.warnings,
@@ -610,7 +615,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
             rod_sigma_m=fit.excess.rod,
             tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
             tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
-            excess=ExcessEntry(
+            excess=ExcessEntry.model_construct(
                 gear_rad=fit.excess.gear,
                 wrist_rad=fit.excess.wrist,
                 bar_rad=fit.excess.bar,
@@ -622,22 +627,24 @@ def calibration_of(data: RunData) -> CalibrationFile:
 
 
 def write_calibration(path: Path, data: RunData) -> None:
-    """Write calibration.yaml, whole or not at all, and the descriptions that it names beside it."""
+    """Write calibration.yaml, whole or not at all, and the descriptions that it names beside it.
+
+    Raises RefusedResultError as `write_result`.
+    """
     file, recorded = calibration_of(data), data.recordings[0].folder
     own = {
         key: copied_description(path.parent, key, recorded / name)
         for key in ("robot", "instrument", "plate")
         if (name := getattr(file, key)).endswith(".yaml")
     }
-    file = file.model_copy(update=own)
-    write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
+    write_result(path, file.model_copy(update=own), load_calibration)
 
 
 def _parameters(
     names: Iterable[str], nominal: Geometry, value: Geometry, sigma: dict[str, float]
 ) -> dict[str, ParameterEntry]:
     return {
-        name: ParameterEntry(
+        name: ParameterEntry.model_construct(
             nominal=nominal[name],
             value=value[name],
             sigma=sigma.get(name),
@@ -650,7 +657,7 @@ def _parameters(
 def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]:
     return {
         correction.name: {
-            c.name: CoefficientEntry(
+            c.name: CoefficientEntry.model_construct(
                 value=c.value,
                 sigma=c.sigma,
                 prior=c.prior,
@@ -667,7 +674,7 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
 def covariance_entry(covariance: ToolCovariance) -> CovarianceEntry:
     """A covariance as text that reads back bit by bit."""
     rows = [row[: k + 1].tolist() for k, row in enumerate(covariance.values)]
-    return CovarianceEntry(
+    return CovarianceEntry.model_construct(
         names=covariance.names,
         masses=tuple(tuple(row) for row in covariance.masses.tolist()),
         held=covariance.held,
@@ -681,14 +688,17 @@ def masses_entry(estimate: PayloadEstimate | None) -> MassesEntry | None:
         return None
     x, y, z = estimate.payload.com.tolist()
     links = [(link.scale, *link.shift.tolist()) for link in estimate.payload.links]
-    return MassesEntry(
+    return MassesEntry.model_construct(
         tool_kg=estimate.payload.mass,
         tool_sigma_kg=estimate.mass_sigma,
         tool_stated_kg=estimate.stated,
         tool_com_m=(x, y, z),
         arm_scale=estimate.payload.arm,
         arm_scale_sigma=estimate.arm_sigma,
-        links=tuple(LinkMassEntry(scale=scale, shift_m=(a, b, c)) for scale, a, b, c in links),
+        links=tuple(
+            LinkMassEntry.model_construct(scale=scale, shift_m=(a, b, c))
+            for scale, a, b, c in links
+        ),
     )
 
 
@@ -697,25 +707,26 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
     clock, after = estimate.clock, estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
     own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
+    directions = cast(tuple[Direction, ...], estimate.directions)
     noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
-    return RecordingEntry(
+    return RecordingEntry.model_construct(
         name=estimate.name,
-        encoder_directions=dict(zip(names, estimate.directions, strict=True)),
+        encoder_directions=dict(zip(names, directions, strict=True)),
         clock=None
         if clock is None
-        else ClockEntry(
+        else ClockEntry.model_construct(
             offset_s=clock.offset,
             offset_sigma_s=estimate.clock_sigma[0],
             skew=clock.skew,
             skew_sigma=estimate.clock_sigma[1],
         ),
         parameters=_parameters(own, estimate.nominal, estimate.geometry, estimate.sigma),
-        noise=NoiseEntry(
+        noise=NoiseEntry.model_construct(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
             length_m=estimate.noise.length or None,
         ),
-        residuals=ResidualEntry(
+        residuals=ResidualEntry.model_construct(
             samples=estimate.samples,
             equations=int(estimate.whitened.size),
             chi2=float((estimate.whitened**2).sum()),
@@ -731,7 +742,9 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
 
 def _step_faults(faults: Sequence[StepFault]) -> tuple[StepFaultEntry, ...]:
     return tuple(
-        StepFaultEntry(kind=f.kind, joint=f.joint, time_s=f.time, size=f.size, periods=f.periods)
+        StepFaultEntry.model_construct(
+            kind=f.kind, joint=f.joint, time_s=f.time, size=f.size, periods=f.periods
+        )
         for f in faults
     )
 
@@ -740,7 +753,7 @@ def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
     if check is None:
         return None
     identified, nominal = (
-        PointErrorsEntry(
+        PointErrorsEntry.model_construct(
             rms_m=errors.rms,
             largest_m=errors.largest,
             clock_offset_s=errors.clock.offset,
@@ -748,7 +761,7 @@ def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
         )
         for errors in (check.identified, check.nominal)
     )
-    return TrackerEntry(
+    return TrackerEntry.model_construct(
         acceptable=check.acceptable,
         points=check.t.size,
         unknowns=check.identified.unknowns,
@@ -761,7 +774,7 @@ def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
 
 
 def _held_out(outcome: HeldOut) -> HeldOutEntry:
-    return HeldOutEntry(
+    return HeldOutEntry.model_construct(
         name=outcome.name,
         sentence=outcome.sentence,
         acceptable=outcome.acceptable,
@@ -775,7 +788,7 @@ def _held_out(outcome: HeldOut) -> HeldOutEntry:
 
 
 def _closure(closure: LoopClosure) -> ClosureEntry:
-    return ClosureEntry(
+    return ClosureEntry.model_construct(
         position_rms_m=closure.position_rms,
         position_max_m=closure.position_max,
         angle_rms_rad=closure.angle_rms,

@@ -5,7 +5,10 @@ from cell.files import DESCRIPTIONS
 RECORDING = "recording"  # folder of the simulated recording
 HELD_OUT = "held_out"  # likewise of the one on accept.held_out_file
 CALIBRATION = "calibration.yaml"
+REFUSED = "calibration.refused.yaml"  # in its place, where the reader of results refuses it
 IMPORT_REPORT = "import_report.json"
 REPORT = "report.html"
 REPLAY = "run.rrd"
-OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY, DESCRIPTIONS}  # of `run` and `identify`
+# Of `run` and `identify`, from logs and from still poses
+OUTPUTS = {CALIBRATION, REFUSED, IMPORT_REPORT, REPORT, REPLAY, DESCRIPTIONS}
+POSE_OUTPUTS = OUTPUTS - {IMPORT_REPORT}

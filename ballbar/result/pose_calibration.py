@@ -26,11 +26,12 @@ from ballbar.result.calibration import (
     one_of,
 )
 from ballbar.result.pose_run import PoseRun
+from ballbar.result.write_result import write_result
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, InputError
-from cell.files import copied_description, write_yaml
+from cell.files import copied_description
 from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.pose_file import pose_file_path
@@ -269,7 +270,7 @@ class PoseCalibration:
 
 
 def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
-    """The content of calibration.yaml for an identification from still poses."""
+    """The content of calibration.yaml for still poses, which is checked once it is written."""
     result, description = run.identification, run.folders[0][2].description
     fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
     sigma, gain = result.sigma, result.information_gain
@@ -281,7 +282,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
     for correction in fit.model.corrections:
         own = {}
         for k, c in enumerate(correction.coefficients, start=at):
-            own[c.name] = CoefficientEntry(
+            own[c.name] = CoefficientEntry.model_construct(
                 value=float(fit.x[k]),
                 sigma=float(np.sqrt(fit.covariance[k, k])),
                 prior=float(layout.mean[k]),
@@ -291,13 +292,13 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             )
         at += len(correction.coefficients)
         entries[correction.name] = own
-    return PoseCalibrationFile(
+    return PoseCalibrationFile.model_construct(
         schema_=SCHEMA,
         robot=description.robot,
         instrument=description.instrument,
         model="poses",
         parameters={
-            named[i]: ParameterEntry(
+            named[i]: ParameterEntry.model_construct(
                 nominal=float(layout.mean[i]),
                 value=float(fit.x[i]),
                 sigma=sigma[named[i]] if gain[named[i]] > KNOWN else None,
@@ -309,7 +310,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
         orders=()
         if result.search is None
         else tuple(
-            OrderEntry(
+            OrderEntry.model_construct(
                 joint=o.joint + 1,
                 order=round(o.order),
                 score=o.score,
@@ -331,11 +332,11 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             for name, part in layout.targets.items()
         },
         ranges=tuple(
-            RangeEntry(lower_rad=float(low), upper_rad=float(high))
+            RangeEntry.model_construct(lower_rad=float(low), upper_rad=float(high))
             for low, high in zip(arm.lower, arm.upper, strict=True)
         ),
         recordings=tuple(
-            GroupEntry(
+            GroupEntry.model_construct(
                 file=point.group.file,
                 measured=point.group.measured,
                 seat=point.group.seat,
@@ -345,13 +346,13 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             )
             for point in fit.equations.points
         ),
-        cross_validation=CrossValidationEntry(
+        cross_validation=CrossValidationEntry.model_construct(
             mean_m=validation.mean,
             quantile_95_m=validation.quantile,
             sigma_m=validation.sigma,
             region_factor=validation.factor,
         ),
-        fit=PoseFitEntry(
+        fit=PoseFitEntry.model_construct(
             status=verdict.status,
             verdict=verdict.sentence,
             warnings=verdict.warnings,
@@ -364,7 +365,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             nominal_mean_m=result.residual_means[1],
         ),
         held_out=tuple(
-            PoseHeldOutEntry(
+            PoseHeldOutEntry.model_construct(
                 name=outcome.name,
                 sentence=outcome.sentence,
                 acceptable=outcome.acceptable,
@@ -379,12 +380,15 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
 
 
 def write_pose_calibration(path: Path, run: PoseRun) -> None:
-    """Write calibration.yaml, whole or not at all, and a robot's file of the user's beside it."""
+    """Write calibration.yaml, whole or not at all, and a robot's file of the user's beside it.
+
+    Raises RefusedResultError as `write_result`.
+    """
     file = pose_calibration(run)
     if file.robot.endswith(".yaml"):
         named = pose_file_path(run.folders[0][1]).parent / file.robot
         file = file.model_copy(update={"robot": copied_description(path.parent, "robot", named)})
-    write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
+    write_result(path, file, load_pose_calibration)
 
 
 def load_pose_calibration(path: Path) -> PoseCalibration:
@@ -418,7 +422,7 @@ def load_pose_calibration(path: Path) -> PoseCalibration:
 def _entry(place: Placement, covariance: Array, part: slice, *, whole: bool) -> PlacementEntry:
     deviations = np.sqrt(np.diag(covariance)[part][:3])
     turn = rotvec_from_matrix(place.rotation[:, :, None])[:, 0]
-    return PlacementEntry(
+    return PlacementEntry.model_construct(
         position_m=tuple(place.origin.tolist()),
         position_sigma_m=tuple(deviations.tolist()),
         rotation_vector_rad=tuple(turn.tolist()) if whole else None,

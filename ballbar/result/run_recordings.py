@@ -42,7 +42,7 @@ def identify_recordings(
     """
     every = [*folders, *validate]
     names = distinct_names(every)
-    _check_settings(settings, folders)
+    _check_settings(settings)
     _check_same_cell(every)
     listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
     read = [read_with_causes(folder) for folder in every]
@@ -136,10 +136,8 @@ def logs_of(name: str, recording: Recording) -> Logs:
     )
 
 
-def _check_settings(settings: IdentifySettings, folders: Sequence[Path]) -> None:
-    if settings.model != "dh":
-        return
-    if (
+def _check_settings(settings: IdentifySettings) -> None:
+    if settings.model == "dh" and (
         settings.corrections is not None
         or settings.force != "auto"
         or settings.rod_sigma_m is not None
@@ -147,11 +145,6 @@ def _check_settings(settings: IdentifySettings, folders: Sequence[Path]) -> None
         raise InputError(
             "model dh has neither corrections nor loads nor a measured rod; leave them out, or "
             "choose model complete"
-        )
-    if len(folders) > 1:
-        raise InputError(
-            f"model dh fits one recording, {len(folders)} were given; choose model complete, or "
-            "identify each by itself"
         )
 
 

@@ -63,14 +63,14 @@ def held_shifts(fit: Fit, held: NDArray[np.intp], sigma: Array) -> tuple[Array, 
     Once freed under their priors, they would have the covariance D and go by the step h. Their
     error in the fit has the mean square D + h h', so what the data say of them counts.
 
-    held : (H,) indices into the table. sigma : (H,) [m, rad] of their priors.
+    held : (H,) indices into the table, in its order. sigma : (H,) [m, rad] of their priors.
     Returns (H, H) the errors' independent directions, one a column, and (P, H) the shifts of the
     estimate for each of them.
     """
-    model, first = fit.model, fit.model.unknowns.shared.size
+    model = fit.model
     layout, x = model.unknowns.with_shared(held, fit.x)
     linear = normal_equations(replace(model, unknowns=layout), x, fit.ballbars, fit.excess)
-    freed = first + np.arange(held.size)
+    freed = np.flatnonzero(np.isin(layout.shared, held))
     mixed = np.delete(linear.normal[:, freed], freed, axis=0)
     shift = -fit.covariance @ mixed  # of the estimate, per unit of each
     gradient = linear.gradient[freed] + shift.T @ np.delete(linear.gradient, freed)

@@ -140,7 +140,7 @@ class Unknowns:
     mean: Array  # (P,) of the prior
     sigma: Array  # (P,)
     fixed: Geometry  # values of the kinematic parameters that are no unknowns
-    shared: NDArray[np.intp]  # indices into the table of the first unknowns
+    shared: NDArray[np.intp]  # indices into the table of the first unknowns, in its order
     coefficients: slice  # of the corrections; they follow the shared parameters
     gain: int | None  # of the measured rod force
     own: tuple[Own, ...]
@@ -199,27 +199,23 @@ class Unknowns:
     def with_shared(self, parameters: NDArray[np.intp], x: Array) -> tuple[Unknowns, Array]:
         """The unknowns with more shared parameters, without priors; and x (P,) for them.
 
-        parameters : (H,) indices into the table; they follow the shared ones, at the values that
-        they were fixed at.
+        parameters : (H,) indices into the table, in its order; they begin at the values that they
+        were fixed at.
         """
-        first, shift = self.shared.size, parameters.size
-
-        def recast(old: Array, new: Array) -> Array:
-            return np.concatenate((old[:first], new, old[first:]))
-
+        places, shift = np.searchsorted(self.shared, parameters), parameters.size
         names = [self.fixed.table.names[i] for i in parameters]
         values, old = self.fixed.values[parameters], self.coefficients
         layout = replace(
             self,
-            names=(*self.names[:first], *names, *self.names[first:]),
-            mean=recast(self.mean, values),
-            sigma=recast(self.sigma, np.full(shift, np.inf)),
-            shared=np.concatenate((self.shared, parameters)),
+            names=tuple(np.insert(np.array(self.names, dtype=object), places, names)),
+            mean=np.insert(self.mean, places, values),
+            sigma=np.insert(self.sigma, places, np.inf),
+            shared=np.insert(self.shared, places, parameters),
             coefficients=slice(old.start + shift, old.stop + shift),
             gain=None if self.gain is None else self.gain + shift,
             own=tuple(own.moved(shift) for own in self.own),
         )
-        return layout, recast(x, values)
+        return layout, np.insert(x, places, values)
 
     def moved(self, x: Array, step: Array) -> Array:
         """(P,) x + step, the clocks kept where the logs' splines say anything."""
@@ -251,10 +247,12 @@ def kinematic_unknowns(
     """Unknowns of kinematics and clock alone, of one recording; and the vector to start from.
 
     start : values to start from, means of the priors, and of the parameters that stay fixed.
-    parameters : (P,) indices into the table. sigma : (P,) [m, rad] of their priors; none if not
-    given.
+    parameters : (P,) indices into the table, in any order; the unknowns have the table's. sigma :
+    (P,) [m, rad] of their priors; none if not given.
     """
     sigma = np.full(parameters.size, np.inf) if sigma is None else sigma
+    in_order = np.argsort(parameters)
+    parameters, sigma = parameters[in_order], sigma[in_order]
     every = start.table.names
     own = np.array([belongs_to_recording(every[i]) for i in parameters], dtype=bool)
     build = _Builder()

@@ -105,7 +105,7 @@ def aligned_columns(positions: Array, moves: Array) -> Array:
 
     moves : (P, 3, G) the changes as they are.
     """
-    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))
+    columns = moves.transpose(2, 1, 0).reshape(positions.size, len(moves))
     basis = rigid_basis(positions)
     return np.asarray(columns - basis @ (basis.T @ columns))
 

@@ -108,7 +108,7 @@ class UnloadedRobot:
                     columns.append(regressor * screw(frames, channel.kind, channel.row))
                 else:
                     columns.append(gears[channel] * regressor if channel >= GEAR else none)
-        return np.stack(columns)
+        return np.array(columns).reshape(-1, *none.shape)
 
     def moved_by_masses(self, cells: Sequence[Cell], q: Array) -> Array:
         """(K, 3, N) [m] how the tool moves at q (N, J) [rad] if its masses are those of K cells.

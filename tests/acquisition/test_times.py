@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.stamps.order import STAMP, in_order
 from acquisition.table.table import Table
-from acquisition.times import TimeCells, stamps_ns
+from acquisition.times import TIME_FORMS, TimeCells, forms_by_start, stamps_ns, words
 
 SECOND = 1_000_000_000  # [ns]
 
@@ -43,3 +43,12 @@ def test_a_last_stamp_that_goes_back_shows_the_damage_of_the_one_before() -> Non
     table = in_order(stamped(*even, 99_999, 30_100))
     assert table.columns[STAMP].tolist() == [*even, 30_100]
     assert [(entry.kind, entry.lines) for entry in table.findings] == [("damaged stamp", (301,))]
+
+
+def test_every_form_stands_in_one_group_and_those_since_a_year_say_so() -> None:
+    groups = forms_by_start()
+    assert sorted(form for group in groups.values() for form in group) == sorted(TIME_FORMS)
+    years = {words(form).split()[-1] for form in groups["counted since 1601, 1970 or 2000"][2:]}
+    assert years == {"1970"}, "and FILETIME and the distributed clock stand before them"
+    assert not any("since" in words(form) for form in groups["counted from any start"])
+    assert groups["text"] == ["date", "iec-time"]

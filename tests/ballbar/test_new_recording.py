@@ -152,6 +152,14 @@ def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Pat
     said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]
     code, out, err = ballbar("new", tmp_path / "made", *logs, *said)
     assert code == 0, err
+    assert "length.csv fits the dialect length-table: a length. Which dialect?" in out
+    assert (
+        "length.csv: what are the time stamps? They do not show it; rows are 0.01 apart.\n"
+        "  counted from any start: s, ms, us, 100ns, ns, ms-32bit, ns-32bit\n"
+        "  counted since 1601, 1970 or 2000: filetime, dc, unix-s, unix-ms, unix-us, unix-ns\n"
+        "  text: date, iec-time\n"
+        "Which form? s\n"
+    ) in out
     assert "which unit? (m, mm, um) mm" in out
     description = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())
     assert description["instrument"] == "drawwire_2m"
@@ -166,6 +174,20 @@ def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Pat
     assert code == 0
     assert "coarse clock offset: +0.40 s over" in out
     assert "no dwell" not in out
+
+
+def test_a_form_that_the_stamps_show_is_said_and_not_asked(wire: Path, tmp_path: Path) -> None:
+    """A question named the twelve forms that a length may have."""
+    log = tmp_path / "length.csv"
+    start, rows = 1_774_944_900_000, range(0, 100_000, 10)
+    log.write_text(
+        "\n".join(["Zeit;mm", *(f"{start + t};{500.0 + 1e-3 * t}" for t in rows)]) + "\n"
+    )
+    said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]
+    code, out, err = ballbar("new", tmp_path / "made", wire / "robot.csv", log, *said)
+    assert code == 0, err
+    assert "dialect length-table: a length, time in ms since 1970. Which dialect?" in out
+    assert "what are the time stamps?" not in out
 
 
 @pytest.mark.slow

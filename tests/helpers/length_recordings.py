@@ -140,6 +140,19 @@ def _logged(
     return LengthRun(cell, true, Clock(first, clock.skew), zero, logs)
 
 
+def first_seconds(run: LengthRun, seconds: float) -> LengthRun:
+    """The run with the beginning of both logs alone."""
+    robot, length = run.logs.robot, run.logs.length
+    assert length is not None
+    rows, reads = robot.t < seconds, length.t < seconds
+    logs = Logs(
+        RobotLog(robot.t[rows], robot.q[rows]),
+        None,
+        length=LengthLog(length.t[reads], length.length[reads]),
+    )
+    return replace(run, logs=logs)
+
+
 def write_folder(run: LengthRun, folder: Path, instrument: str) -> None:
     """A recording folder with the run's logs, lengths in mm.
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from cell.logs import BallBarLog, RobotLog
+from cell.statistics import rms
 from ident.identify import identify_together
 from ident.options import FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.verdict import Status
-from tests.helpers.minute_logs import minute_logs
-from tests.helpers.synthetic_recording import CELL
+from tests.helpers.minute_logs import TRUE, minute_logs
+from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
 
 KNEES, JOINT_ERRORS = "searching gears that are softer below a knee", "searching joint errors"
 
@@ -46,6 +47,37 @@ def test_two_recordings_that_ask_for_nothing_are_fitted_by_kinematics_and_the_ro
     assert result.verdict.status is Status.GOOD
     assert corrections(result) == ["rod_elongation"]
     assert KNEES not in stages
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoders", [(), UNIVERSAL_AND_GIMBAL])
+def test_kinematics_alone_are_fitted_to_several_recordings_together(
+    encoders: tuple[int, ...],
+) -> None:
+    """`auto` did so where `dh` was refused."""
+    logs = [minute_logs(true=TRUE, encoders=encoders, seed=seed) for seed in (1, 2, 3)]
+    one, _ = identified(logs[0], model="dh")
+    result, stages = identified(*logs, model="dh")
+    assert result.verdict.status is Status.GOOD
+    assert result.model == "dh"
+    assert KNEES not in stages
+    assert [r.clock is not None for r in result.recordings] == [bool(encoders)] * 3
+    without_scale = [rms(each.robot.tcp.without_scale) for each in (one, result)]
+    assert without_scale[1] < without_scale[0]
+    errors = [
+        (result.robot.geometry[name] - TRUE[name]) / sigma
+        for name, sigma in result.robot.sigma.items()
+    ]
+    assert rms(np.array(errors)) < 1.5  # of 21 or 33 correlated deviations
+
+
+@pytest.mark.slow
+def test_kinematics_alone_do_not_miss_what_corrections_would_need() -> None:
+    """A robot's file without gears was named as a lack, of a model that has none."""
+    logs = [minute_logs(seed=seed) for seed in (1, 2)]
+    rigid = replace(CELL, robot=replace(CELL.robot, gears=None))
+    result = identify_together(rigid, logs, options=FitOptions(samples=200, model="dh"))
+    assert not any("were not fitted" in warning for warning in result.verdict.warnings)
 
 
 @pytest.mark.slow

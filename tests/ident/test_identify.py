@@ -24,9 +24,8 @@ from cell.statistics import rms
 from ident import complete_fit
 from ident.complete_fit import fit_pose
 from ident.estimator.fit import Fit
-from ident.identify import identify, identify_together
+from ident.identify import identify
 from ident.options import FitOptions, Listener
-from ident.recording_fit import Logs
 from ident.result import Identification, RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import SCALE
@@ -396,13 +395,6 @@ def test_stages_and_iterations_are_told_to_the_listener(recorded: Recorded) -> N
     assert "fitting" in stages
     assert len(steps) == result.fit.iterations
     assert steps[-1] < 2.0
-
-
-def test_kinematics_alone_fit_one_recording_at_a_time(recorded: Recorded) -> None:
-    recording = read_recording(recorded.folder)
-    logs = Logs(recording.robot_log, recording.ballbar_log)
-    with pytest.raises(ValueError, match="several together need the complete model"):
-        identify_together(recorded.simulation.cell, [logs, logs], options=FitOptions(model="dh"))
 
 
 @pytest.mark.slow

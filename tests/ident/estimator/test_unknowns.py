@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cell.clock import Clock
 from cell.geometry import Geometry
@@ -70,6 +72,25 @@ def test_a_prior_stays_with_its_parameter_though_the_order_changes() -> None:
     assert dict(zip(layout.names, layout.sigma, strict=True)) == {
         "btheta1": 1.0, "ra2": 2.0, "ox": 3.0, "bd3": 4.0,
     }  # fmt: skip
+
+
+@given(st.lists(st.sampled_from(NAMES), unique=True))
+def test_unknowns_stand_in_the_order_of_the_table_in_whichever_they_are_asked_for(
+    names: list[str],
+) -> None:
+    """Poorly excited ones stood behind the others, and no result of a short log was written."""
+    layout, x = kinematic_unknowns(NOMINAL, None, indices(*names), np.arange(1.0, 1.0 + len(names)))
+    own = {name for name in names if belongs_to_recording(name)}
+    expected = [*(n for n in NAMES if n in names and n not in own), *(n for n in NAMES if n in own)]
+    assert list(layout.names) == expected
+    assert [names[int(sigma) - 1] for sigma in layout.sigma] == expected
+    assert x == pytest.approx([NOMINAL[name] for name in expected])
+    held = [n for n in SHARED if n not in names]
+    more, started = layout.with_shared(indices(*held), x)
+    assert more.names[: len(SHARED)] == SHARED
+    assert more.names[len(SHARED) :] == tuple(n for n in NAMES if n in own)
+    assert np.array_equal(more.geometry(started, 0).values, NOMINAL.values)
+    assert all(np.isinf(s) == (n in held) for n, s in zip(more.names, more.sigma, strict=True))
 
 
 def test_a_ball_bar_without_encoders_has_no_clock_of_its_own() -> None:
