@@ -350,7 +350,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             mean_m=validation.mean,
             quantile_95_m=validation.quantile,
             sigma_m=validation.sigma,
-            region_factor=validation.factor,
+            region_factor=validation.factor_of_points,
         ),
         fit=PoseFitEntry.model_construct(
             status=verdict.status,

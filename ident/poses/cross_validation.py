@@ -62,6 +62,11 @@ class CrossValidation:
     )
 
     @property
+    def factor_of_points(self) -> float:
+        """The factor of the regions of points."""
+        return max(self.factor, FACTOR_OF_RODS) if self.joint_sigma else self.factor
+
+    @property
     def mean(self) -> float:
         """[m]"""
         return float(self.error[self.counting].mean())
@@ -129,13 +134,12 @@ def _with_folds(fit: PoseFit, left_out: str, fold: NDArray[np.intp]) -> CrossVal
         mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
         for rest, spread, k in judged
     ]
-    factor = float(np.quantile(np.concatenate(ratios), LEVEL))
     return CrossValidation(
         left_out=left_out,
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
-        factor=max(factor, FACTOR_OF_RODS) if only_lengths(table) else factor,
+        factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
     )

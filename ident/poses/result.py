@@ -138,7 +138,7 @@ class PoseIdentification:
             parameters=layout.parameters,
             covariance=fit.covariance[np.ix_(index, index)],
             discrepancy=self.cross_validation.of_points,
-            factor=self.cross_validation.factor,
+            factor=self.cross_validation.factor_of_points,
             lower=q.min(axis=0),
             upper=q.max(axis=0),
             joint_sigma=self.cross_validation.joint_sigma,
