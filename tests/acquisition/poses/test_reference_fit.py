@@ -20,6 +20,7 @@ from tests.helpers.reference_points import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "share"),
     [
@@ -44,6 +45,7 @@ def test_motion_is_followed_closer_than_single_measurements_show_it(
     assert rms(left) < share * rms(single)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "swinging", "walking", "shaken"])
 @pytest.mark.parametrize("declared", [SIGMA / 3.0, SIGMA, 3.0 * SIGMA])
 def test_the_stated_deviation_is_that_of_the_error_whatever_was_declared(
@@ -59,6 +61,7 @@ def test_the_stated_deviation_is_that_of_the_error_whatever_was_declared(
     assert np.mean(scales) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [2e-4, 2e-2])
 @pytest.mark.parametrize("kind", ["linear", "swinging", "jolted"])
 @pytest.mark.parametrize("points", [3, 4])
@@ -125,6 +128,7 @@ def test_a_point_that_is_knocked_twice_is_three_points() -> None:
     assert fit.points.shape == (8, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rest", "linear", "swinging", "jolted", "walking"])
 @pytest.mark.parametrize("points", [3, 4, 6])
 def test_no_point_is_said_to_be_knocked_that_was_not(kind: str, points: int) -> None:
