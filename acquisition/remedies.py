@@ -23,8 +23,10 @@ REMEDIES = {
     "file.",
     "long log": "Nothing; to use every row, make several recordings and identify them together.",
     "logger restarted": "Start the logger once for each recording.",
+    "loose reference points": "Fasten them, or correct sigma_m of reference in poses.yaml.",
     "lost messages": "Nothing, if they are few. Else lower the load of the network.",
     "missing messages": "Nothing, if they are few. Else record to a faster disk.",
+    "moving seat": "Nothing: the values are those of a seat at rest.",
     "no status word": "Log the status words too, to have faults of the encoders found.",
     "no test signals": "Define them in the controller (TestSignDefine) before EGM is started, if "
     "its RobotWare sends them; else record without --egm-torque.",
@@ -33,6 +35,8 @@ REMEDIES = {
     "overrun": "Nothing: such rows are late, and used at their own time.",
     "pause or clock jump": "Nothing, after a pause. Else do not set clocks while recording.",
     "point out of reach": "Leave these rows out, or measure them again.",
+    "reference point moved": "Fasten it. Where three or four points are read, it may be another "
+    "one: leave out the rows on one side.",
     "repeated pose": "Measure other poses; repeated ones tell of noise only.",
     "rotations off the nominal robot": "State the convention of the rotations in poses.yaml.",
     "scaled channel": "Nothing, if it is in the declared unit; else record it unscaled.",

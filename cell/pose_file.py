@@ -105,6 +105,32 @@ class Sigma(Strict):
         return self
 
 
+class ReferencePoints(Strict):
+    """Points on the floor or the robot's base that the instrument reads beside the poses."""
+
+    columns: tuple[Column, ...] = Field(
+        max_length=300,
+        description="x y z of each point in turn, three points or more, in the unit and form "
+        "(`spherical`) of the values. A point was not read where a field is empty.",
+    )
+    sigma_m: Positive | None = Field(
+        default=None, description="Of each coordinate; else that of the instrument."
+    )
+
+    @model_validator(mode="after")
+    def _points(self) -> Self:
+        points, rest = divmod(len(self.columns), 3)
+        if rest:
+            message = f"{len(self.columns)} columns; expected x y z of each point"
+            raise wrong_key("columns", message=message)
+        if points < 3:
+            message = (
+                f"{points} points; expected 3 or more, since fewer do not show how the seat turns"
+            )
+            raise wrong_key("columns", message=message)
+        return self
+
+
 class PoseTime(Strict):
     """When each pose was taken."""
 
@@ -134,6 +160,9 @@ class PoseTableFile(Strict):
     )
     target: str | NamedColumn = Field(
         default="target", description="Ball or reflector on the flange: a name, or a column."
+    )
+    reference: ReferencePoints | None = Field(
+        default=None, description="Their motion, that of the seat, is taken off the values."
     )
     time: PoseTime | None = None
     temperature: NamedColumn | None = Field(default=None, description="Column in deg C.")

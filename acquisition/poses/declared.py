@@ -51,13 +51,14 @@ class TableColumns:
     joints: tuple[Quantity, ...]  # empty where they stand in a file of their own
     values: tuple[Quantity, ...]
     sigma: tuple[Quantity, ...]
+    reference: tuple[Quantity, ...]  # x y z of each reference point
     temperature: tuple[Quantity, ...]  # none or one
     labels: dict[str, str]  # selectors of seat, target and time, as far as they are columns
 
     @property
     def selectors(self) -> list[str]:
         """Of all columns, each once."""
-        numbers = (*self.joints, *self.values, *self.sigma, *self.temperature)
+        numbers = (*self.joints, *self.values, *self.sigma, *self.reference, *self.temperature)
         selected = [term.selector for quantity in numbers for term in quantity.terms]
         return list(dict.fromkeys((*selected, *self.labels.values())))
 
@@ -72,6 +73,10 @@ def check_declared(context: TableContext) -> None:
     """Raises DescriptionError where the keys of a table do not fit its instrument."""
     declared, measured = context.declared, context.instrument.measured
     words = f"{context.instrument.name} measures a {measured}"
+    if declared.reference is not None and measured in ("length", "socket"):
+        raise context.wrong(
+            "reference", f"{words}; only a measured position can be corrected. Leave reference out."
+        )
     if measured != "socket":
         if declared.values is None:
             raise context.wrong("values", f"missing; {words}. Add the columns that hold it.")
@@ -140,18 +145,28 @@ def table_columns(
         labels["time"] = declared.time.column
     joints = joint_columns(context, text, kind) if with_joints else ()
     values = quantities(declared.values.columns if declared.values else (), names)
-    used = [quantity.terms for quantity in (*joints, *values)]
-    for quantity in values:
-        if used.count(quantity.terms) > 1:
-            message = f"{quantity.written} stands there, or among the joints, too."
-            raise context.wrong("values.columns", message)
+    reference = quantities(declared.reference.columns if declared.reference else (), names)
+    _refuse_twice(context, "values", values, joints, "joints")
+    _refuse_twice(context, "reference", reference, (*joints, *values), "joints or values")
     return TableColumns(
         joints=joints,
         values=values,
         sigma=quantities(sigma, names),
+        reference=reference,
         temperature=quantities(temperature, names),
         labels={key: selector(column, names) for key, column in labels.items()},
     )
+
+
+def _refuse_twice(
+    context: TableContext, key: str, own: Sequence[Quantity], others: Sequence[Quantity], what: str
+) -> None:
+    """Raises DescriptionError for a column that is named twice, or among the others too."""
+    used = [quantity.terms for quantity in (*own, *others)]
+    for quantity in own:
+        if used.count(quantity.terms) > 1:
+            message = f"{quantity.written} stands there, or among the {what}, too."
+            raise context.wrong(f"{key}.columns", message)
 
 
 def joint_columns(context: TableContext, text: LogText, kind: FileKind) -> tuple[Quantity, ...]:

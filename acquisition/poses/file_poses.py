@@ -34,6 +34,7 @@ from acquisition.poses.values import (
     RADIANS,
     column_sigma,
     constant_sigma,
+    position,
     refuse_quaternions,
     si_values,
     with_sigma_of_instrument,
@@ -54,6 +55,8 @@ class FilePoses:
     q: Array  # (N, J) [rad]
     values: Array  # (N, M) [m, rad]
     sigma: Array  # (N, M) [m, rad]; (N, 3) [m] of a socket
+    reference: Array  # (N, K, 3) [m] reference points; NaN where one was not read
+    reference_sigma: Array  # (N, K) [m] of each coordinate
     seat: tuple[str, ...]
     target: tuple[str, ...]
     stamps: NDArray[np.int64] | None  # (N,) [ns]
@@ -70,11 +73,16 @@ class _Numbers:
     logged: Array  # (N, J) joint angles
     values: Array  # (N, K)
     sigma: Array  # (N, K), or (N, 0)
+    reference: Array  # (N, 3 K), or (N, 0); NaN where a field is empty
 
     def take(self, chosen: NDArray[np.bool_]) -> _Numbers:
         """Those of the chosen rows (N,)."""
         return _Numbers(
-            self.rows.take(chosen), self.logged[chosen], self.values[chosen], self.sigma[chosen]
+            self.rows.take(chosen),
+            self.logged[chosen],
+            self.values[chosen],
+            self.sigma[chosen],
+            self.reference[chosen],
         )
 
 
@@ -96,7 +104,8 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         _refuse_unpaired(rows, joint_rows)
     unit = angle_unit(context, "joints", declared.joints.unit, joints)
     logged = _stacked(joint_rows, joints)
-    every = _Numbers(rows, logged, _stacked(rows, columns.values), _stacked(rows, columns.sigma))
+    parts = (columns.values, columns.sigma, columns.reference)
+    every = _Numbers(rows, logged, *(_stacked(rows, part) for part in parts))
     complete = _complete(context, every)
     refuse_other_unit(context.robot, declared.joints, joint_rows, logged, unit)
     poses = _poses(context, columns, every.take(complete), unit)
@@ -178,6 +187,7 @@ def _poses(
     ]
     values, sigma, entries = _measured(context, columns, numbers)
     findings += entries
+    reference = _reference(context, columns, numbers)
     _refuse_radians(context, numbers, q, values, unit)
     findings += _value_findings(context, columns, numbers, q, values)
     stamps, temperature = None, None
@@ -193,6 +203,8 @@ def _poses(
         q=q,
         values=values,
         sigma=sigma,
+        reference=reference,
+        reference_sigma=_reference_sigma(context, reference),
         seat=_labels(rows, declared.seat, columns.labels.get("seat")),
         target=_labels(rows, declared.target, columns.labels.get("target")),
         stamps=stamps,
@@ -224,6 +236,26 @@ def _measured(
         return values, constant_sigma(constants, instrument.measured, rows.size), ()
     sigma = column_sigma(declared, numbers.values, numbers.sigma, length, angle)
     return values, *with_sigma_of_instrument(rows, sigma, instrument, values)
+
+
+def _reference(context: TableContext, columns: TableColumns, numbers: _Numbers) -> Array:
+    """(N, K, 3) [m] the reference points, in the unit and the form of the values."""
+    declared, points = context.declared.values, list[Array]()
+    if declared is None or not columns.reference:
+        return np.zeros((numbers.rows.size, 0, 3))
+    for first in range(0, len(columns.reference), 3):
+        units = value_units(context, declared, columns.reference[first : first + 3])
+        raw = numbers.reference[:, first : first + 3]
+        points.append(position(declared, raw, METRES[units[0]], RADIANS[units[1]]))
+    return np.stack(points, axis=1)
+
+
+def _reference_sigma(context: TableContext, reference: Array) -> Array:
+    """(N, K) [m] of each coordinate of reference points (N, K, 3) [m]."""
+    stated = context.declared.reference
+    if stated is None or stated.sigma_m is not None:
+        return np.full(reference.shape[:2], stated.sigma_m if stated else np.nan)
+    return context.instrument.sigma(reference.reshape(-1, 3))[:, 0].reshape(reference.shape[:2])
 
 
 def _value_findings(

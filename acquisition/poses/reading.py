@@ -1,6 +1,7 @@
 """poses.yaml and its files to still poses: DH joint angles, values in SI units, and the findings.
 
-    files -> lines -> columns -> numbers -> angles [rad], values [m, rad], sigma -> groups
+    files -> lines -> columns -> numbers -> angles [rad], values [m, rad], sigma -> steady seats
+    -> groups
 
 A row with an empty field is left out and counted. What contradicts the robot or the declared units
 is an error with file and line; what is merely odd is a finding.
@@ -16,6 +17,7 @@ import numpy as np
 
 from acquisition.poses.declared import TableContext
 from acquisition.poses.file_poses import FilePoses, file_poses
+from acquisition.poses.reference import steadied
 from acquisition.report import Finding, ImportReport
 from cell.errors import DescriptionError
 from cell.foreign_files import repeated
@@ -67,6 +69,7 @@ def import_poses(path: Path) -> PoseImport:
         context = TableContext(file, robot, measures, f"tables[{k}]", declared)
         _refuse_repeated(context)
         files += [file_poses(context, index) for index in range(len(declared.files))]
+    files = steadied(files)
     stamps = [poses.stamps for poses in files if poses.stamps is not None]
     start = min((int(each.min()) for each in stamps), default=0)
     groups = tuple(group for poses in files for group in _groups(poses, start))

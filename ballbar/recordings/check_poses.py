@@ -50,6 +50,8 @@ def explain_pose_lines(description: PosesFile) -> list[str]:
             units = [values.unit or "the header unit", values.angle_unit, values.rotation]
             words = ", ".join(unit for unit in units if unit)
             lines.append(f"  values: {_listed(values.columns)}; in {words}")
+        if table.reference is not None:
+            lines.append(f"  reference points: {_listed(table.reference.columns)}; as the values")
         lines.append(f"  instrument {table.instrument or description.instrument}")
     return lines
 

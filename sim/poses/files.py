@@ -29,7 +29,7 @@ def write_poses(
 
     relative_to : folder of the scenario; descriptions of one's own that it names are copied.
     """
-    write_whole(folder / TABLE, _table(simulation).encode())
+    write_whole(folder / TABLE, _table(simulation, settings).encode())
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "poses.yaml", _poses_yaml(simulation, settings, relative_to, folder))
 
@@ -38,14 +38,20 @@ def _axis_columns(simulation: PoseSimulation) -> list[str]:
     return [f"A{k + 1} [deg]" for k in range(simulation.robot.joints)]
 
 
-def _table(simulation: PoseSimulation) -> str:
+def _reference_columns(settings: PoseSimulationSettings) -> list[str]:
+    return [f"{point.name}_{axis} [mm]" for point in settings.poses.reference for axis in "xyz"]
+
+
+def _table(simulation: PoseSimulation, settings: PoseSimulationSettings) -> str:
     rows, names = simulation.rows, _COLUMNS[simulation.instrument.measured]
-    lines = [",".join(("time [s]", "seat", "target", *_axis_columns(simulation), *names))]
+    points = _reference_columns(settings)
+    lines = [",".join(("time [s]", "seat", "target", *_axis_columns(simulation), *names, *points))]
     values = rows.values * [1e3 if "mm" in name else 1.0 for name in names]
+    values = np.hstack((values, rows.reference.reshape(len(values), -1) * 1e3))
     axes = np.rad2deg(rows.axes)
     for k, (seat, target) in enumerate(zip(rows.seat, rows.target, strict=True)):
         angles = [f"{angle:.10f}" for angle in axes[k]]  # 2e-12 rad
-        read = [f"{value:.8f}" for value in values[k]]
+        read = ["" if np.isnan(value) else f"{value:.8f}" for value in values[k]]
         lines.append(",".join((f"{rows.time[k]:.3f}", seat, target, *angles, *read)))
     return "\n".join(lines) + "\n"
 
@@ -65,6 +71,8 @@ def _poses_yaml(
         if instrument.measured == "pose":
             values |= {"rotation": "rotvec", "angle_unit": "rad"}
         table["values"] = values
+    if settings.poses.reference:
+        table["reference"] = {"columns": _reference_columns(settings)}
     table |= {
         "seat": {"column": "seat"},
         "target": {"column": "target"},

@@ -60,6 +60,11 @@ class PosesSettings(Strict):
     targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)] = Field(
         description="Balls or reflectors in the flange's frame."
     )
+    reference: tuple[PlacementSettings, ...] = Field(
+        (),
+        description="Three or more fixed points in the robot's base frame, which a tracker reads "
+        "once at each pose.",
+    )
     axis_lower_deg: tuple[float, ...] | None = Field(
         None, description="Limits of the axis angles; by default those of the robot."
     )
@@ -76,7 +81,11 @@ class PosesSettings(Strict):
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
-        for key, places in (("seats", self.seats), ("targets", self.targets)):
+        for key, places in (
+            ("seats", self.seats),
+            ("targets", self.targets),
+            ("reference", self.reference),
+        ):
             names = [place.name for place in places]
             if len(set(names)) < len(names):
                 raise wrong_key(key, message=f"names must differ; there are {', '.join(names)}")

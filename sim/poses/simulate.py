@@ -21,6 +21,7 @@ from cell.point_inverse import reach_points
 from sim.poses.choice import Stand, choose_poses
 from sim.poses.held import hold_with_instrument
 from sim.poses.measurement import (
+    Reading,
     SeatMotion,
     logged_axes,
     measured,
@@ -46,6 +47,7 @@ class PoseRows:
     target: tuple[str, ...]
     axes: Array  # (N, J) [rad] as the controller shows them
     values: Array  # (N, M) [m, rad], M as in cell.poses.COLUMNS
+    reference: Array  # (N, K, 3) [m] reference points; NaN where they were not read
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +82,11 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
     instrument = load_instrument(settings.cell.instrument, relative_to=relative_to)
     arm = true_arm(robot, settings.errors, settings.seed)
     kind, sentence = _plant(settings, robot, instrument)
+    if settings.poses.reference and instrument.measured not in ("point", "pose"):
+        raise InputError(
+            f"poses.reference: {instrument.name} measures a {instrument.measured}, and reads no "
+            "reference points. Leave it out, or take a tracker."
+        )
     seats = _true_seats(settings, instrument)
     targets = _places(settings.poses.targets)
     chosen = settings.seed if settings.poses.seed is None else settings.poses.seed
@@ -99,8 +106,7 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
         rows=rows,
         faults=faults,
     )
-    shown, values, force = world.measured(stands)
-    return _as_simulation(world, stands, shown, values, force, sentence)
+    return _as_simulation(world, stands, *world.measured(stands), sentence)
 
 
 def _plant(
@@ -210,6 +216,23 @@ class _World:
         force = np.concatenate(forces) if forces else None
         return np.concatenate(shown), np.concatenate(values), force
 
+    def references(self, stands: tuple[Stand, ...]) -> Array:
+        """(K, R, 3) [m] readings of R reference points, at each pose with its first target."""
+        errors, rows, places = self.settings.errors, self.rows, self.settings.poses.reference
+        noise = stream(self.settings.seed, "reference_noise")
+        scale = errors.instrument_noise.scale if errors.instrument_noise else 0.0
+        out = np.full((rows.order.size, len(places), 3), np.nan)
+        last = max(1, int(rows.order.max()))
+        for stand, part in zip(stands, rows.parts, strict=True):
+            if stand.target != self.settings.poses.targets[0].name:
+                continue
+            origin, rotation = self.motion.at(self.seats[stand.seat], stand.order / last)
+            for k, place in enumerate(places):
+                exact = Reading(np.array(place.position_m)[:, None] - origin, rotation, rotation)
+                read = measured(self.instrument, exact, scale=scale, rng=noise)
+                out[part, k] = read[:, :3]
+        return out
+
     def _put_into(self, q: Array, target: Place, wanted: Array) -> Array:
         """Angles (N, J) [rad] at which a target is where the ball truly lies (N, 3) [m]."""
         robot = self.arm.robot
@@ -262,6 +285,7 @@ def _as_simulation(
             target=tuple(targets[k] for k in at),
             axes=axes[at],
             values=values[at],
+            reference=world.references(stands)[at],
         ),
         truth=PoseTruth(
             arm=arm,

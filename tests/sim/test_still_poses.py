@@ -176,6 +176,38 @@ def test_the_noise_is_that_of_the_file_along_the_sight_and_across() -> None:
     assert sideways == pytest.approx(instrument.sigma_direction, rel=0.05)
 
 
+FIXED = [
+    {"name": f"floor{k}", "position_m": place}
+    for k, place in enumerate(([1.0, 1.2, -0.8], [-1.1, 0.9, -0.8], [0.8, -1.4, 0.7]))
+]
+
+
+def test_reference_points_are_read_once_at_each_pose_from_the_seat_that_drifts() -> None:
+    section = CELLS["tracker_point"]["poses"] | {"reference": FIXED}
+    drift = {"drift": {"shift_m": 1e-3, "turn_rad": 1e-3}}
+    simulation = simulated("tracker_point", drift, poses=section)
+    rows, truth = simulation.rows, simulation.truth
+    read = np.isfinite(rows.reference).all(axis=(1, 2))
+    assert read.tolist() == [target == "r1" for target in rows.target]
+    points = rows.reference[read]
+    fixed = np.array([point["position_m"] for point in FIXED])
+    for n, share in enumerate(np.linspace(0.0, 1.0, len(points))):
+        turn = Rotation.from_rotvec(truth.drift.turn * share).as_matrix()
+        seat = truth.seats["hall"]
+        rotation, origin = turn @ seat.rotation, turn @ seat.position + truth.drift.shift * share
+        assert points[n] == pytest.approx((fixed - origin) @ rotation, abs=1e-12)
+    moved = np.linalg.norm(points[-1] - points[0], axis=1)
+    assert (moved > 2e-4).all()
+    without = simulated("tracker_point", drift)
+    assert rows.values == pytest.approx(without.rows.values, abs=0.0)
+
+
+def test_an_instrument_that_measures_no_points_reads_no_reference_points() -> None:
+    section = CELLS["socket_pair_50"]["poses"] | {"reference": FIXED}
+    with pytest.raises(InputError, match=r"poses.reference: socket_pair_50 measures a socket, and"):
+        simulated("socket_pair_50", poses=section)
+
+
 def test_unsettled_poses_miss_a_share_of_the_last_move() -> None:
     errors = {"unsettled": {"share": 0.2, "fraction": 0.1}}
     calm, hasty = simulated("drawwire_2m"), simulated("drawwire_2m", errors)
