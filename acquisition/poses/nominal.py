@@ -45,9 +45,9 @@ def reach(robot: Robot) -> float:
     return float(np.hypot(robot.a, robot.d).sum())
 
 
-def judged(count: int) -> NDArray[np.intp]:
-    """(K,) rows that checks look at: all, or MOST_JUDGED spread evenly over `count`."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_JUDGED)).astype(np.intp))
+def judged(count: int, most: int = MOST_JUDGED) -> NDArray[np.intp]:
+    """(K,) rows that checks look at: all, or `most` spread evenly over `count`."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
 
 
 def spread_of(points: Array) -> float:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
@@ -44,11 +44,10 @@ def new(
     poses: Annotated[
         list[Path] | None,
         typer.Option(
-            help="A table of still poses instead of two logs; may be repeated for files of the "
-            "same columns.",
+            help="A table of still poses, or a folder of tables, instead of two logs; may be "
+            "repeated for files of the same columns.",
             metavar="TABLE",
             exists=True,
-            dir_okay=False,
         ),
     ] = None,
     robot: Annotated[str | None, typer.Option(help="Robot, by name or .yaml file.")] = None,
@@ -142,11 +141,21 @@ def new(
         str | None, typer.Option(help="Of rotations: rad or deg.", rich_help_panel=_POSES)
     ] = None,
     seat: Annotated[
-        str | None, typer.Option(help="Name of the instrument's placement.", rich_help_panel=_POSES)
+        list[str] | None,
+        typer.Option(
+            help="Name of the instrument's placement: once for all files of poses, or once for "
+            "each in their order; without it the files show it, or it is asked for.",
+            metavar="NAME",
+            rich_help_panel=_POSES,
+        ),
     ] = None,
     target: Annotated[
-        str | None,
-        typer.Option(help="Name of the ball or reflector on the flange.", rich_help_panel=_POSES),
+        list[str] | None,
+        typer.Option(
+            help="Name of the ball or reflector on the flange, likewise.",
+            metavar="NAME",
+            rich_help_panel=_POSES,
+        ),
     ] = None,
     yes: Annotated[
         bool,
@@ -154,10 +163,11 @@ def new(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a recording folder from two log files, or poses.yaml from a table of still poses.
+    """Make a recording folder from two log files, or poses.yaml from tables of still poses.
 
-    What the files show is proposed; what they cannot show is asked for. The folder appears only
-    once it has been read without error.
+    What the files show is proposed; what they cannot show is asked for. Of several tables that is
+    also the seat and the target of each. The folder appears only once it has been read without
+    error.
     """
     ask = partial(_ask, take_proposals=yes, as_json=as_json)
     if poses:
@@ -175,8 +185,8 @@ def new(
                 "value_unit": value_unit,
                 "rotation": rotation,
                 "angle_unit": angle_unit,
-                "seat": seat,
-                "target": target,
+                "seat": seat or (),
+                "target": target or (),
             },
             ask,
             as_json=as_json,
@@ -217,7 +227,7 @@ def new(
 def _new_poses(
     folder: Path,
     tables: list[Path],
-    given: dict[str, str | None],
+    given: dict[str, Any],
     ask: Callable[[str, str | None], str],
     *,
     as_json: bool,

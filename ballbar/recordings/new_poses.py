@@ -2,15 +2,17 @@
 
 What names and numbers of the table show is taken and printed: columns of the joint angles, of the
 measured values and of their deviations, units, the convention of rotations. What they do not show
-is a question. An answer is checked at once, and the whole file is read once before the folder is
-made.
+is a question, and so is which seat and which target each of several files belongs to. An answer is
+checked at once, and all files are read once before the folder is made.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -39,6 +41,7 @@ from acquisition.poses.text import FileKind, pose_text
 from acquisition.poses.times import pose_stamps
 from acquisition.poses.values import METRES
 from acquisition.table.text import LogText
+from ballbar.recordings.new_seats import KEYS, RAW, Name, checked_name, named_places
 from ballbar.recordings.questions import Ask, answer
 from cell.arrays import Array
 from cell.descriptions import Robot
@@ -64,8 +67,8 @@ class PoseAnswers:
     value_unit: str | None = None
     rotation: str | None = None
     angle_unit: str | None = None
-    seat: str | None = None
-    target: str | None = None
+    seat: Sequence[str] = ()  # one for all files, or one for each
+    target: Sequence[str] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,32 +108,111 @@ def new_poses(
 ) -> tuple[PoseImport, str]:
     """Makes the folder with poses.yaml and copies of the tables; gives its poses and its text.
 
-    The first table answers for all: the others have the same columns.
+    tables : files, and folders of files. The first file answers for the others, which have the
+    same columns; which seat and which target each of them belongs to is a question of its own.
     Raises InputError if the folder holds something, an answer is missing, or the tables cannot be
     read in the way that was answered; then nothing is left behind.
     """
-    if len({table.name for table in tables}) < len(tables):
-        raise InputError("two of the tables have the same name; rename one of them.")
+    sources = _sources(tables)
+    files = list(sources)
     with new_folder(folder) as aside:
-        description = _description(tables, answers, ask)
-        (aside / "raw").mkdir()
-        for table in tables:
-            shutil.copyfile(table, aside / "raw" / table.name)
+        description, table = _description(sources[files[0]], answers, ask)
+        given = (
+            _given("seat", answers.seat, table, files),
+            _given("target", answers.target, table, files),
+        )
+        for file, source in sources.items():
+            (aside / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, aside / file)
         for key in ("robot", "instrument"):
             if description[key].endswith(".yaml"):
                 description[key] = copied_description(aside, key, Path(description[key]))
-        # Lists of columns on one line.
-        text = yaml.safe_dump(
-            description, sort_keys=False, allow_unicode=True, width=98, default_flow_style=None
-        )
-        write_whole(aside / "poses.yaml", text.encode())
-        import_poses(aside)
+        own: Sequence[Name | None] = files if len(files) > 1 else [None]
+        places = zip(given[0] or own, given[1] or own, strict=True)
+        text = _written(aside, description, table, dict(zip(files, places, strict=True)))
+        read = import_poses(aside)
+        if len(files) > 1 and None in given:
+            named = named_places(read.table, files, given, ask)
+            text = _written(aside, description, table, dict(zip(files, named, strict=True)))
+            import_poses(aside)
     return import_poses(folder), text
 
 
-def _description(tables: Sequence[Path], answers: PoseAnswers, ask: Ask) -> dict[str, Any]:
-    """The content of poses.yaml."""
-    text, kind = pose_text(tables[0], tables[0].name)
+def _sources(tables: Sequence[Path]) -> dict[str, Path]:
+    """The files of tables and folders, by the name of their copy: as much of the path as differs.
+
+    Raises InputError for an empty folder, and for a file that is named twice.
+    """
+    files = list[Path]()
+    for table in tables:
+        if not table.is_dir():
+            files.append(table)
+            continue
+        content = sorted(file for file in table.rglob("[!.]*") if file.is_file())
+        if not content:
+            raise InputError(f"{table}: this folder holds no files. Name that of the tables.")
+        files += content
+    twice = [file for k, file in enumerate(files) if any(map(file.samefile, files[:k]))]
+    if twice:
+        raise InputError(f"{twice[0]} is named twice; name it once.")
+    parts = [(file.parent.resolve() / file.name).parts for file in files]
+    depth = next(k for k in count(1) if len({part[-k:] for part in parts}) == len(parts))
+    return {RAW + "/".join(part[-depth:]): file for part, file in zip(parts, files, strict=True)}
+
+
+def _given(
+    key: str, names: Sequence[str], table: dict[str, Any], files: Sequence[str]
+) -> Sequence[Name] | None:
+    """Seats or targets of files: by the options, or by a column; None where neither says them.
+
+    Raises InputError unless there is one name for all files, or one for each.
+    """
+    if len(names) not in (0, 1, len(files)):
+        listed = ", ".join(file.removeprefix(RAW) for file in files)
+        raise InputError(
+            f"{len(names)} times --{key} for {len(files)} files: give it once for all, or once for "
+            f"each in this order: {listed}."
+        )
+    if names:
+        return [checked_name(name) for name in names] * (len(files) if len(names) == 1 else 1)
+    return [table[key]] * len(files) if key in table else None
+
+
+def _written(
+    folder: Path,
+    description: dict[str, Any],
+    table: dict[str, Any],
+    places: Mapping[str, tuple[Name | None, Name | None]],
+) -> str:
+    """Writes poses.yaml and gives its text; files of one seat and one target are in one table.
+
+    places : seat and target by file; None is left out.
+    """
+    tables = list[dict[str, Any]]()
+    for file, place in places.items():
+        own = {key: name for key, name in zip(KEYS, place, strict=True) if name is not None}
+        alike = [each for each in tables if all(each.get(key) == own.get(key) for key in KEYS)]
+        if alike:
+            alike[0]["files"].append(file)
+        else:
+            tables.append({"files": [file], **deepcopy(table), **deepcopy(own)})
+    # Lists of columns on one line.
+    text = yaml.safe_dump(
+        {**description, "tables": tables, "notes": ""},
+        sort_keys=False,
+        allow_unicode=True,
+        width=98,
+        default_flow_style=None,
+    )
+    write_whole(folder / "poses.yaml", text.encode())
+    return text
+
+
+def _description(
+    file: Path, answers: PoseAnswers, ask: Ask
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The head of poses.yaml, and what it says of a table beside its files."""
+    text, kind = pose_text(file, file.name)
     table = _Table(text, kind, column_names(text), ask)
     robots, instruments = ", ".join(robot_names()), ", ".join(instrument_names())
     name, robot = table.answer(
@@ -140,28 +222,16 @@ def _description(tables: Sequence[Path], answers: PoseAnswers, ask: Ask) -> dict
         answers.instrument, f"which instrument? ({instruments}, or a .yaml file)", None, _instrument
     )
     joints = _joints(table, robot, answers)
-    description = {
-        "files": [f"raw/{path.name}" for path in tables],
-        "joints": joints,
-        **_values(table, robot, instrument, joints, answers),
-    }
-    for key, pattern in (("seat", r"^(seat|station|setup)$"), ("target", r"^(target|smr|ball)$")):
-        column = named_column(table.columns, pattern)
-        given = getattr(answers, key)
-        if given or column:
-            description[key] = given or {"column": column}
+    declared = {"joints": joints, **_values(table, robot, instrument, joints, answers)}
+    for key, pattern in zip(KEYS, (r"^(seat|station|setup)$", r"^(target|smr|ball)$"), strict=True):
+        if column := named_column(table.columns, pattern):
+            declared[key] = {"column": column}
     if (time := named_column(table.columns, r"time|stamp|date")) and _tells_time(table, time):
-        description["time"] = {"column": time}
+        declared["time"] = {"column": time}
     if temperature := named_column(table.columns, r"temp"):
-        description["temperature"] = {"column": temperature}
-    return {
-        "schema": "ballbar-poses/1",
-        "kind": "real",
-        "robot": name,
-        "instrument": measured_by,
-        "tables": [description],
-        "notes": "",
-    }
+        declared["temperature"] = {"column": temperature}
+    head = {"schema": "ballbar-poses/1", "kind": "real", "robot": name, "instrument": measured_by}
+    return head, declared
 
 
 def _tells_time(table: _Table, column: str) -> bool:
