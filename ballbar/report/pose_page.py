@@ -166,6 +166,12 @@ def _tiles(result: PoseIdentification, comparison: PoseComparison | None) -> lis
     return [
         *known,
         Tile(
+            "Stated TCP uncertainty",
+            f"{result.sigma_at_poses.mean() * MM:.3f} mm",
+            f"mean at the measured poses; extrapolated over the whole ranges "
+            f"{result.tcp_sigma.mean() * MM:.3f} mm",
+        ),
+        Tile(
             "Error where it was not fitted",
             f"{validation.mean * MM:.3f} mm",
             f"mean; 95 % below {validation.quantile * MM:.3f} mm",

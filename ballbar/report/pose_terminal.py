@@ -39,10 +39,11 @@ def say_poses(out: Console, run: PoseRun) -> None:
                 + (f" and {more} more" if more > 0 else "")
             )
         )
-    sigma = result.tcp_sigma.mean()
+    beside, over = result.sigma_at_poses.mean() * MM, result.tcp_sigma.mean() * MM
     out.print(
-        f"stated TCP uncertainty over the fitted ranges: mean {sigma * MM:.4f} mm (1 sigma, "
-        "all axes together; without the scale of the instrument)"
+        f"stated TCP uncertainty: {beside:.4f} mm at the measured poses; extrapolated over the "
+        f"whole of the fitted ranges {over:.4f} mm (means, 1 sigma, all axes together; without the "
+        "scale of the instrument)"
     )
 
 

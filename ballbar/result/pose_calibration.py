@@ -135,7 +135,9 @@ class PoseFitEntry(Strict):
     iterations: int
     unknowns: int
     poses: int
-    tcp_sigma_mean_m: float  # over the fitted ranges, all axes together
+    # at the measured poses, all axes together; older files do not state it
+    tcp_sigma_at_poses_m: Positive | None = None
+    tcp_sigma_mean_m: float  # extrapolated over the fitted ranges, all axes together
     discrepancy_m: float  # of a fitted pose from the model, along each axis
     residual_mean_m: float
     nominal_mean_m: float  # of the robot as its file has it, seats and targets fitted
@@ -200,7 +202,8 @@ class PoseCalibrationFile(Strict):
         validation = self.cross_validation
         spread = validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error of three axes
         if all(group.measured == "length" for group in self.recordings):
-            spread = self.fit.tcp_sigma_mean_m / np.sqrt(3.0)
+            stated = self.fit.tcp_sigma_at_poses_m or self.fit.tcp_sigma_mean_m
+            spread = stated / np.sqrt(3.0)
         return IdentifiedArm(
             robot=robot,
             chain=self.chain(robot),
@@ -359,6 +362,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             iterations=fit.iterations,
             unknowns=layout.count,
             poses=result.table.size,
+            tcp_sigma_at_poses_m=float(result.sigma_at_poses.mean()),
             tcp_sigma_mean_m=float(result.tcp_sigma.mean()),
             discrepancy_m=fit.discrepancy.position,
             residual_mean_m=result.residual_means[0],

@@ -65,6 +65,8 @@ def identify_pose_folders(
     for name, folder, content in zip(names[count:], validate, read[count:], strict=True):
         table = replace(content.table, name=name)
         held.append((folder, content, held_out_poses(result, table)))
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in held)
+    result = replace(result, elsewhere=elsewhere)
     return PoseRun(" + ".join(names[:count]), fitted, result, tuple(held))
 
 

@@ -80,17 +80,26 @@ class CrossValidation:
 def cross_validated(fit: PoseFit) -> CrossValidation:
     """Errors of every pose with its region, or its place, left out of the fit: the worse."""
     table = fit.model.table
-    validations = [_with_folds(fit, REGIONS, pose_regions(table.q))]
+    validations = [with_folds(fit, REGIONS, pose_regions(table.q))]
     places = places_of(fit)
     if len(set(places.values())) > 1:
         fold = np.concatenate([np.full(g.size, places[g.seat]) for g in table.groups])
-        validations.append(_with_folds(fit, PLACES, fold))
+        validations.append(with_folds(fit, PLACES, fold))
     return max(validations, key=lambda validation: validation.sigma)
 
 
 def only_lengths(table: PoseTable) -> bool:
     """Whether rods alone measured the poses of a table."""
     return all(group.measured == "length" for group in table.groups)
+
+
+def at_one_place(fit: PoseFit) -> bool:
+    """Whether the robot reached for sockets of one place, or rods measured it from one.
+
+    Points and poses are seen over the whole workspace from wherever the instrument stands.
+    """
+    local = all(group.measured in ("length", "socket") for group in fit.model.table.groups)
+    return local and len(set(places_of(fit).values())) == 1
 
 
 def places_of(fit: PoseFit) -> dict[str, int]:
@@ -101,13 +110,13 @@ def places_of(fit: PoseFit) -> dict[str, int]:
     layout = fit.model.unknowns
     seats = list(layout.seats)
     origins = np.stack([layout.seat(fit.x, name).origin for name in seats])
-    near = np.linalg.norm(origins[:, None] - origins, axis=2) < SAME_PLACE
+    linked = np.linalg.norm(origins[:, None] - origins, axis=2) < SAME_PLACE
     for known in fit.model.table.distances:
-        near[seats.index(known.seats[0]), seats.index(known.seats[1])] = True
-    return dict(zip(seats, connected_components(near, directed=False)[1].tolist(), strict=True))
+        linked[seats.index(known.seats[0]), seats.index(known.seats[1])] = True
+    return dict(zip(seats, connected_components(linked, directed=False)[1].tolist(), strict=True))
 
 
-def _with_folds(fit: PoseFit, left_out: str, fold: NDArray[np.intp]) -> CrossValidation:
+def with_folds(fit: PoseFit, left_out: str, fold: NDArray[np.intp]) -> CrossValidation:
     """Cross-validation by a linear refit without each fold; fold : (N,) number of each pose's."""
     equations, model, table = fit.equations, fit.model, fit.model.table
     ends = np.cumsum([g.size for g in table.groups])[:-1]
@@ -159,10 +168,10 @@ def _without(fit: PoseFit, held: Sequence[NDArray[np.bool_]]) -> Array:
         own_normal += own @ own.T
         own_gradient += own @ residual[:, k].reshape(-1)
     step = -np.linalg.solve(normal - own_normal, gradient - own_gradient)
-    kept = [g for g, k in zip(table.groups, held, strict=True) if not k.all()]
+    fitted = [g for g, k in zip(table.groups, held, strict=True) if not k.all()]
     alone = [
-        *(part for name, part in layout.seats.items() if name not in {g.seat for g in kept}),
-        *(part for name, part in layout.targets.items() if name not in {g.target for g in kept}),
+        *(part for name, part in layout.seats.items() if name not in {g.seat for g in fitted}),
+        *(part for name, part in layout.targets.items() if name not in {g.target for g in fitted}),
     ]
     if alone:
         index = np.concatenate([np.arange(part.start, part.stop) for part in alone])

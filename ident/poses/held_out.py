@@ -13,7 +13,7 @@ from cell.arrays import Array
 from cell.geometry import nominal_chain
 from cell.poses import PoseTable
 from ident.poses.closure import Placement
-from ident.poses.cross_validation import LEVEL
+from ident.poses.cross_validation import LEVEL, SAME_PLACE
 from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification, position_errors
@@ -35,6 +35,7 @@ class PoseHeldOut:
     predicted: float  # [m] mean error that cross-validation predicts
     out_of_range: dict[int, tuple[float, float]]  # axes, from 1, beyond their fitted range [rad]
     moved: tuple[str, ...] = ()  # targets as they are called on the other side of a step
+    elsewhere: bool = False  # whether it was measured at a place that was not fitted
 
     @property
     def acceptable(self) -> bool:
@@ -72,6 +73,17 @@ def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
         predicted=result.cross_validation.mean,
         out_of_range=arm.out_of_range(table.q),
         moved=moved,
+        elsewhere=_elsewhere(result, identified),
+    )
+
+
+def _elsewhere(result: PoseIdentification, held: PoseFit) -> bool:
+    """Whether a seat of a held-out table stands at another place than all that were fitted."""
+    known, own = result.fit.model.unknowns, held.model.unknowns
+    fitted = np.stack([known.seat(result.fit.x, name).origin for name in known.seats])
+    return any(
+        np.linalg.norm(fitted - own.seat(held.x, name).origin, axis=1).min() > SAME_PLACE
+        for name in own.seats
     )
 
 

@@ -37,6 +37,7 @@ class PoseIdentification:
     search: OrderSearch | None  # None where joint errors were not searched
     cross_validation: CrossValidation
     findings: Findings
+    elsewhere: bool = False  # whether held-out poses of another place are predicted as stated
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -82,9 +83,16 @@ class PoseIdentification:
 
     @cached_property
     def tcp_sigma(self) -> Array:
-        """(G,) [m] stated uncertainty of the first target over the fitted ranges, all axes."""
+        """(G,) [m] stated uncertainty of the first target extrapolated over the fitted ranges, all
+        axes.
+        """
         arm = self.arm()
         return arm.sigma(arm.workspace())
+
+    @cached_property
+    def sigma_at_poses(self) -> Array:
+        """(N,) [m] stated uncertainty of the first target at the measured poses, all axes."""
+        return self.arm().sigma(self.table.q)
 
     def errors(self, table: PoseTable) -> Array:
         """(N, 3) [m] measured minus predicted positions of poses of this result's own seats.

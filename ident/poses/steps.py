@@ -1,7 +1,7 @@
 """A seat or a target that moved once within a table: an instrument knocked, a ball seated anew.
 
-A step is three more unknowns, a shift of what was measured from some pose on. Where it may be is
-told by the score of such a shift at every pose in the order of measurement, Schur complement
+A step is three more unknowns, a shift of what was measured from some pose on. Where it may be
+follows from the score of such a shift at every pose in the order of measurement, Schur complement
 included, from running sums (sup-score test, Andrews 1993), beside a linear drift of three unknowns.
 Poses far off count as Huber 1964 weighs them, but none is left out: a few rows behind a step would
 be.
@@ -182,10 +182,10 @@ def refuse_merged(table: PoseTable) -> None:
             )
 
 
-def confirms(before: PoseFit, after: PoseFit, found: Step, step: Step) -> bool:
+def confirms(before: PoseFit, after: PoseFit, candidate: Step, step: Step) -> bool:
     """Whether a fit with a step confirms it.
 
-    before, after : without and with it. found, step : the step as it was found, and as it came out.
+    before, after : without and with it. candidate, step : as it was found, and as it came out.
     A step is larger than what drifts anyway, as far as the model leaves less over; its size does
     not depend on what else is fitted; and the model leaves less over with it. Of one so large that
     the fit without it says little, the size is not compared.
@@ -193,10 +193,13 @@ def confirms(before: PoseFit, after: PoseFit, found: Step, step: Step) -> bool:
     left = after.discrepancy.position
     if left >= before.discrepancy.position:
         return False
-    if min(found.size, step.size) > LARGEST:
+    if min(candidate.size, step.size) > LARGEST:
         return True
     drifting = float(np.clip(WARMING, LEAST_SIZE * left, CERTAIN_SIZE * left))
-    return step.size > drifting and float(np.linalg.norm(step.shift - found.shift)) < found.size
+    return (
+        step.size > drifting
+        and float(np.linalg.norm(step.shift - candidate.shift)) < candidate.size
+    )
 
 
 def split(fit: PoseFit, step: Step) -> tuple[PoseTable, PoseStart]:
@@ -364,8 +367,8 @@ def _best(
     moved = solved[:, :, at] @ shift[at] + np.linalg.solve(normal, gradient)
     left = left - np.einsum("pen,p->en", jacobian, moved)
     spare = max(left.size - _determined(fit), LEAST_SPARE * left.size)
-    found = float(gain[at]) * spare / float((left**2).sum()) - float(_cost_of_size(shift[at]))
-    return _Place(rows, at, shift[at], found) if found > LIMIT else None
+    score_at = float(gain[at]) * spare / float((left**2).sum()) - float(_cost_of_size(shift[at]))
+    return _Place(rows, at, shift[at], score_at) if score_at > LIMIT else None
 
 
 def _cost_of_size(shift: Array) -> Array:
@@ -448,9 +451,9 @@ def _comparable(q: Array, after: NDArray[np.bool_]) -> NDArray[np.bool_]:
     trees = [cKDTree(q[~after]), cKDTree(q[after])]
     out = np.zeros(len(q), dtype=bool)
     for side, own in enumerate((~after, after)):
-        near = np.atleast_2d(trees[side].query(q[own], k=NEIGHBOURS)[0])[:, -1]
+        own_distance = np.atleast_2d(trees[side].query(q[own], k=NEIGHBOURS)[0])[:, -1]
         other = np.asarray(trees[1 - side].query(q[own])[0])
-        out[own] = other <= NEAR * near
+        out[own] = other <= NEAR * own_distance
     return out
 
 

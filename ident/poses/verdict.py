@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.estimator.regions import distinct_poses
-from ident.poses.cross_validation import only_lengths
+from ident.poses.cross_validation import at_one_place, only_lengths
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 from ident.verdict import Status, Verdict
 
@@ -41,13 +41,13 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
     what = "distance" if only_lengths(result.table) else "position"
     nominal = float(np.median(result.residual_nominal))
     errors = (
-        f"poses in regions of joint space that were not fitted are predicted to "
+        f"poses {validation.left_out} that were not fitted are predicted to "
         f"{validation.mean * 1e3:.3f} mm in {what} (95 %: {validation.quantile * 1e3:.3f} mm); "
         f"with the nominal robot {before * 1e3:.3f} mm"
     )
     if only_lengths(result.table):
-        tool = float(result.tcp_sigma.mean())
-        errors += f"; stated TCP uncertainty over the fitted ranges {tool * 1e3:.3f} mm"
+        tool = float(result.sigma_at_poses.mean())
+        errors += f"; stated TCP uncertainty at the measured poses {tool * 1e3:.3f} mm"
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
         return Status.IMPLAUSIBLE, (
             f"Not the declared robot, or not its joint angles: {errors}. Check `robot`, the order, "
@@ -79,6 +79,12 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
         return Status.SUSPECT, (
             f"Usable, with care: too few poses for so many parameters; fitted ones lie within "
             f"{fitted * 1e3:.3f} mm, but {errors}. Measure more poses, spread over all joints."
+        )
+    if at_one_place(fit) and not result.elsewhere:
+        return Status.SUSPECT, (
+            f"Usable, with care: all was measured at one place, and the statement holds there; "
+            f"elsewhere the robot may be several times worse: {errors}. Measure at another place "
+            "too, or validate with poses of another place."
         )
     return Status.GOOD, f"Good fit: {errors}."
 
@@ -145,11 +151,12 @@ def _warnings(result: PoseIdentification) -> list[str]:
             f"joints that hardly moved: {each}; their parameters stay near the catalogue and the "
             "result holds only where they stood"
         )
-    away, beside = (float(s.mean()) for s in (result.tcp_sigma, result.arm().sigma(table.q)))
+    away, beside = (float(s.mean()) for s in (result.tcp_sigma, result.sigma_at_poses))
     if away > LOCAL * beside:
         out.append(
-            f"the poses cover a part of the ranges of their joints: beside them the stated TCP "
-            f"uncertainty is {beside * 1e3:.3f} mm, over the ranges {away * 1e3:.3f} mm"
+            f"the poses cover a part of the ranges of their joints: at them the stated TCP "
+            f"uncertainty is {beside * 1e3:.3f} mm, extrapolated over the ranges "
+            f"{away * 1e3:.3f} mm"
         )
     out += _of_parameters(result)
     out += _of_orders(result)

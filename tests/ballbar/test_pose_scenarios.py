@@ -55,7 +55,9 @@ def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path
     """The limits stand in the scenarios, half again to three times what was measured."""
     code, out, err = ballbar("run", name, "--out", tmp_path / "out")
     assert code == 0, out + err
-    assert out.startswith("Good fit: poses in regions of joint space that were not fitted")
+    verdict = "Usable, with care: all was measured at one place" if "socket" in name else "Good fit"
+    assert out.startswith(verdict)
+    assert re.search(r"poses (at places|in regions of joint space) that were not fitted", out)
     assert "The poses are kinematic: " in out
     assert out.count("met    TCP error") == 2
     said = re.search(r"TCP error within the fitted ranges: mean (\S+) mm", out)
