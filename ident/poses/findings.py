@@ -26,6 +26,12 @@ OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % bey
 UNSETTLED = 4.5  # likewise, of a residual along the last move
 SHARE_OF_MOVE = 15.0  # score of a share of the last move; chance exceeds it in one of ten thousand
 SCALE = 4.0  # deviations from which the scale of the measured values is named
+# Least scale that is named: 1 mm at a reach of 1 m. Instruments and warm arms stay below 0.02 %; a
+# wrong unit, compensation or variant of the robot lies above.
+LEAST_SCALE = 1e-3
+# Least effect of what is named, over the error of one measurement along an axis, noise and what the
+# model leaves unexplained: what is smaller changes the stated uncertainty by less than an eighth.
+LEAST_EFFECT = 0.5
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
 DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
 CHANCE = 1e-3
@@ -53,9 +59,9 @@ class Findings:
 
 
 def lengths_of(fit: PoseFit) -> Array:
-    """(N,) each pose's whitened residual over the median-based scale of all."""
+    """(N,) each pose's whitened residual over the median-based scale of all, 1 at least."""
     lengths = whitened_lengths(fit.equations)
-    return np.concatenate(lengths) / max(median_scale(lengths), np.finfo(float).tiny)
+    return np.concatenate(lengths) / max(median_scale(lengths), 1.0)
 
 
 def findings_of(fit: PoseFit) -> Findings:
@@ -149,14 +155,25 @@ def _unfinished(fit: PoseFit) -> float:
         information += float((rest * rest).sum())
     if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
         return 0.0
-    return -score / information
+    share = -score / information
+    moved = np.concatenate([move[:3] for move in _last_moves(fit)], axis=1)
+    effect = abs(share) * float(np.sqrt((moved**2).mean()))
+    return share if effect > LEAST_EFFECT * _error_of_one(fit) else 0.0
+
+
+def _error_of_one(fit: PoseFit) -> float:
+    """[m] error of one measurement along an axis: declared noise and what is unexplained."""
+    noise = np.concatenate([g.sigma[:, :3].reshape(-1) for g in fit.model.table.groups])
+    return float(np.hypot(fit.discrepancy.position, np.median(noise)))
 
 
 def scale_of(fit: PoseFit) -> tuple[float, float] | None:
     """Scale of all measured values against the catalogue's lengths, and its standard deviation.
 
     The robot's parameters take up a scale at the cost of their priors alone, so it is the priors as
-    declared that tell it. None where chance explains it.
+    declared that tell it. The direction is that of the predicted point: along the measured one its
+    own error would pass for scale. None where chance explains it, or where it is too small to
+    matter.
     """
     equations, layout = fit.equations, fit.model.unknowns
     declared = np.array([LENGTH_PRIOR if p.is_length else ANGLE_PRIOR for p in layout.parameters])
@@ -177,7 +194,8 @@ def scale_of(fit: PoseFit) -> tuple[float, float] | None:
         if point.group.measured == "socket":
             continue
         moved = np.zeros((6, point.group.size))
-        moved[:3] = point.closure.measured - point.seat.origin[:, None]
+        predicted = point.closure.measured - point.closure.error[:3]
+        moved[:3] = predicted - point.seat.origin[:, None]
         column = weights(moved) * robust
         cross += jacobian.reshape(layout.count, -1) @ column.reshape(-1)
         own += float((column * column).sum())
@@ -188,7 +206,7 @@ def scale_of(fit: PoseFit) -> tuple[float, float] | None:
         return None
     size = -(slope - float(cross @ solved[:, 1])) / information
     deviation = 1.0 / np.sqrt(information)
-    return (-size, deviation) if abs(size) > SCALE * deviation else None
+    return (-size, deviation) if abs(size) > max(SCALE * deviation, LEAST_SCALE) else None
 
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
@@ -199,8 +217,8 @@ def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
 
 
 def _drift(fit: PoseFit, seat: str) -> Drift | None:
-    """What a seat drifts, if the score of its shifts, and of its turns where they are seen, is
-    beyond chance.
+    """The drift of a seat if the score of its shifts, and of its turns where they are seen, is
+    beyond chance, and the drift large enough to matter.
     """
     equations, layout = fit.equations, fit.model.unknowns
     part = layout.seats[seat]
@@ -229,5 +247,7 @@ def _drift(fit: PoseFit, seat: str) -> Drift | None:
     change = np.zeros(6)
     change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
     arm = np.concatenate([p.closure.measured.T - p.seat.origin for p, _, _ in own])
-    moved = np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1)
-    return Drift(seat, float(moved.mean()), float(np.linalg.norm(change[3:])), test)
+    moved = float(np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1).mean())
+    if moved <= np.sqrt(3.0) * LEAST_EFFECT * _error_of_one(fit):
+        return None
+    return Drift(seat, moved, float(np.linalg.norm(change[3:])), test)

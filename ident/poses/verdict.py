@@ -107,8 +107,8 @@ def _warnings(result: PoseIdentification) -> list[str]:
         )
     if findings.unfinished:
         out.append(
-            f"the joint angles were read with {abs(findings.unfinished):.2%} of the last move "
-            "missing: before the robot stood still, or before it had settled; wait longer before "
+            f"the joint angles were read with {abs(findings.unfinished) * 100:.2g} % of the last "
+            "move missing: before the robot stood still, or before it had settled; wait longer before "
             "reading"
         )
     for drift in findings.drifts:
