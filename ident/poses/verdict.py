@@ -96,20 +96,20 @@ def _warnings(result: PoseIdentification) -> list[str]:
     out += [step.sentence for step in findings.steps]
     if findings.outliers.size:
         out.append(
-            f"{findings.outliers.size} poses lie far from the model and count little or not at "
+            f"{_poses(findings.outliers.size)} far from the model, counting little or not at "
             f"all: {_listed([names[i] for i in findings.outliers])}"
         )
     if findings.unsettled.size:
         out.append(
-            f"{findings.unsettled.size} poses were read before the robot stood still (their errors "
-            f"lie along the last move) and were left out: "
+            f"{_poses(findings.unsettled.size)} left out because the robot did not stand still yet "
+            f"(the errors lie along the last move): "
             f"{_listed([names[i] for i in findings.unsettled])}; wait longer before reading"
         )
     if findings.unfinished:
         out.append(
             f"the joint angles were read with {abs(findings.unfinished) * 100:.2g} % of the last "
-            "move missing: before the robot stood still, or before it had settled; wait longer before "
-            "reading"
+            "move missing: before the robot stood still, or before it had settled; wait longer "
+            "before reading"
         )
     for drift in findings.drifts:
         turn = f" and {drift.turn * 1e3:.3f} mrad" if drift.turn else ""
@@ -202,6 +202,10 @@ def _of_orders(result: PoseIdentification) -> list[str]:
             "on a grid or cover a part of a turn"
         )
     return out
+
+
+def _poses(count: int) -> str:
+    return f"{count} pose{'s' * (count != 1)}"
 
 
 def _listed(items: list[str]) -> str:
