@@ -8,8 +8,10 @@ from enum import StrEnum
 
 import numpy as np
 
+from cell.clock import UNSEEN_OFFSET
 from cell.descriptions import Cell
 from cell.geometry import Geometry, parameter_named
+from cell.number_text import duration_text, significant_text
 from ident.start.automatic import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
@@ -33,9 +35,6 @@ PULL = 3.5  # prior deviations from which an unknown stands for something that i
 # Standard deviations by which the lengths that give the scale contradict each other, from which one
 # of them is wrong: once in 370 sound machines
 CONTRADICTION = 3.0
-# [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
-# change a length by 0.2 mm it scattered by two stated deviations or more
-UNSEEN_CLOCK = 0.01
 # Residual of a recording by the machine of the others over what noise and stated uncertainty
 # explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
 UNLIKE_OTHERS = 4.0
@@ -291,12 +290,14 @@ def _uncertain(evidence: Evidence) -> tuple[Status, str] | None:
         limit = (
             f"the {evidence.accuracy * 1e3:.3g} mm that are asked for"
             if evidence.accuracy is not None
-            else f"half of the {evidence.nominal_error * 1e3:.2g} mm that the nominal robot is off"
+            else f"half of the {significant_text(evidence.nominal_error * 1e3, 2)} mm that the "
+            "nominal robot is off"
         )
+        known = significant_text(evidence.tcp_sigma * 1e3, 2)
         return Status.UNCERTAIN, (
-            f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
-            f"the workspace, with the scale), and {limit} would be the most. Record longer, on a "
-            "path that moves every joint further, or several recordings together."
+            f"Uncertain: the tool is known to {known} mm (1 sigma, rms over the workspace, with "
+            f"the scale), and {limit} would be the most. Record longer, on a path that moves every "
+            "joint further, or several recordings together."
         )
     return None
 
@@ -331,9 +332,9 @@ def _with_care(
             "something systematic is not in the model; the stated intervals may be too narrow. "
             "Test the result on a held-out recording (--validate)."
         )
-    elif noise is Status.GOOD and recording.clock_sigma > UNSEEN_CLOCK:
+    elif noise is Status.GOOD and recording.clock_sigma > UNSEEN_OFFSET:
         care = (
-            f"the clock offset is known to {recording.clock_sigma * 1e3:.0f} ms "
+            f"the clock offset is known to {duration_text(recording.clock_sigma)} "
             "at best, since the length hardly changes. Vary it within its stroke, or move faster."
         )
     elif noise is Status.SUSPECT:

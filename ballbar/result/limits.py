@@ -10,6 +10,7 @@ from ballbar.result.compare import Comparison
 from ballbar.scenario import AcceptSettings, PoseAcceptSettings, TcpLimits
 from ballbar.units import MM, PPM, UM, US
 from cell.arrays import Array
+from cell.number_text import significant_text
 from ident.held_out import HeldOut
 from ident.result import Identification
 from ident.robot.accuracy import TcpError
@@ -36,11 +37,11 @@ class Limit:
     @property
     def sizes(self) -> tuple[str, str]:
         """Measured and allowed value with their unit, for display."""
-        return self._shown(self.measured, ".3g"), self._shown(self.allowed, "g")
-
-    def _shown(self, value: float | str, form: str) -> str:
-        text = value if isinstance(value, str) else format(value, form)
-        return f"{text} {self.unit}".strip()
+        measured, allowed = (
+            value if isinstance(value, str) else text(value)
+            for value, text in ((self.measured, significant_text), (self.allowed, "{:g}".format))
+        )
+        return f"{measured} {self.unit}".strip(), f"{allowed} {self.unit}".strip()
 
 
 def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:

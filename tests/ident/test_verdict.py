@@ -100,14 +100,14 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
         (
             replace(GOOD, tcp_sigma=0.8e-3, nominal_error=1.2e-3),
             Status.UNCERTAIN,
-            "Uncertain: the tool is known to 0.8 mm (1 sigma, rms over the workspace, with the "
+            "Uncertain: the tool is known to 0.80 mm (1 sigma, rms over the workspace, with the "
             "scale), and half of the 1.2 mm that the nominal robot is off would be the most. "
             "Record longer",
         ),
         (
             replace(GOOD, tcp_sigma=0.06e-3, nominal_error=1.2e-3, accuracy=0.05e-3),
             Status.UNCERTAIN,
-            "Uncertain: the tool is known to 0.06 mm (1 sigma, rms over the workspace, with the "
+            "Uncertain: the tool is known to 0.060 mm (1 sigma, rms over the workspace, with the "
             "scale), and the 0.05 mm that are asked for would be the most.",
         ),
         (
