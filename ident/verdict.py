@@ -12,6 +12,7 @@ from cell.clock import UNSEEN_OFFSET
 from cell.descriptions import Cell
 from cell.geometry import Geometry, parameter_named
 from cell.number_text import duration_text, significant_text
+from ident.least_sizes import LITTLE_SHIFT
 from ident.start.automatic import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
@@ -23,7 +24,8 @@ FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
 # where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
 # ripple, encoder harmonics, backlash or compliance.
 AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
-ROD = 5e-4  # [m] error of the rod that is remarked on, unless its file allows more
+# [m] error of the rod that is remarked on, unless its file allows more, and in stated deviations
+ROD, ROD_SIGMAS = 5e-4, 3.0
 # A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
 # is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
 WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
@@ -39,7 +41,9 @@ CONTRADICTION = 3.0
 # explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
 UNLIKE_OTHERS = 4.0
 FEW_BLOCKS = 12  # of time: the spread of fewer tells little of the uncertainty
-CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
+# Autocorrelation that is remarked on: it widens a deviation by 5 %; and in its own standard
+# deviations for white noise, 1 / sqrt(samples)
+CORRELATED, CORRELATED_SIGMAS = 0.05, 2.0
 
 
 class Status(StrEnum):
@@ -134,6 +138,8 @@ class Evidence:
 
     blocks: int = FEW_BLOCKS  # of time, that the uncertainty of a complete model rests on
     lengths_apart: float = 0.0  # standard deviations by which known lengths contradict each other
+    lengths_off: float = 0.0  # [m] by which they do
+    rod_sigma: float = 0.0  # [m] stated, of the identified rod
 
     def tells(self, cell: Cell) -> bool:
         """Whether neighbours in the residual tell what the model lacks.
@@ -229,7 +235,7 @@ def _wrong(
             "what noise and its uncertainty explain. Identify each recording by itself, and "
             "compare the results."
         )
-    if evidence.lengths_apart > CONTRADICTION:
+    if evidence.lengths_apart > CONTRADICTION and evidence.lengths_off > LITTLE_SHIFT:
         return Status.MISFIT, (
             "Misfit: the lengths that the files state as known contradict each other by "
             f"{evidence.lengths_apart:.1f} standard deviations. Measure the rod and the plate "
@@ -368,7 +374,8 @@ def _rod_warnings(evidence: Evidence, cell: Cell, nominal: Geometry) -> list[str
     length, stated = evidence.geometry["bd3"], nominal["bd3"]
     sensed = cell.ballbar.stroke is not None or "bd3" not in evidence.identified
     off = abs(length - stated)
-    if sensed or not max(ROD, cell.ballbar.length_tolerance) < off <= PLAUSIBLE:
+    least = max(ROD, cell.ballbar.length_tolerance, ROD_SIGMAS * evidence.rod_sigma)
+    if sensed or not least < off <= PLAUSIBLE:
         return []  # beyond it the verdict's sentence says so
     return [
         f"the rod comes out {length * 1e3:.2f} mm long, and the file of {cell.ballbar.name} states "
@@ -393,7 +400,8 @@ def _data_warnings(evidence: Evidence, recording: RecordingEvidence) -> list[str
             f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "
             "3.5 wants 750). Record longer, or raise --samples"
         )
-    if evidence.autocorrelation > CORRELATED and not evidence.complete:
+    chance = CORRELATED_SIGMAS / np.sqrt(max(1, recording.samples))
+    if evidence.autocorrelation > max(CORRELATED, chance) and not evidence.complete:
         left_out = "elastic gears, backlash, ripple"
         if recording.encoders:
             left_out += ", rod strain, eccentric encoders"
