@@ -333,11 +333,7 @@ def _manner(logged: Array, amount: Array) -> str:
         return f"is off by up to {significant_text(float(np.abs(amount).max()) * 1e3)} mrad"
     if abs(slope) < STILL:
         return "stands still"
-    return (
-        "counts backwards"
-        if slope < 0.0
-        else f"turns {significant_text(slope)} times as far as it should"
-    )
+    return "counts backwards" if slope < 0.0 else f"turns {slope:.3g} times as far as it should"
 
 
 def _rms(values: Array) -> float:

@@ -122,9 +122,9 @@ def _estimate(cell: Cell, recordings: Sequence[_Recording]) -> PayloadEstimate:
     change, covariance, blocked = regression.solved(prior)
     sigma = np.sqrt(np.diag(blocked))
     arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
-    mass_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass))
-    arm_sigma = float(np.hypot(sigma[ARM], FLOOR))
-    significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > SURE * arm_sigma)
+    mass_sigma, arm_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass)), float(sigma[ARM])
+    arm_off = SURE * np.hypot(arm_sigma, FLOOR)
+    significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > arm_off)
     if not significant:
         change, covariance, _ = regression.solved(_declared(cell, prior))
         mass_sigma = float(np.sqrt(covariance[0, 0]))
