@@ -52,7 +52,9 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
 # [rad], [m] standard deviations of what an unchanged machine is apart by
-WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(("tool", "rod", "plate", "geometry"), WANDER_LENGTH)
+WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
+    ("tool", "rod", "plate", "geometry", "ball-bar"), WANDER_LENGTH
+)
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01
