@@ -39,9 +39,16 @@ class Limit:
         """Measured and allowed value with their unit, for display."""
         measured, allowed = (
             value if isinstance(value, str) else text(value)
-            for value, text in ((self.measured, significant_text), (self.allowed, "{:g}".format))
+            for value, text in (
+                (self.measured, _counted_or_measured),
+                (self.allowed, "{:g}".format),
+            )
         )
         return f"{measured} {self.unit}".strip(), f"{allowed} {self.unit}".strip()
+
+
+def _counted_or_measured(value: float) -> str:
+    return f"{value:.0f}" if value.is_integer() else significant_text(value)
 
 
 def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:
