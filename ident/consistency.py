@@ -20,6 +20,7 @@ from ident.corrections.remounted_tool import KINDS
 from ident.estimator.fit import Fit
 from ident.estimator.time_blocks import TimeBlocks, time_blocks
 from ident.estimator.unknowns import BASE_POSE
+from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
 
 # Decrease for a single unknown, over what is left with the change in the model, from which it is
 # one; for each of k unknowns 1 + (SINGLE - 1) / k^(1/4). SURE times that is asked for: machines
@@ -28,6 +29,12 @@ from ident.estimator.unknowns import BASE_POSE
 SINGLE, SURE = 25.0, 5.0
 # A group is the cause if it brings this share of what any other, larger one does.
 SHARE = 0.6
+# Least change that matters, however many rows make it certain: of an axis zero or the rod, over
+# what an unchanged machine is apart by from one recording to the next; of several unknowns
+# together, the share of the cost of the blocks in question that it explains: 0.1 is 5 % of their
+# rms residual.
+# Sound recordings of a minute have 0.02, a zero that moved by 50 urad 0.96.
+LEAST_CHANGE, LEAST_SHARE = 2.5, 0.1
 EDGE = 3  # blocks at either end of a recording, where a change is little more than another start
 
 
@@ -40,6 +47,16 @@ class Change:
     group: str  # as of `_groups`
     size: float  # [m, rad] of a group with one unknown, or the length of its first three
     times: float  # what it explains over what chance and small things would
+    share: float = 1.0  # of the cost of the blocks in question, that it explains
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is large enough to change the tool's position."""
+        if self.group.startswith("rtheta"):
+            return abs(self.size) > LEAST_CHANGE * WANDER_ZERO
+        if self.group == "bd3":
+            return abs(self.size) > LEAST_CHANGE * WANDER_LENGTH
+        return self.share > LEAST_SHARE
 
     @property
     def sentence(self) -> str:
@@ -108,11 +125,11 @@ def _surest(blocks: TimeBlocks) -> Change | None:
     Those are known by what is left once it is part of the model.
     """
     parts = list(_parts(blocks))
-    if not parts:
+    changes = [(part.change(blocks), part) for part in parts]
+    changes = [(change, part) for change, part in changes if change.matters]
+    if not changes:
         return None
-    changes = [part.change(blocks) for part in parts]
-    best = max(range(len(parts)), key=lambda k: changes[k].times)
-    change, part = changes[best], parts[best]
+    change, part = max(changes, key=lambda pair: pair[0].times)
     if change.times < SURE:
         return None
     rest = blocks.freed(part.blocks, part.groups[change.group])
@@ -145,7 +162,8 @@ class _Part:
         decrease, step = tests[cause]
         times = decrease / step.size / (1.0 + (SINGLE - 1.0) / step.size**0.25)
         size = float(step[0]) if step.size == 1 else float(np.linalg.norm(step[:3]))
-        return Change(self.recording, self.time, cause, size, float(times))
+        share = decrease / float(blocks.cost[self.blocks].sum())
+        return Change(self.recording, self.time, cause, size, float(times), share)
 
 
 def _parts(blocks: TimeBlocks) -> Iterator[_Part]:

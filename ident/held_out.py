@@ -10,7 +10,6 @@ own unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +17,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
+from cell.number_text import significant_text
 from ident.causes import Causes
 from ident.complete_fit import (
     MEASURED,
@@ -67,7 +67,8 @@ class LoopClosure:
     def sentence(self) -> str:
         """Its sizes with their units."""
         position, largest, angle = (
-            _two_digits(v * 1e3) for v in (self.position_rms, self.position_max, self.angle_rms)
+            significant_text(v * 1e3, 2)
+            for v in (self.position_rms, self.position_max, self.angle_rms)
         )
         return f"{position} mm rms (largest {largest}), {angle} mrad"
 
@@ -94,7 +95,7 @@ class HeldOut:
     def sentence(self) -> str:
         """How well the machine explains the recording."""
         sizes = (self.nominal.position_rms * 1e3, self.identified.ratio, self.normalised_innovation)
-        nominal, ratio, innovation = (_two_digits(v) for v in sizes)
+        nominal, ratio, innovation = (significant_text(v, 2) for v in sizes)
         closure = (
             f"Held out {self.name}: the loop closes to {self.identified.sentence}; nominal robot "
             f"{nominal} mm. {ratio} times what noise explains, {innovation} with the stated "
@@ -113,11 +114,6 @@ class HeldOut:
     @property
     def _cause(self) -> str:
         return f" Perhaps {self.causes}" if self.causes else ""
-
-
-def _two_digits(value: float) -> str:
-    decimals = 1 - math.floor(math.log10(value)) if value > 0.0 else 1
-    return f"{value:.{max(0, decimals)}f}"
 
 
 def held_out(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry
+from cell.geometry import Geometry, parameter_named
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import TOOL, deviations_between, with_payload
 from cell.statistics import rms
@@ -34,11 +34,12 @@ from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names, priors, taken_as_exact
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
+from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.loads.logged_tension import logged_torque
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
-from ident.model_choice import coefficients_of, lasting, negative_coefficients
+from ident.model_choice import NEGATIVE, coefficients_of, lasting, negative_coefficients
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.physical_bounds import impossible
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
@@ -299,6 +300,8 @@ def result_of(
         blocks=stated.blocks,
         pulled=pulled(fit),
         lengths_apart=stated.lengths.apart,
+        lengths_off=stated.lengths.off,
+        rod_sigma=robot.sigma.get("bd3", 0.0),
         unphysical=unphysical(fit, stated.covariance, payload),
         impossible=impossible(fit) if fit.converged else (),
         disagreement=unlike_tools(payload) or agreement.sentence,
@@ -339,7 +342,7 @@ def result_of(
                 f"has no {', '.join(keys)}{_substituted(robot)}. Add them to the file"
             )
     lags = lag_remark(fit, np.sqrt(np.diag(stated.covariance)))
-    for remark in (payload_remark(payload), lags, *recording_remarks(fit)):
+    for remark in (payload_remark(payload), lags, *recording_remarks(fit, stated.covariance)):
         verdict = verdict.with_warning(remark) if remark else verdict
     if orders and (remark := joint_error_remark(orders, robot.corrections)):
         verdict = verdict.with_warning(remark)
@@ -575,8 +578,15 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     """Shared unknowns further from their priors than chance explains, the furthest first."""
     layout = fit.model.unknowns
     machine = layout.machine
-    far = np.abs(fit.x[machine] - layout.mean[machine]) / layout.sigma[machine]
-    out = [layout.names[i] for i in np.argsort(-far) if far[i] > PULL]
+    off = np.abs(fit.x[machine] - layout.mean[machine])
+    far = off / layout.sigma[machine]
+    little = np.zeros(machine.size)  # a prior of a coefficient is of a size that matters
+    for i in range(layout.shared.size):
+        length = parameter_named(layout.names[i]).is_length
+        little[i] = LITTLE_SHIFT if length else LITTLE_TURN
+    out = [
+        layout.names[machine[k]] for k in np.argsort(-far) if far[k] > PULL and off[k] > little[k]
+    ]
     return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
 
 
@@ -629,7 +639,7 @@ def _softer(fit: Fit) -> float:
 def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:
     """Compliances, plays and masses that are negative beyond their uncertainty."""
     out = [*negative_coefficients(fit, np.sqrt(np.diag(covariance)))]
-    if payload is not None and payload.payload.mass < 0.0:
+    if payload is not None and payload.payload.mass < -NEGATIVE * payload.mass_sigma:
         out.append("the tool's mass")
     return tuple(out)
 

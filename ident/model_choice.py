@@ -20,10 +20,8 @@ from ident.estimator.fit import Fit
 from ident.estimator.step_faults import ENCODER_JUMPS
 from ident.estimator.time_blocks import NONE, time_blocks
 from ident.estimator.uncertainty import mean_autocorrelation
+from ident.least_sizes import not_by_chance
 
-# A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): what
-# chance gives to one coefficient in 500.
-SUPPORT = 6.0
 # Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
 # bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).
 DECREASE = 30.0
@@ -83,9 +81,8 @@ def unsupported(result: Fit) -> set[str]:
         values, white = result.x[position].copy(), result.covariance[position, position]
         absent = [c.never_negative and c.mean == 0.0 for c in correction.coefficients]
         values[absent] = np.maximum(values[absent], 0.0)
-        chi2 = float(values @ np.linalg.solve(white, values)) / widening
         impossible = any(c.name in negative and c.mean == 0.0 for c in correction.coefficients)
-        if impossible or chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
+        if impossible or not not_by_chance(values, widening * white):
             out.add(correction.name)
     return out
 

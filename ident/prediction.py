@@ -25,6 +25,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.logs import BallBarLog, LengthLog, RobotLog
+from cell.number_text import significant_text
 from ident.causes.robot_log import angle_kinds, other_angles
 from ident.corrections.base import BAR, GEAR
 from ident.estimator.closure import close_loop, complete_bar_angles
@@ -291,7 +292,10 @@ def _free_channels(rows: _Rows, q: Array, readings: Array) -> Iterator[_Hypothes
         speed = np.asarray(rows.samples.robot.speed(rows.fitted.clock.robot_time(rows.times)))
         column = np.einsum("nj,jen->en", speed, of_robot)
         amount, left = _freed(column, lambda late: rows.residual(rows.joints(-late), readings))
-        yield _Hypothesis(f"a clock jumped by {float(np.median(amount)) * 1e3:+.3g} ms", left)
+        yield _Hypothesis(
+            f"a clock jumped by {significant_text(float(np.median(amount)) * 1e3, sign=True)} ms",
+            left,
+        )
 
 
 def _freed(column: Array, residual_without: Callable[[Array], Array]) -> tuple[Array, float]:
@@ -323,10 +327,10 @@ def _manner(logged: Array, amount: Array) -> str:
     true = logged - amount
     moved, shown = true - true.mean(), logged - logged.mean()
     if np.std(amount) < STRAIGHT * abs(float(np.mean(amount))) or np.ptp(true) < MOVES:
-        return f"stepped by {float(np.median(amount)) * 1e3:+.3g} mrad"
+        return f"stepped by {significant_text(float(np.median(amount)) * 1e3, sign=True)} mrad"
     slope = float((moved * shown).sum() / (moved * moved).sum())
     if np.std(shown - slope * moved) > STRAIGHT * np.std(moved):
-        return f"is off by up to {float(np.abs(amount).max()) * 1e3:.3g} mrad"
+        return f"is off by up to {significant_text(float(np.abs(amount).max()) * 1e3)} mrad"
     if abs(slope) < STILL:
         return "stands still"
     return "counts backwards" if slope < 0.0 else f"turns {slope:.3g} times as far as it should"

@@ -13,14 +13,13 @@ from ident.corrections.link_growth import UNIT
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
+from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TURN, not_by_chance
 from ident.loads.payload import PayloadEstimate
+from ident.model_choice import RATIO
 from ident.result import CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
 
-# [m], [rad] a tool that sits elsewhere by less may do so by what is in no model
-LITTLE_SHIFT, LITTLE_TURN = 5e-6, 2.5e-5
-LITTLE_LAG = 1e-3  # [s] the filters of one controller differ by as much
 CLEAR = 5.0  # stated deviations of a lag or ratio that is remarked on
 
 
@@ -80,6 +79,8 @@ def joint_error_remark(
         if f"{name}_cos" not in values:
             continue
         size = np.hypot(values[f"{name}_cos"], values[f"{name}_sin"])
+        if size < LITTLE_RIPPLE:
+            continue
         others = f" (or {', '.join(f'{a:g}' for a in o.aliases)})" if o.aliases else ""
         parts.append(
             f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
@@ -129,7 +130,7 @@ def wrong_ratios(fit: Fit, sigma: Array) -> str:
     wrong = []
     for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
         gear = name.removeprefix("ratio")
-        if gear != name and gear.isdigit() and abs(value) > CLEAR * deviation:
+        if gear != name and gear.isdigit() and abs(value) > max(RATIO, CLEAR * deviation):
             wrong.append(f"gear {gear} turns {1.0 + value:.5f} times as far as logged")
     return ", ".join(wrong)
 
@@ -145,20 +146,25 @@ def unlike_tools(payload: PayloadEstimate | None) -> str:
     )
 
 
-def recording_remarks(fit: Fit) -> list[str]:
-    """What changed between or during the recordings: a remounted tool, links that grew."""
-    names, out = fit.model.unknowns.names, []
-    values = dict(zip(names, fit.x.tolist(), strict=True))
+def recording_remarks(fit: Fit, covariance: Array) -> list[str]:
+    """What changed between or during the recordings: a remounted tool, links that grew.
+
+    covariance : (P, P) stated, of the unknowns.
+    """
+    place, out = {name: i for i, name in enumerate(fit.model.unknowns.names)}, []
     for k in range(1, len(fit.model.recordings)):
-        rows = {
-            n.removeprefix("remount_"): v for n, v in values.items() if n.startswith("remount_")
+        moved = {
+            name.removeprefix("remount_").partition("@")[0]: i
+            for name, i in place.items()
+            if name.startswith("remount_") and name.endswith(f"@{k + 1}")
         }
-        own = {n.partition("@")[0]: v for n, v in rows.items() if n.endswith(f"@{k + 1}")}
-        if own:
-            shift = np.linalg.norm([v for n, v in own.items() if parameter_named(n).is_length])
-            turn = np.linalg.norm([v for n, v in own.items() if not parameter_named(n).is_length])
-            if shift < LITTLE_SHIFT and turn < LITTLE_TURN:
-                continue
+        at = list(moved.values())
+        if not at or not not_by_chance(fit.x[at], covariance[np.ix_(at, at)]):
+            continue
+        lengths = [i for name, i in moved.items() if parameter_named(name).is_length]
+        shift = float(np.linalg.norm(fit.x[lengths]))
+        turn = float(np.linalg.norm(fit.x[[i for i in at if i not in lengths]]))
+        if shift >= LITTLE_SHIFT or turn >= LITTLE_TURN:
             out.append(
                 f"the tool sits elsewhere in recording {k + 1} than in the first, by "
                 f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields. "
@@ -166,13 +172,19 @@ def recording_remarks(fit: Fit) -> list[str]:
             )
     for k, samples in enumerate(fit.model.recordings):
         time = samples.times[-1] / UNIT
-        for name, line in values.items():
+        for name, line in place.items():
             if name.startswith("growth_") and name.endswith(f"_line@{k + 1}"):
-                square = values[name.replace("_line", "_square")]
+                at = [line, place[name.replace("_line", "_square")]]
+                power = np.array([time, time * time])
+                size = power @ fit.x[at]
+                variance = power @ covariance[np.ix_(at, at)] @ power
+                if abs(size) < LITTLE_SHIFT or not not_by_chance(
+                    np.array([size]), np.array([[variance]])
+                ):
+                    continue
                 link = name.removeprefix("growth_r").partition("_")[0]
-                size = (line * time + square * time * time) * 1e6
                 out.append(
-                    f"{link} grew by {size:+.0f} um during recording {k + 1}: it warmed up. "
+                    f"{link} grew by {size * 1e6:+.0f} um during recording {k + 1}: it warmed up. "
                     "The result is the robot at the start of the first one; warm it up before"
                 )
     return out

@@ -8,8 +8,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from cell.clock import UNSEEN_OFFSET
 from cell.descriptions import Cell
 from cell.geometry import Geometry, parameter_named
+from cell.number_text import duration_text, significant_text
+from ident.least_sizes import LITTLE_SHIFT
 from ident.start.automatic import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
@@ -21,7 +24,8 @@ FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
 # where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
 # ripple, encoder harmonics, backlash or compliance.
 AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
-ROD = 5e-4  # [m] error of the rod that is remarked on, unless its file allows more
+# [m] error of the rod that is remarked on, unless its file allows more, and in stated deviations
+ROD, ROD_SIGMAS = 5e-4, 3.0
 # A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
 # is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
 WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
@@ -33,14 +37,13 @@ PULL = 3.5  # prior deviations from which an unknown stands for something that i
 # Standard deviations by which the lengths that give the scale contradict each other, from which one
 # of them is wrong: once in 370 sound machines
 CONTRADICTION = 3.0
-# [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
-# change a length by 0.2 mm it scattered by two stated deviations or more
-UNSEEN_CLOCK = 0.01
 # Residual of a recording by the machine of the others over what noise and stated uncertainty
 # explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
 UNLIKE_OTHERS = 4.0
 FEW_BLOCKS = 12  # of time: the spread of fewer tells little of the uncertainty
-CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
+# Autocorrelation that is remarked on: it widens a deviation by 5 %; and in its own standard
+# deviations for white noise, 1 / sqrt(samples)
+CORRELATED, CORRELATED_SIGMAS = 0.05, 2.0
 
 
 class Status(StrEnum):
@@ -135,6 +138,8 @@ class Evidence:
 
     blocks: int = FEW_BLOCKS  # of time, that the uncertainty of a complete model rests on
     lengths_apart: float = 0.0  # standard deviations by which known lengths contradict each other
+    lengths_off: float = 0.0  # [m] by which they do
+    rod_sigma: float = 0.0  # [m] stated, of the identified rod
 
     def tells(self, cell: Cell) -> bool:
         """Whether neighbours in the residual tell what the model lacks.
@@ -230,7 +235,7 @@ def _wrong(
             "what noise and its uncertainty explain. Identify each recording by itself, and "
             "compare the results."
         )
-    if evidence.lengths_apart > CONTRADICTION:
+    if evidence.lengths_apart > CONTRADICTION and evidence.lengths_off > LITTLE_SHIFT:
         return Status.MISFIT, (
             "Misfit: the lengths that the files state as known contradict each other by "
             f"{evidence.lengths_apart:.1f} standard deviations. Measure the rod and the plate "
@@ -291,12 +296,14 @@ def _uncertain(evidence: Evidence) -> tuple[Status, str] | None:
         limit = (
             f"the {evidence.accuracy * 1e3:.3g} mm that are asked for"
             if evidence.accuracy is not None
-            else f"half of the {evidence.nominal_error * 1e3:.2g} mm that the nominal robot is off"
+            else f"half of the {significant_text(evidence.nominal_error * 1e3, 2)} mm that the "
+            "nominal robot is off"
         )
+        known = significant_text(evidence.tcp_sigma * 1e3, 2)
         return Status.UNCERTAIN, (
-            f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
-            f"the workspace, with the scale), and {limit} would be the most. Record longer, on a "
-            "path that moves every joint further, or several recordings together."
+            f"Uncertain: the tool is known to {known} mm (1 sigma, rms over the workspace, with "
+            f"the scale), and {limit} would be the most. Record longer, on a path that moves every "
+            "joint further, or several recordings together."
         )
     return None
 
@@ -331,9 +338,9 @@ def _with_care(
             "something systematic is not in the model; the stated intervals may be too narrow. "
             "Test the result on a held-out recording (--validate)."
         )
-    elif noise is Status.GOOD and recording.clock_sigma > UNSEEN_CLOCK:
+    elif noise is Status.GOOD and recording.clock_sigma > UNSEEN_OFFSET:
         care = (
-            f"the clock offset is known to {recording.clock_sigma * 1e3:.0f} ms "
+            f"the clock offset is known to {duration_text(recording.clock_sigma)} "
             "at best, since the length hardly changes. Vary it within its stroke, or move faster."
         )
     elif noise is Status.SUSPECT:
@@ -367,7 +374,8 @@ def _rod_warnings(evidence: Evidence, cell: Cell, nominal: Geometry) -> list[str
     length, stated = evidence.geometry["bd3"], nominal["bd3"]
     sensed = cell.ballbar.stroke is not None or "bd3" not in evidence.identified
     off = abs(length - stated)
-    if sensed or not max(ROD, cell.ballbar.length_tolerance) < off <= PLAUSIBLE:
+    least = max(ROD, cell.ballbar.length_tolerance, ROD_SIGMAS * evidence.rod_sigma)
+    if sensed or not least < off <= PLAUSIBLE:
         return []  # beyond it the verdict's sentence says so
     return [
         f"the rod comes out {length * 1e3:.2f} mm long, and the file of {cell.ballbar.name} states "
@@ -392,7 +400,8 @@ def _data_warnings(evidence: Evidence, recording: RecordingEvidence) -> list[str
             f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "
             "3.5 wants 750). Record longer, or raise --samples"
         )
-    if evidence.autocorrelation > CORRELATED and not evidence.complete:
+    chance = CORRELATED_SIGMAS / np.sqrt(max(1, recording.samples))
+    if evidence.autocorrelation > max(CORRELATED, chance) and not evidence.complete:
         left_out = "elastic gears, backlash, ripple"
         if recording.encoders:
             left_out += ", rod strain, eccentric encoders"

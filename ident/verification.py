@@ -40,6 +40,7 @@ from ident.held_out import (
     normalised_innovation,
     recording_alone,
 )
+from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit
 from ident.result import Machine
@@ -50,9 +51,10 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 # [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
-# [rad], [m] standard deviations of what an unchanged machine is apart by from one recording to the
-# next: friction and play leave the zero of an axis 10 urad, and 0.7 K a length of steel 5 um.
-WANDERS = {"axis": 1e-5} | dict.fromkeys(("tool", "rod", "plate", "geometry"), 5e-6)
+# [rad], [m] standard deviations of what an unchanged machine is apart by
+WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
+    ("tool", "rod", "plate", "geometry", "ball-bar"), WANDER_LENGTH
+)
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01

@@ -40,6 +40,9 @@ Unit = Literal["rad", "deg"]
 
 # Of an axis's range beyond its limits: no calibration offset is as large, a wrong unit is.
 FAR = 0.2
+# [rad] 0.1 deg beyond a limit that is named: limits are stated in whole degrees, logs are rounded,
+# and a controller that stops at its limit overshoots by less.
+BEYOND = 1.75e-3
 OVERSPEED = 2.0  # times the axis's greatest speed: beyond it lies no motion
 MOVES = 0.1  # [rad] a path for calibration turns some axis by more
 # Times the arm's own weight at full reach: no motor bears more at its gear's output, one in
@@ -408,7 +411,7 @@ def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
     robot, valid = angles.robot, usable(table.flags)
     for axis in np.flatnonzero(_excess(robot, angles.extremes()).any(axis=0)):
         angle, lower, upper = angles.axis(int(axis)), robot.axis_lower[axis], robot.axis_upper[axis]
-        rows = np.flatnonzero(valid & ((angle < lower) | (angle > upper)))
+        rows = np.flatnonzero(valid & ((angle < lower - BEYOND) | (angle > upper + BEYOND)))
         if not rows.size:
             continue
         beyond = np.rad2deg(max(lower - angle[rows].min(), angle[rows].max() - upper))

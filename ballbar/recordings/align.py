@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from acquisition.channels import read_channels
 from acquisition.report import Finding, finding_line
-from ballbar.units import MS, PPM
+from cell.clock import UNSEEN_OFFSET
 from cell.errors import InputError
 from cell.logs import ChannelLog, SourceName
+from cell.number_text import clock_offset_text, clock_skew_text, significant_text
 from ident.log_alignment import LogAlignment, align_logs
 
 SHOWN = 12  # pairs of channels that are listed
@@ -53,12 +56,18 @@ def align_lines(
     lines = ["LOGS"]
     for letter, log in zip("AB", logs, strict=True):
         lines.append(f"  {letter}  {log.name}: {log.t.size} rows over {log.t[-1]:.2f} s")
-    clock, later = alignment.clock, "after" if alignment.clock.offset >= 0.0 else "before"
+    clock = alignment.clock
+    # between the rows of the slower log its channels show nothing
+    longest = max(UNSEEN_OFFSET, *(float(np.median(np.diff(log.t))) for log in logs))
+    begins = ""
+    if alignment.offset_sigma <= longest:
+        begins = (
+            f": B begins {abs(clock.offset):.3f} s {'after' if clock.offset >= 0.0 else 'before'} A"
+        )
     lines += [
         "CLOCKS  t_A = offset + (1 + skew) t_B, each from the first row of its log",
-        f"  offset {clock.offset * MS:+.4f} ms, sigma {alignment.offset_sigma * MS:.2g} ms: B "
-        f"begins {abs(clock.offset):.3f} s {later} A",
-        f"  skew {clock.skew * PPM:+.3f} ppm, sigma {alignment.skew_sigma * PPM:.2g} ppm",
+        f"  offset {clock_offset_text(clock, alignment.offset_sigma, longest=longest)}{begins}",
+        f"  skew {clock_skew_text(clock, alignment.skew_sigma)}",
         f"  over {alignment.overlap:.1f} s in common; sigmas inflated {alignment.inflation:.2f} "
         "times for autocorrelated residuals",
         "CHANNELS  A = gain B + zero",
@@ -66,8 +75,8 @@ def align_lines(
     for pair in alignment.pairs[:SHOWN]:
         lines.append(
             f"  {pair.a} = {pair.gain:+.6g} {pair.b} {pair.zero:+.6g}: correlation "
-            f"{pair.correlation:+.6f}, residual {pair.residual:.3g} rms "
-            f"({pair.residual_share:.2g} of the rms of {pair.a})"
+            f"{pair.correlation:+.6f}, residual {significant_text(pair.residual)} rms "
+            f"({significant_text(pair.residual_share, 2)} of the rms of {pair.a})"
         )
     if len(alignment.pairs) > SHOWN:
         lines.append(f"  and {len(alignment.pairs) - SHOWN} more")

@@ -36,6 +36,7 @@ from cell.arrays import Array
 from cell.errors import FailureError
 from cell.files import write_whole, write_yaml
 from cell.geometry import robot_frames
+from cell.number_text import significant_text
 from cell.robot_angles import joints_to_axes
 from cell.statistics import rms
 from cell.strict_yaml import load_model, load_yaml
@@ -457,4 +458,4 @@ def _verified(day: _Day, data: RunData) -> None:
 
 
 def _mm(length: float) -> str:
-    return f"{length * MM:.3g} mm"
+    return f"{significant_text(length * MM)} mm"

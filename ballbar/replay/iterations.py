@@ -37,6 +37,7 @@ from ballbar.units import UM, URAD
 from cell.arrays import Array
 from cell.foreign_text import markdown
 from cell.geometry import Geometry, robot_frames
+from cell.number_text import significant_text
 from ident.robot.accuracy import accuracy_grid
 
 ARROWS = 150
@@ -182,7 +183,8 @@ def _page(
     )
     return (
         f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"
-        f"Loop-closure error{name}, rms: **{position:.3g} um**, **{angle:.3g} urad**."
+        f"Loop-closure error{name}, rms: **{significant_text(position)} um**, "
+        f"**{significant_text(angle)} urad**."
         f"{f' Arrows are drawn x {spaced(factor)}.' if factor else ''}\n\n"
         f"{discarded}Where a stage takes fewer samples or a larger noise, cost and error may rise "
         "from one stage to the next."

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from ballbar.report.numbers import listed, significant, to_sigma
 from ballbar.result.compare import Comparison
 from ballbar.units import MS, PPM, US
+from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
+from cell.number_text import NOT_DETERMINED, duration_text
 from ident.result import RecordingEstimate
 from ident.start.automatic import Start
 
@@ -40,13 +42,17 @@ def clock_rows(estimate: RecordingEstimate, comparison: Comparison | None) -> li
     return [
         ClockRow(
             "offset",
-            f"{to_sigma(clock.offset * MS, offset_sigma * MS)} ms",
-            f"{significant(offset_sigma * US, 2)} µs",
+            f"{to_sigma(clock.offset * MS, offset_sigma * MS)} ms"
+            if offset_sigma <= UNSEEN_OFFSET
+            else NOT_DETERMINED,
+            duration_text(offset_sigma).replace("us", "µs"),
             _signed(offset_error, "µs"),
         ),
         ClockRow(
             "skew",
-            f"{to_sigma(clock.skew * PPM, skew_sigma * PPM)} ppm",
+            f"{to_sigma(clock.skew * PPM, skew_sigma * PPM)} ppm"
+            if skew_sigma <= UNSEEN_SKEW
+            else NOT_DETERMINED,
             f"{significant(skew_sigma * PPM, 2)} ppm",
             _signed(skew_error, "ppm"),
         ),

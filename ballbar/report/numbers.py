@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from ballbar.units import MM, UM
 from cell.arrays import Array
 from cell.descriptions import Cell
+from cell.number_text import significant_text
 
 MISSING = "\u2013"
 # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
@@ -32,14 +33,10 @@ def fixed(value: float | None, decimals: int, *, sign: bool = False) -> str:
 
 
 def significant(value: float | None, digits: int = 3, *, sign: bool = False) -> str:
-    """A number with so many significant digits, without exponent."""
+    """A number with so many significant digits, without exponent; 0 where it is below rounding."""
     if value is None or not math.isfinite(value):
         return MISSING
-    if value == 0.0:
-        return "0"
-    # after rounding: 9.996 has two digits before the point
-    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
-    return fixed(value, max(0, digits - 1 - exponent), sign=sign)
+    return significant_text(value, digits, sign=sign).replace("-", "\u2212")
 
 
 def to_sigma(value: float, sigma: float) -> str:

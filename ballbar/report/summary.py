@@ -8,11 +8,13 @@ import numpy as np
 
 from ballbar.replay.motion import rms_norm
 from ballbar.report.clock import clock_rows
-from ballbar.report.numbers import listed, millimetres, significant, with_and_without
+from ballbar.report.numbers import MISSING, listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.tcp_view import TcpView
 from ballbar.result.run_data import RunData
-from ballbar.units import MM, MS, UM, URAD, US
+from ballbar.units import MM, MS, UM, URAD
+from cell.clock import UNSEEN_OFFSET
+from cell.number_text import duration_text
 from ident.result import Identification
 from ident.verdict import Status
 
@@ -186,10 +188,15 @@ def _clock_tile(data: RunData) -> Tile:
     estimates = [fitted.estimate for fitted in data.recordings]
     if data.several:
         clocks = [estimate.clock for estimate in estimates]
-        offsets = ", ".join(f"{clock.offset * MS:.3f}" for clock in clocks if clock is not None)
         largest = max(estimate.clock_sigma[0] for estimate in estimates)
+        offsets = ", ".join(
+            f"{clock.offset * MS:.3f}" if estimate.clock_sigma[0] <= UNSEEN_OFFSET else MISSING
+            for clock, estimate in zip(clocks, estimates, strict=True)
+            if clock is not None
+        )
         if offsets:
-            note = f"one for each recording, ± {significant(largest * US, 2)} µs or less (1 sigma)"
+            most = duration_text(largest).replace("us", "µs")
+            note = f"one for each recording, ± {most} or less (1 sigma)"
             return Tile("Clock offsets", f"{offsets} ms", note)
     elif rows := clock_rows(estimates[0], data.comparison):
         offset, skew = rows

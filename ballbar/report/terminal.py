@@ -13,7 +13,8 @@ from ballbar.report.parameters import parameter_count
 from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import FittedRecording, RunData
-from ballbar.units import MM, MS, PPM, UM, URAD, US
+from ballbar.units import MM, PPM, UM, URAD, US
+from cell.number_text import clock_offset_text, clock_skew_text
 
 if TYPE_CHECKING:
     from ident.tracker import TrackerCheck
@@ -125,6 +126,6 @@ def _clock(out: Console, fitted: FittedRecording, name: str) -> None:
     if clock is not None:
         out.print(
             f"{escape(name)}: "
-            f"offset {clock.offset * MS:.4f} ms (sigma {offset_sigma * US:.1f} us), "
-            f"skew {clock.skew * PPM:.3f} ppm (sigma {skew_sigma * PPM:.3f} ppm)"
+            f"offset {clock_offset_text(clock, offset_sigma)}, "
+            f"skew {clock_skew_text(clock, skew_sigma)}"
         )

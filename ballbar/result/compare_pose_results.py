@@ -20,6 +20,7 @@ from ballbar.units import MM
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain, parameter_named, parameter_table
+from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.poses.unknowns import robot_parameters
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
@@ -40,6 +41,13 @@ class ParameterDifference:
     name: str
     difference: float  # [m, rad] first minus second
     z: float  # over the standard deviation of both
+
+    @property
+    def notable(self) -> bool:
+        """Whether it is more than chance, and than what matters at the tool."""
+        length = parameter_named(self.name).is_length
+        least = LITTLE_SHIFT if length else LITTLE_TURN
+        return abs(self.z) > NOTABLE and abs(self.difference) > least
 
     @property
     def text(self) -> str:
@@ -138,11 +146,12 @@ def say_result_comparison(out: Console, comparison: ResultComparison) -> None:
     )
     stated = " and ".join(f"{mean * MM:.4f}" for mean in comparison.predicted)
     out.print(f"mean error by cross-validation: {stated} mm")
-    notable = [p for p in comparison.parameters if abs(p.z) > NOTABLE]
+    notable = [p for p in comparison.parameters if p.notable]
     listed = ", ".join(p.text for p in notable[:LISTED])
     more = f" and {len(notable) - LISTED} more" if len(notable) > LISTED else ""
     out.print(
-        f"parameters that differ by more than {NOTABLE:.0f} sigma: {listed or 'none'}{more} "
+        f"parameters that differ by more than {NOTABLE:.0f} sigma, and {LITTLE_SHIFT * 1e6:.0f} um "
+        f"or {LITTLE_TURN * 1e6:.0f} urad: {listed or 'none'}{more} "
         f"({len(comparison.parameters)} compared; sigma without what the model leaves unexplained)"
     )
     if comparison.unlike_ranges:

@@ -10,6 +10,7 @@ from ballbar.result.compare import Comparison
 from ballbar.scenario import AcceptSettings, PoseAcceptSettings, TcpLimits
 from ballbar.units import MM, PPM, UM, US
 from cell.arrays import Array
+from cell.number_text import significant_text
 from ident.held_out import HeldOut
 from ident.result import Identification
 from ident.robot.accuracy import TcpError
@@ -36,11 +37,18 @@ class Limit:
     @property
     def sizes(self) -> tuple[str, str]:
         """Measured and allowed value with their unit, for display."""
-        return self._shown(self.measured, ".3g"), self._shown(self.allowed, "g")
+        measured, allowed = (
+            value if isinstance(value, str) else text(value)
+            for value, text in (
+                (self.measured, _counted_or_measured),
+                (self.allowed, "{:g}".format),
+            )
+        )
+        return f"{measured} {self.unit}".strip(), f"{allowed} {self.unit}".strip()
 
-    def _shown(self, value: float | str, form: str) -> str:
-        text = value if isinstance(value, str) else format(value, form)
-        return f"{text} {self.unit}".strip()
+
+def _counted_or_measured(value: float) -> str:
+    return f"{value:.0f}" if value.is_integer() else significant_text(value)
 
 
 def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:

@@ -16,6 +16,7 @@ from acquisition.report import Finding, ImportReport
 from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.foreign_text import printable
+from cell.number_text import significant_text
 from ident.estimator.samples import Samples
 from ident.estimator.step_faults import step_faults_in_logs
 from ident.recording_fit import Logs
@@ -141,13 +142,21 @@ def _steps(samples: Samples, clock: Clock) -> Iterator[tuple[str, float, str]]:
     """Channel, time [s] on the ball-bar's clock and what happened, of each step."""
     for fault in step_faults_in_logs(samples, clock):
         if fault.kind == "clock":
-            yield "a clock", fault.time, f"was set by {fault.size * 1e3:+.3g} ms"
+            yield (
+                "a clock",
+                fault.time,
+                f"was set by {significant_text(fault.size * 1e3, sign=True)} ms",
+            )
         else:
-            yield f"encoder b{fault.joint}", fault.time, f"stepped by {fault.size * 1e3:+.3g} mrad"
+            yield (
+                f"encoder b{fault.joint}",
+                fault.time,
+                f"stepped by {significant_text(fault.size * 1e3, sign=True)} mrad",
+            )
     for step in samples.robot.steps:
         if step.channel is not None:
             at = clock.ballbar_time(step.time) if samples.has_clock else step.time
-            size = f"stepped by {step.size * 1e3:+.3g} mrad"
+            size = f"stepped by {significant_text(step.size * 1e3, sign=True)} mrad"
             yield f"joint {step.channel + 1} of the robot's log", at, size
 
 

@@ -13,8 +13,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from ballbar.units import MM, MS, PPM, URAD
+from ballbar.units import MM, URAD
+from cell.clock import Clock
 from cell.foreign_text import printable
+from cell.number_text import clock_offset_text, clock_skew_text, significant_text
 
 Data = dict[str, Any]
 Show = Callable[[Data], None]
@@ -53,10 +55,10 @@ def _facts(data: Data) -> dict[str, str]:
     facts = {"TCP uncertainty": _uncertainty(data)}
     facts["verdict"] = f"{data['verdict']}, model {data['model']}"
     if data["clock_offset_s"] is not None:
+        clock = Clock(data["clock_offset_s"], data["clock_skew"])
         offset, skew = data["clock_sigma"]
         facts["clock"] = (
-            f"offset {data['clock_offset_s'] * MS:+.3f} ms, sigma {offset * MS:.2g}; "
-            f"skew {data['clock_skew'] * PPM:+.2f} ppm, sigma {skew * PPM:.2g}"
+            f"offset {clock_offset_text(clock, offset)}; skew {clock_skew_text(clock, skew)}"
         )
     axes = " ".join(f"{100 * share:.0f}" for share in data["axes_covered"])
     facts["coverage"] = f"sphere {100 * data['sphere_covered']:.0f} %; axes {axes} %"
@@ -68,12 +70,16 @@ def _facts(data: Data) -> dict[str, str]:
 
 def _noise(name: str, sigma: float) -> str:
     unit, scale = ("mm", MM) if name == "length" else ("urad", URAD)
-    return f"{name} {sigma * scale:.2g} {unit}"
+    return f"{name} {significant_text(sigma * scale, 2)} {unit}"
 
 
 def _uncertainty(data: Data) -> str:
     with_scale, without = data["tcp_sigma_m"], data["tcp_sigma_without_scale_m"]
-    text = f"{with_scale * MM:.3g} mm with the scale, {without * MM:.3g} mm without"
+    text = (
+        f"{significant_text(with_scale * MM)} mm with the scale, "
+        f"{significant_text(without * MM)} mm without"
+    )
     if data["tcp_sigma_end_m"] is not None:
-        text += f", at the end about {data['tcp_sigma_end_m'] * MM:.2g} mm (estimate)"
+        end = significant_text(data["tcp_sigma_end_m"] * MM, 2)
+        text += f", at the end about {end} mm (estimate)"
     return text + (" - enough" if data["enough"] else "")

@@ -24,6 +24,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, parameter_named
+from cell.number_text import significant_text
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from ident.causes.agreement import SPHERE_ROWS, Motion, ToolPath, left_of, motion_of, tool_path
 from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
@@ -187,10 +188,11 @@ def _still_encoders(motion: Motion) -> Iterator[Suspect]:
             continue
         others = (motion.readings.max(axis=0) - motion.readings.min(axis=0)).max()
         if others > MOVES:
+            turn = significant_text(float(np.ptp(angles)) * 1e3, 2)
             yield Suspect(
                 f"encoder b{joint} stands still",
-                f"it turns by {np.ptp(angles) * 1e3:.2g} mrad in the whole log, others by up to "
-                f"{others:.2g} rad",
+                f"it turns by {turn} mrad in the whole log, others by up to "
+                f"{significant_text(float(others), 2)} rad",
                 "Check its cable, its coupling and its `column` in recording.yaml",
             )
 
@@ -271,7 +273,8 @@ def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
             cause = f"{error.channel} is logged {abs(error.size) * 1e3:.1f} ms {when}"
         else:
             size = "large" if error.size > 0 else "small"
-            cause = f"{error.channel} is logged {100.0 * abs(error.size):.2g} % too {size}"
+            percent = significant_text(100.0 * abs(error.size), 2)
+            cause = f"{error.channel} is logged {percent} % too {size}"
         hopeless = error.channel.startswith("encoder")
         yield Suspect(cause, evidence, _remedy(error), hopeless=hopeless)
 

@@ -29,6 +29,7 @@ class KnownLengths:
 
     unknowns: NDArray[np.intp]  # indices
     apart: float  # standard deviations
+    off: float = 0.0  # [m] sum of what these lengths would have to change by, to agree
 
     @property
     def widening(self) -> float:
@@ -63,4 +64,5 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
     expected = seen.T @ (moved + added[np.ix_(known, known)] / units) @ seen
     along = seen.T @ off
     square = float(along @ np.linalg.solve(expected, along))
-    return KnownLengths(known, float(np.sqrt(square / along.size)))
+    needed = float(np.abs(scale * (seen @ along)).sum())
+    return KnownLengths(known, float(np.sqrt(square / along.size)), needed)

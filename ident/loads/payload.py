@@ -41,7 +41,8 @@ from ident.loads.rod_tension import (
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
-# arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
+# arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines). So masses that are
+# beside their files by less than SURE times that are never named, whatever the rows.
 FLOOR = 1e-3
 EXACT = 1e-9  # of the arm's factor where the links deviate one by one
 SURE = 3.0  # deviations from which the found masses replace the file's
@@ -122,7 +123,8 @@ def _estimate(cell: Cell, recordings: Sequence[_Recording]) -> PayloadEstimate:
     sigma = np.sqrt(np.diag(blocked))
     arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
     mass_sigma, arm_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass)), float(sigma[ARM])
-    significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > SURE * arm_sigma)
+    arm_off = SURE * np.hypot(arm_sigma, FLOOR)
+    significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > arm_off)
     if not significant:
         change, covariance, _ = regression.solved(_declared(cell, prior))
         mass_sigma = float(np.sqrt(covariance[0, 0]))

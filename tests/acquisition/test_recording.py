@@ -276,6 +276,15 @@ def test_an_axis_a_little_beyond_its_limits_is_warned_of(tmp_path: Path) -> None
     assert "axis 1 is up to 5.73 deg beyond its limits" in recording.report.findings[0].sentence
 
 
+def test_an_axis_beyond_its_limits_by_rounding_is_no_finding(tmp_path: Path) -> None:
+    """Every row of a controller that stops at its limit; 0.05 deg mean nothing for a robot."""
+    q = joint_trajectory(ROBOT_T)
+    beyond = np.deg2rad(0.05)
+    q[:, 0] += ROBOT.axis_upper[0] - joints_to_axes(ROBOT, q)[:, 0].max() + beyond
+    recording = read_recording(write(tmp_path, robot=motor_rows(joints_to_motors(ROBOT, q))))
+    assert summaries(recording) == []
+
+
 @pytest.mark.parametrize(
     ("robot", "ballbar", "message"),
     [

@@ -180,3 +180,10 @@ def test_pull_and_push_keep_their_limits(tmp_path: Path) -> None:
     code, said, err = ballbar("simulate", "irb2400_push_pull", "--out", tmp_path / "logs")
     assert code == 0, said + err
     assert said.count("met   ") == 2
+
+
+@pytest.mark.parametrize(
+    ("measured", "text"), [(8e-13, "0 um"), (20998.81, "20999 um"), (11.0, "11 um")]
+)
+def test_a_measured_size_is_shown_without_exponent(measured: float, text: str) -> None:
+    assert Limit("", measured, 1.0, "um", True).sizes == (text, "1 um")

@@ -24,7 +24,7 @@ from ballbar.export.formats import exported
 from ballbar.export.into_urdf import into_file
 from ballbar.export.result import PoseResult, load_result
 from ballbar.export.ur_kinematics import LINKS, ur_chain
-from ballbar.result.compare_pose_results import compare_pose_results
+from ballbar.result.compare_pose_results import ParameterDifference, compare_pose_results
 from cell.arrays import Array
 from cell.chain import forward
 from cell.errors import DescriptionError, InputError
@@ -423,6 +423,22 @@ def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "difference", "z", "notable"),
+    [
+        ("ra2", 4e-6, 30.0, False),
+        ("ra2", 6e-6, 3.1, True),
+        ("ra2", 6e-4, 2.9, False),
+        ("rtheta3", -2e-5, -30.0, False),
+        ("rtheta3", -3e-5, -3.1, True),
+    ],
+)
+def test_parameters_differ_by_deviations_and_by_a_size_that_matters(
+    name: str, difference: float, z: float, notable: bool
+) -> None:
+    assert ParameterDifference(name, difference, z).notable == notable
+
+
 def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     q, table = result_and_poses(tmp_path / "r", 10)
     write_pose_table(tmp_path / "same", table, "ur10", q, "big ball")

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -24,20 +26,23 @@ from ballbar.replay.notes import replay_notes
 from ballbar.replay.shapes import PAINT, PLATE_BLUE
 from ballbar.report import figures as report_figures
 from ballbar.report.cell_picture import cell_picture
+from ballbar.report.clock import clock_rows
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
 from ballbar.report.page import begin_parts, render_report, write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
-from ballbar.report.terminal import say_identification
+from ballbar.report.terminal import _clock, say_identification
 from ballbar.result.calibration import calibration_of
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
+from cell.clock import Clock
 from cell.geometry import robot_frames
+from cell.number_text import NOT_DETERMINED
 from cell.processes import process_pool
 from ident.identify import identify
 from ident.options import FitOptions
-from ident.result import NamedCovariance
+from ident.result import NamedCovariance, RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_correction import correction_parts
 from ident.verdict import Status, Verdict
@@ -396,6 +401,23 @@ def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) 
     assert _shows(parsed.row("rival")[1], start.chosen.fit.clock().offset)
 
 
+@pytest.mark.parametrize(("sigma", "determined"), [((0.21, 5e-3), False), ((1e-5, 1e-7), True)])
+def test_a_clock_that_is_not_determined_has_no_value(
+    sigma: tuple[float, float], determined: bool
+) -> None:
+    estimate = cast(
+        "RecordingEstimate", SimpleNamespace(clock=Clock(0.0123, 2e-5), clock_sigma=sigma)
+    )
+    rows = clock_rows(estimate, None)
+    assert [row.value == NOT_DETERMINED for row in rows] == [not determined] * 2
+    assert rows[0].sigma == ("10 \u00b5s" if determined else "210 ms")
+    out = Console(record=True, width=200)
+    _clock(out, cast("FittedRecording", SimpleNamespace(estimate=estimate)), "clock")
+    text = out.export_text()
+    assert ("offset not determined (sigma 210 ms)" in text) == (not determined)
+    assert ("offset +12.3000 ms (sigma 10 us)" in text) == determined
+
+
 def test_input_files_stand_with_their_hashes_relative_to_the_recording(
     run: RunData, page: str
 ) -> None:
@@ -615,6 +637,7 @@ def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Pa
         (lambda: significant(-0.0274, 2, sign=True), "\u22120.027"),
         (lambda: significant(float("nan")), MISSING),
         (lambda: significant(0.0), "0"),
+        (lambda: significant(-2.4e-13, 2), "0"),
         (lambda: fixed(-0.00004, 3, sign=True), "0.000"),
         (lambda: fixed(1.25, 1, sign=True), "+1.2"),
         (lambda: fixed(None, 2), MISSING),

@@ -92,6 +92,33 @@ def test_another_robot_is_named_as_one() -> None:
     assert (result.change.group, result.change.time) == ("robot", None)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "named"), [(1e-5, False), (5e-5, True)])
+def test_a_zero_that_wandered_as_unchanged_ones_do_is_no_other_machine(
+    size: float, named: bool
+) -> None:
+    """One of 10 urad is certain after two minutes, and made the verdict a misfit."""
+    result = judged(minute_logs(), moved(minute_logs(seed=1), 4, size, always))
+    assert (result.change is not None) == named
+
+
+@pytest.mark.parametrize(
+    ("group", "size", "share", "matters"),
+    [
+        ("rtheta2", -2e-5, 0.9, False),
+        ("rtheta2", -3e-5, 0.9, True),
+        ("bd3", 1e-5, 0.9, False),
+        ("bd3", 1.5e-5, 0.9, True),
+        ("robot", 1e-3, 0.05, False),
+        ("gear3", 1e-7, 0.2, True),
+    ],
+)
+def test_a_change_matters_by_its_size_or_by_its_share_of_the_residual(
+    group: str, size: float, share: float, matters: bool
+) -> None:
+    assert Change(1, None, group, size, 1000.0, share).matters == matters
+
+
 @pytest.mark.parametrize(
     ("group", "words"),
     [

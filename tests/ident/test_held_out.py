@@ -137,11 +137,16 @@ OUTCOME = HeldOut("run_2", CLOSURE, 0.98, NOMINAL_CLOSURE, 300, False, ())
 
 
 def test_sizes_are_stated_with_two_digits_and_their_units() -> None:
-    assert CLOSURE.sentence == "0.012 mm rms (largest 0.042), 0.0 mrad"
+    assert CLOSURE.sentence == "0.012 mm rms (largest 0.042), 0 mrad"
     assert OUTCOME.sentence == (
-        "Held out run_2: the loop closes to 0.012 mm rms (largest 0.042), 0.0 mrad; nominal robot "
+        "Held out run_2: the loop closes to 0.012 mm rms (largest 0.042), 0 mrad; nominal robot "
         "1.7 mm. 1.0 times what noise explains, 0.98 with the stated uncertainty."
     )
+
+
+def test_an_angle_of_rounding_is_stated_as_zero() -> None:
+    """A sensed length closes no angle; the rest of rounding was 0.00000000000024 mrad."""
+    assert replace(CLOSURE, angle_rms=2.4e-16).sentence.endswith(", 0 mrad")
 
 
 def test_a_misfit_and_an_ambiguous_alignment_are_said() -> None:

@@ -1,12 +1,16 @@
 """A fit that needs what no machine has is not accepted, however well it explains the data."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from ident.complete_fit import fit_complete
 from ident.estimator.fit import Fit
 from ident.estimator.step_faults import MAX_FOUND
+from ident.identify import pulled, unphysical
+from ident.loads.payload import PayloadEstimate
 from ident.options import FitOptions
 from ident.physical_bounds import FORCE, impossible
 from ident.recording_fit import fit_recording
@@ -57,3 +61,27 @@ def test_as_many_steps_as_are_looked_for_are_no_steps(fit: Fit) -> None:
     assert impossible(replace(fit, step_faults=steps)) == (
         f"{MAX_FOUND} steps of encoders and clock would be in it",
     )
+
+
+@pytest.mark.parametrize(
+    ("sigma", "off", "named"), [(1e-6, 4e-6, False), (1e-6, 6e-6, True), (1e-5, 2e-5, False)]
+)
+def test_a_length_is_pulled_from_its_prior_by_deviations_and_by_a_size_that_matters(
+    fit: Fit, sigma: float, off: float, named: bool
+) -> None:
+    """A rod that is stated to a micrometre is not in doubt for four of them."""
+    layout = fit.model.unknowns
+    i, sigmas = layout.names.index("bd3"), layout.sigma.copy()
+    sigmas[i] = sigma
+    model = replace(fit.model, unknowns=replace(layout, sigma=sigmas))
+    moved = changed(replace(fit, model=model), "bd3", float(layout.mean[i] + off))
+    assert ("bd3" in pulled(moved)) == named
+
+
+@pytest.mark.parametrize(("mass", "named"), [(-0.3, False), (-1.0, True), (0.2, False)])
+def test_a_mass_is_negative_beyond_its_uncertainty(fit: Fit, mass: float, named: bool) -> None:
+    """Of an empty flange the estimate is as often below zero as above."""
+    payload = cast(
+        "PayloadEstimate", SimpleNamespace(payload=SimpleNamespace(mass=mass), mass_sigma=0.3)
+    )
+    assert ("the tool's mass" in unphysical(fit, fit.covariance, payload)) == named

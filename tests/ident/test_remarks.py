@@ -13,7 +13,7 @@ from ident.corrections.link_growth import UNIT
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
-from ident.remarks import joint_error_remark, log_remarks, recording_remarks
+from ident.remarks import joint_error_remark, log_remarks, recording_remarks, wrong_ratios
 from ident.result import CoefficientEstimate, CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
@@ -98,14 +98,66 @@ def test_joint_errors_are_named_with_their_amplitudes_and_what_they_may_be_inste
     assert joint_error_remark(orders, []) == ""  # the data did not support them in the end
 
 
+def test_a_joint_error_that_moves_the_tool_by_less_than_5_um_is_not_named() -> None:
+    """Thousands of rows find one of a microradian; it stays in the result."""
+    values = {"joint2_17_cos": 1e-6, "joint2_17_sin": 1e-6}
+    correction = CorrectionEstimate(
+        "joint_harmonics",
+        "errors of the joints",
+        tuple(CoefficientEstimate(n, "rad", v, 1e-8, 0.0, 3e-4, 1.0) for n, v in values.items()),
+    )
+    orders = [JointOrder(1, 17, 50.0, 0.4, ())]
+    assert joint_error_remark(orders, [correction]) == ""
+    large = replace(
+        correction, coefficients=tuple(replace(c, value=5e-6) for c in correction.coefficients)
+    )
+    assert "joint 2: 17 cycles a turn, 7 urad" in joint_error_remark(orders, [large])
+
+
+def fit_of(values: dict[str, float], *times: float) -> Fit:
+    """A fit of these unknowns, whose recordings end at these times [s]."""
+    ends = [SimpleNamespace(times=np.array([0.0, time])) for time in times]
+    model = SimpleNamespace(unknowns=SimpleNamespace(names=(*values,)), recordings=ends)
+    return cast("Fit", SimpleNamespace(model=model, x=np.array([*values.values()])))
+
+
 def test_a_link_that_grew_is_named_with_its_recording() -> None:
     """From the line and the square of time, at the end of that recording."""
     growth = {"growth_ra2_line@2": 3e-5, "growth_ra2_square@2": -1e-5}
-    unknowns = SimpleNamespace(names=(*growth,))
-    times = [np.array([0.0, 0.5 * UNIT]), np.array([0.0, 2.0 * UNIT])]
-    model = SimpleNamespace(unknowns=unknowns, recordings=[SimpleNamespace(times=t) for t in times])
-    fit = SimpleNamespace(model=model, x=np.array([*growth.values()]))
-    assert recording_remarks(cast("Fit", fit)) == [
+    fit = fit_of(growth, 0.5 * UNIT, 2.0 * UNIT)
+    assert recording_remarks(fit, np.diag([1e-6, 1e-6]) ** 2) == [
         "a2 grew by +20 um during recording 2: it warmed up. The result is the robot at the start "
         "of the first one; warm it up before"
     ]
+    assert recording_remarks(fit, np.diag([1e-5, 1e-5]) ** 2) == []  # 20 um known to 45 um
+
+
+def test_growth_below_the_least_size_is_not_named_however_certain() -> None:
+    growth = {"growth_ra2_line@1": 4e-6, "growth_ra2_square@1": 0.0}
+    certain = np.diag([1e-9, 1e-9]) ** 2
+    assert recording_remarks(fit_of(growth, UNIT), certain) == []
+    growth["growth_ra2_line@1"] = 6e-6
+    assert "a2 grew by +6 um" in recording_remarks(fit_of(growth, UNIT), certain)[0]
+
+
+@pytest.mark.parametrize(
+    ("shift", "sigma", "named"), [(5e-5, 3e-6, True), (5e-5, 3e-5, False), (4e-6, 1e-8, False)]
+)
+def test_a_remounted_tool_is_named_by_its_size_and_beyond_chance(
+    shift: float, sigma: float, named: bool
+) -> None:
+    values = {"remount_ra6@2": shift, "remount_rtheta6@2": 0.0}
+    remarks = recording_remarks(fit_of(values, 60.0, 60.0), np.eye(2) * sigma**2)
+    assert bool(remarks) == named
+    if named:
+        assert "in recording 2 than in the first, by 50 um and 0 urad" in remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "sigma", "named"), [(1e-5, 1e-7, False), (1e-3, 1e-5, True), (1e-3, 1e-3, False)]
+)
+def test_a_gear_ratio_is_wrong_by_its_size_and_beyond_chance(
+    ratio: float, sigma: float, named: bool
+) -> None:
+    """`gear 3 turns 1.00001 times as far as logged` was certain and no other gear."""
+    assert bool(wrong_ratios(fit_of({"ratio3": ratio}, 60.0), np.array([sigma]))) == named

@@ -157,7 +157,7 @@ def test_a_remounted_tool_and_links_that_grow_are_found_and_named() -> None:
     assert {"link_growth", "remounted_tool"} <= names(fit)
     values = found(fit)
     assert values["remount_ra6@2"] == pytest.approx(shift, abs=3e-6)
-    remarks = " ".join(recording_remarks(fit))
+    remarks = " ".join(recording_remarks(fit, fit.covariance))
     assert "a2 grew by +4" in remarks or "a2 grew by +3" in remarks
     assert "the tool sits elsewhere in recording 2 than in the first, by 5" in remarks
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from ident.least_sizes import LITTLE_SHIFT
 from ident.start.automatic import Start
 from ident.verdict import (
     AUTOCORRELATED,
@@ -82,7 +83,7 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
             "Misfit: recording 2 is of another tool.",
         ),
         (
-            replace(COMPLETE, lengths_apart=CONTRADICTION + 0.5),
+            replace(COMPLETE, lengths_apart=CONTRADICTION + 0.5, lengths_off=2e-5),
             Status.MISFIT,
             "Misfit: the lengths that the files state as known contradict each other by 3.5",
         ),
@@ -100,14 +101,14 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
         (
             replace(GOOD, tcp_sigma=0.8e-3, nominal_error=1.2e-3),
             Status.UNCERTAIN,
-            "Uncertain: the tool is known to 0.8 mm (1 sigma, rms over the workspace, with the "
+            "Uncertain: the tool is known to 0.80 mm (1 sigma, rms over the workspace, with the "
             "scale), and half of the 1.2 mm that the nominal robot is off would be the most. "
             "Record longer",
         ),
         (
             replace(GOOD, tcp_sigma=0.06e-3, nominal_error=1.2e-3, accuracy=0.05e-3),
             Status.UNCERTAIN,
-            "Uncertain: the tool is known to 0.06 mm (1 sigma, rms over the workspace, with the "
+            "Uncertain: the tool is known to 0.060 mm (1 sigma, rms over the workspace, with the "
             "scale), and the 0.05 mm that are asked for would be the most.",
         ),
         (
@@ -237,6 +238,27 @@ def test_autocorrelation_speaks_only_of_the_complete_model() -> None:
     assert "--model complete" in remark
     assert judged(replace(GOOD, autocorrelation=CORRELATED)).warnings == ()
     assert judged(replace(COMPLETE, autocorrelation=0.5)).warnings == ()
+
+
+def test_known_lengths_contradict_each_other_only_by_a_size_that_matters() -> None:
+    """Lengths stated to a micrometre were a misfit when they disagreed by four."""
+    apart = replace(COMPLETE, lengths_apart=2.0 * CONTRADICTION)
+    assert judged(replace(apart, lengths_off=0.9 * LITTLE_SHIFT)).status is Status.GOOD
+    assert judged(replace(apart, lengths_off=1.1 * LITTLE_SHIFT)).status is Status.MISFIT
+
+
+def test_correlation_is_remarked_on_where_the_samples_tell_it_from_chance() -> None:
+    correlated, few = replace(GOOD, autocorrelation=0.08), replace(RECORDING, samples=400)
+    assert len(judged(correlated).warnings) == 1
+    assert judged(correlated, few).warnings == ()
+
+
+def test_a_rod_is_remarked_on_beyond_its_own_uncertainty() -> None:
+    geometry = NOMINAL.replaced({"bd3": NOMINAL["bd3"] + 3e-3})
+    evidence = replace(GOOD, geometry=geometry, identified=("bd3",))
+    known, unknown = (judged(replace(evidence, rod_sigma=s)).warnings for s in (1e-4, 1.5e-3))
+    assert known[0].startswith("the rod comes out")
+    assert unknown == ()
 
 
 @pytest.mark.parametrize(
