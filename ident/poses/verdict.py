@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cell.poses import PoseGroup, PoseTable
 from ident.estimator.regions import distinct_poses
 from ident.poses.cross_validation import at_one_place, only_lengths
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
@@ -101,8 +102,8 @@ def _warnings(result: PoseIdentification) -> list[str]:
         )
     if findings.unsettled.size:
         out.append(
-            f"{_poses(findings.unsettled.size)} left out because the robot did not stand still yet "
-            f"(the errors lie along the last move): "
+            f"{_poses(findings.unsettled.size)} read before the robot stood still (their errors lie "
+            f"along the last move), and left out: "
             f"{_listed([names[i] for i in findings.unsettled])}; wait longer before reading"
         )
     if findings.unfinished:
@@ -138,7 +139,10 @@ def _warnings(result: PoseIdentification) -> list[str]:
             "along the rods alone; the stated uncertainty of points allows for joint errors that "
             f"do not show there: measure from {SEATS} seats around the robot"
         )
-    distinct = int(distinct_poses(table.q).max()) + 1
+    distinct = sum(
+        int(distinct_poses(np.concatenate([g.q for g in same])).max()) + 1
+        for same in _of_one_thing(table)
+    )
     if distinct < DISTINCT * table.size:
         out.append(
             f"the {table.size} rows are {distinct} poses, measured repeatedly; repeats tell of "
@@ -202,6 +206,12 @@ def _of_orders(result: PoseIdentification) -> list[str]:
             "on a grid or cover a part of a turn"
         )
     return out
+
+
+def _of_one_thing(table: PoseTable) -> list[list[PoseGroup]]:
+    """The groups of each pair of seat and target: at another one, a pose tells something new."""
+    pairs = dict.fromkeys((g.seat, g.target) for g in table.groups)
+    return [[g for g in table.groups if (g.seat, g.target) == pair] for pair in pairs]
 
 
 def _poses(count: int) -> str:

@@ -129,9 +129,14 @@ class IdentifiedArm:
         )
 
     def workspace(self) -> Array:
-        """(G, J) [rad] the same random angles within the fitted ranges for everyone."""
+        """(G, J) [rad] the same random angles within the fitted ranges for everyone.
+
+        Where nothing was fitted yet, within the ranges of the axes.
+        """
         shares = np.random.default_rng(_WORKSPACE_SEED).uniform(size=(WORKSPACE, self.robot.joints))
-        return np.asarray(self.lower + shares * (self.upper - self.lower))
+        low = np.maximum(self.lower, self.robot.axis_lower)
+        high = np.minimum(self.upper, self.robot.axis_upper)
+        return np.asarray(low + shares * (high - low))
 
     def out_of_range(self, q: Array) -> dict[int, tuple[float, float]]:
         """Axes, from 1, that leave their fitted range [rad] at some of the poses q (N, J)."""

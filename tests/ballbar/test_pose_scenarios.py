@@ -124,7 +124,7 @@ def test_outliers_are_found_named_and_do_no_harm(name: str, share: float, tmp_pa
     found, true = lines_of(table, result.findings.outliers), set(simulation.truth.outliers)
     assert found <= true
     assert len(found) >= share * len(true)
-    warning = next(w for w in result.verdict.warnings if "lie far from the model" in w)
+    warning = next(w for w in result.verdict.warnings if "far from the model" in w)
     assert warning.startswith(f"{len(found)} poses")
     assert all(int(part.split(":")[1].split(" ")[0]) in true for part in warning.split(", ")[1:4])
     _, _, without = identified(scenario(name), tmp_path / "without")
