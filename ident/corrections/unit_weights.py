@@ -16,8 +16,8 @@ from cell.descriptions import Cell, Robot
 from cell.geometry import nominal_chain
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
-# [rad/m] of a coefficient: 3e-4 to 5e-3 agree from 60 poses on (docs/real_robots)
-PRIOR = 1e-3
+# [rad/m] of a coefficient; still poses have Student tails about it (docs/studies/sag_prior.csv)
+PRIOR = 3e-3
 _LEVER = 1e-3  # [m] a torque that varies less over all poses, or from another's, is not felt
 _TRIALS = 200  # poses at which levers are compared
 _SEED = 6

@@ -3,9 +3,10 @@
 Weights of poses whose whitened residual is long fall as in Huber 1964; those very far off are left
 out. What the model leaves unexplained is estimated along with it, as one variance of position and
 one of rotation: with P unknowns of which the data determine p, the mean square of the residuals
-times `n / (n - p)`. The priors of the robot's parameters have the tails of Student's distribution,
-so that a joint whose zero was lost is not held at its catalogue value (Lange, Little & Taylor 1989:
-both are weights of an iteration).
+times `n / (n - p)`. The priors of the robot's parameters and of the corrections' coefficients have
+the tails of Student's distribution, so that a joint whose zero was lost is not held at its
+catalogue value, nor the sag under a heavy tool near none (Lange, Little & Taylor 1989: both are
+weights of an iteration).
 """
 
 from __future__ import annotations
@@ -214,8 +215,8 @@ def median_scale(lengths: Sequence[Array]) -> float:
 
 
 def widened(declared: PoseUnknowns, x: Array) -> PoseUnknowns:
-    """The unknowns with the priors of the robot's parameters as Student's distribution has them."""
-    sigma, part = declared.sigma.copy(), declared.geometry
+    """The unknowns with the priors of parameters and coefficients in Student's distribution."""
+    sigma, part = declared.sigma.copy(), declared.machine
     far = (x[part] - declared.mean[part]) / sigma[part]
     sigma[part] *= np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
     return replace(declared, sigma=sigma)

@@ -134,8 +134,8 @@ class IdentifiedArm:
         Where nothing was fitted yet, within the ranges of the axes.
         """
         shares = np.random.default_rng(_WORKSPACE_SEED).uniform(size=(WORKSPACE, self.robot.joints))
-        low = np.maximum(self.lower, self.robot.axis_lower)
-        high = np.minimum(self.upper, self.robot.axis_upper)
+        low = np.where(np.isfinite(self.lower), self.lower, self.robot.axis_lower)
+        high = np.where(np.isfinite(self.upper), self.upper, self.robot.axis_upper)
         return np.asarray(low + shares * (high - low))
 
     def out_of_range(self, q: Array) -> dict[int, tuple[float, float]]:

@@ -13,6 +13,10 @@ from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.poses.cross_validation import PLACES, cross_validated, places_of, with_folds
+
+
+from ident.corrections.unit_weights import PRIOR as SAG_PRIOR
+from ident.poses.cross_validation import cross_validated
 from ident.poses.findings import findings_of, lengths_of
 from ident.poses.fit import GROSS, HUBER, fit_poses, robust_weights
 from ident.poses.held_out import PoseHeldOut, held_out_poses
@@ -212,6 +216,12 @@ def test_a_zero_that_was_lost_is_found_and_named() -> None:
     assert tcp_error(result, lost) < 4e-5
     (far,) = [w for w in result.verdict.warnings if w.startswith("far from the catalogue")]
     assert re.search(r"rtheta3 \+(29|30)", far)
+
+
+def test_sag_far_beyond_its_prior_is_identified() -> None:
+    """Twenty prior deviations, as under a heavy tool, from 60 poses; measured 14 um."""
+    true = true_robot("irb120", sag=20.0 * SAG_PRIOR)
+    assert tcp_error(identify_poses(table_of(true, count=60), PLAIN), true) < 4e-5
 
 
 def test_a_scale_of_the_measured_values_is_named() -> None:
