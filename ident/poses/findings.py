@@ -23,6 +23,9 @@ from ident.poses.steps import Step
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
+# Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and a
+# row within seven halves of the declared noise is no outlier that matters.
+WIDE = 0.5
 UNSETTLED = 4.5  # likewise, of a residual along the last move
 SHARE_OF_MOVE = 15.0  # score of a share of the last move; chance exceeds it in one of ten thousand
 SCALE = 4.0  # deviations from which the scale of the measured values is named
@@ -59,9 +62,9 @@ class Findings:
 
 
 def lengths_of(fit: PoseFit) -> Array:
-    """(N,) each pose's whitened residual over the median-based scale of all, 1 at least."""
+    """(N,) each pose's whitened residual over the median-based scale of all, at least WIDE."""
     lengths = whitened_lengths(fit.equations)
-    return np.concatenate(lengths) / max(median_scale(lengths), 1.0)
+    return np.concatenate(lengths) / max(median_scale(lengths), WIDE)
 
 
 def findings_of(fit: PoseFit) -> Findings:

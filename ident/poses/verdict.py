@@ -102,8 +102,8 @@ def _warnings(result: PoseIdentification) -> list[str]:
         )
     if findings.unsettled.size:
         out.append(
-            f"{_poses(findings.unsettled.size)} read before the robot stood still (their errors lie "
-            f"along the last move), and left out: "
+            f"{_poses(findings.unsettled.size)} read before the robot stood still (their errors "
+            "lie along the last move), and left out: "
             f"{_listed([names[i] for i in findings.unsettled])}; wait longer before reading"
         )
     if findings.unfinished:

@@ -12,11 +12,8 @@ from cell.errors import InputError
 from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
-from ident.poses.cross_validation import PLACES, cross_validated, places_of, with_folds
-
-
 from ident.corrections.unit_weights import PRIOR as SAG_PRIOR
-from ident.poses.cross_validation import cross_validated
+from ident.poses.cross_validation import PLACES, cross_validated, places_of, with_folds
 from ident.poses.findings import findings_of, lengths_of
 from ident.poses.fit import GROSS, HUBER, fit_poses, robust_weights
 from ident.poses.held_out import PoseHeldOut, held_out_poses
@@ -141,7 +138,7 @@ def test_outliers_are_named_and_do_not_spoil_the_robot() -> None:
     values[[5, 50, 120]] += [[2e-3, 0.0, 0.0], [0.0, 5e-3, 0.0], [0.0, 0.0, 0.2]]
     result = identify_poses(replace(table, groups=(replace(group, values=values),)), PLAIN)
     assert result.findings.outliers.tolist() == [5, 50, 120]
-    assert "3 poses lie far from the model" in result.verdict.warnings[0]
+    assert "3 poses far from the model" in result.verdict.warnings[0]
     assert "table.csv:7" in result.verdict.warnings[0]
     assert tcp_error(result, true) < 1.5e-5
     weights = robust_weights(result.fit.equations)[0]
@@ -451,3 +448,11 @@ def test_the_figure_at_the_poses_and_the_extrapolated_one() -> None:
     result = identify_poses(table_of(true_robot("ur5"), q=clustered), PLAIN)
     assert result.sigma_at_poses.shape == (150,)
     assert result.sigma_at_poses.mean() < 0.95 * result.tcp_sigma.mean()
+
+
+def test_a_pose_seen_from_three_seats_is_not_measured_repeatedly() -> None:
+    lengths = table_of(true_robot("ur5"), "length", count=120)
+    again = replace(lengths, groups=lengths.groups[:1] * 2)
+    warnings = [identify_poses(table, PLAIN).verdict.warnings for table in (lengths, again)]
+    said = [any("measured repeatedly" in warning for warning in each) for each in warnings]
+    assert said == [False, True]
