@@ -23,8 +23,8 @@ from ident.poses.steps import Step
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
-# Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and a
-# row within seven halves of the declared noise is no outlier that matters.
+# Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and
+# a row within seven halves of the declared noise is no outlier that matters.
 WIDE = 0.5
 UNSETTLED = 4.5  # likewise, of a residual along the last move
 SHARE_OF_MOVE = 15.0  # score of a share of the last move; chance exceeds it in one of ten thousand

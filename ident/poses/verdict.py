@@ -97,7 +97,7 @@ def _warnings(result: PoseIdentification) -> list[str]:
     out += [step.sentence for step in findings.steps]
     if findings.outliers.size:
         out.append(
-            f"{_poses(findings.outliers.size)} far from the model, counting little or not at "
+            f"{_poses(findings.outliers.size)} far from the model and counting little or not at "
             f"all: {_listed([names[i] for i in findings.outliers])}"
         )
     if findings.unsettled.size:
