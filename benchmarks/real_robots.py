@@ -146,7 +146,7 @@ def transfer(data: Data) -> Iterator[Line]:
 
 
 def lengths(data: Data) -> Iterator[Line]:
-    """Distances of the T-Mac's origin to three seats, judged as points."""
+    """Distances of a target to three seats, judged as points."""
     table = as_points(tables.ur10_b(data.folder))
     ratios, errors = [], []
     for seed in range(data.splits):
@@ -161,6 +161,21 @@ def lengths(data: Data) -> Iterator[Line]:
     each = ", ".join(f"{r:.2f}" for r in ratios)
     yield Line(
         "UR10 B", "the same over the fit to points", f"{np.mean(ratios):.2f} ({each})", "1.15"
+    )
+    table, stated = tables.ur5_grid(data.folder), []
+    for seed in range(data.splits):
+        fitted, judged = split(table, 300, seed)
+        arm = identify_poses(as_lengths(fitted)).arm()
+        q = judged.groups[0].q[arm.covered(judged.groups[0].q)]
+        measured = judged.groups[0].values[arm.covered(judged.groups[0].q)]
+        error = position_error(arm.frames(q).tip.T, measured).error
+        stated.append(float(np.sqrt((arm.sigma(q) ** 2).mean() / (error**2).mean())))
+    each = ", ".join(f"{r:.2f}" for r in stated)
+    yield Line(
+        "UR5",
+        "lengths to three seats of 300 poses: stated over true",
+        f"{np.mean(stated):.2f} ({each})",
+        "0.8 to 1.25",
     )
 
 
@@ -183,6 +198,13 @@ def pandas(data: Data) -> Iterator[Line]:
         result = identify_poses(with_sites(table, [site]))
         errors.append(judged_sockets(result, with_sites(table, [s for s in sites if s != site]))[0])
     yield Line("panda_6", "one site fitted, mean of the three", shown(errors), "0.25")
+    for name in ("panda_3", "panda_6"):
+        table, covered = tables.panda(data.folder, name), []
+        sites = sites_of(table)
+        for site in sites:
+            result = identify_poses(with_sites(table, [s for s in sites if s != site]))
+            covered.append(judged_sockets(result, with_sites(table, [site]))[1])
+        yield Line(name, "95 % region holds at a site left out", shares(covered), "90 %, each 75 %")
 
 
 def nothing(data: Data) -> Iterator[Line]:

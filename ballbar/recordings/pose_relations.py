@@ -20,6 +20,7 @@ from ballbar.recordings.pair_of_files import FilePair, Hypothesis, MeasuredFile,
 from ballbar.units import MM
 from cell.arrays import Array
 from ident.poses.start import PoseStartError
+from ident.poses.steps import LARGEST
 
 _FEWEST = 10  # poses: fewer fit many seats and targets
 _FEWEST_LENGTHS = 20  # of one equation each instead of three
@@ -31,7 +32,6 @@ _EQUAL = 1.0e-3
 # was.
 _MORE = 1.5
 _HOPELESS = 5.0  # times the tolerance, with two seats and two targets: another robot or columns
-_LARGEST = 5.0e-3  # [m] with one seat and one target: a step that large is another one
 _APART = 1.0  # [m] no two targets on one flange are further apart
 
 _SAME: Hypothesis = (True, True)
@@ -85,7 +85,7 @@ def relation(
     match list(possible):
         case [hypothesis]:
             reason = _reason(pair, hypothesis, possible[hypothesis])
-            if hypothesis == _SAME and possible[hypothesis].misfit > _LARGEST:
+            if hypothesis == _SAME and possible[hypothesis].misfit > LARGEST:
                 return Relation(known, f"{reason}: too little to tell")
             return Relation(hypothesis, reason)
         case []:

@@ -222,7 +222,7 @@ def _truth(result: PoseIdentification, comparison: PoseComparison) -> TruthSecti
 def _error_figure(result: PoseIdentification) -> Markup:
     curves = [
         Curve("nominal robot", result.residual_nominal, BEFORE),
-        Curve("identified, regions left out", result.cross_validation.error, PURPLE),
+        Curve("identified, left out", result.cross_validation.error, PURPLE),
         Curve("identified, fitted poses", result.residual, AFTER),
     ]
     return cumulative(curves, label="error of a pose")
@@ -237,7 +237,7 @@ def _maps(result: PoseIdentification) -> list[Markup]:
         places,
         result.cross_validation.error,
         (),
-        label="identified, regions left out",
+        label="identified, left out",
         colours=AFTER_SCALE,
     )
     return [before, after]

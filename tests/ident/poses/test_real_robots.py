@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from acquisition.poses import read_poses
 from cell.poses import PoseTable
+from cell.rotation import matrix_from_rotvec
 from ident.poses.identify import PoseOptions, identify_poses
 from ident.verdict import Status
 from tests.helpers import real_robots
@@ -58,3 +60,26 @@ def test_a_measured_panda_is_identified_from_sockets_alone(tmp_path: Path) -> No
     assert result.residual_nominal.mean() > 5e-3
     assert result.cross_validation.mean < 0.25e-3
     assert any("rtheta3" in warning for warning in result.verdict.warnings)
+
+
+@pytest.mark.slow
+def test_three_targets_of_a_measured_ur10_in_three_files_are_those_of_one(tmp_path: Path) -> None:
+    """The T-Mac's rotation makes three rigid targets of one; 0.087 and 0.160 mm of an IRB 120."""
+    full = read_poses(real_robots.ur10_a(tmp_path))
+    rows = np.sort(np.random.default_rng(0).permutation(full.size)[:500])
+    own = full.groups[0].part(rows)
+    turn = matrix_from_rotvec(own.values[:, 3:].T)
+    results = []
+    for files in (True, False):
+        groups = []
+        for k, away in enumerate(([0.0, 0.0, 0.0], [0.12, 0.03, 0.02], [-0.05, 0.11, -0.03])):
+            points = own.values[:, :3] + np.einsum("ijn,j->ni", turn, away)
+            part = replace(own, measured="point", values=points, sigma=own.sigma[:, :3], time=None)
+            name = f"{k}.csv" if files else "all.csv"
+            lines = np.arange(500) + 2 if files else 3 * np.arange(500) + k + 2
+            groups.append(replace(part, target=f"t{k}", file=name, rows=lines))
+        results.append(identify_poses(replace(full, groups=tuple(groups))))
+    assert [result.findings.steps for result in results] == [(), ()]
+    assert results[0].cross_validation.mean == pytest.approx(
+        results[1].cross_validation.mean, rel=0.02
+    )
