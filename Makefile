@@ -1,5 +1,6 @@
 # make run : set up and run the main scenario        make test : set up and run the tests
 # make long : what takes longest of the tests
+# make golden : what the product says of twenty data sets, against what it said before
 # make audit : unsafe code (bandit), known vulnerabilities of the requirements (pip-audit)
 # make lowest : the quick tests with the lowest allowed version of every requirement
 PYTHON ?= python3
@@ -10,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 # the tests start many processes; compiled once
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test long quick lowest check audit docs clean
+.PHONY: run test long quick lowest check golden audit docs clean
 
 run: .venv/installed
 	$(BIN)/ballbar run scenarios/irb2400.yaml
@@ -35,6 +36,9 @@ check: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+golden: .venv/installed
+	$(BIN)/python -m benchmarks.golden
 
 # Tools of their own environment: what they need is no requirement of the project.
 audit:
