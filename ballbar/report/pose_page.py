@@ -234,11 +234,7 @@ def _maps(result: PoseIdentification) -> list[Markup]:
         places, result.residual_nominal, (), label="nominal robot", colours=BEFORE_SCALE
     )
     after = workspace_map(
-        places,
-        result.cross_validation.error,
-        (),
-        label="identified, left out",
-        colours=AFTER_SCALE,
+        places, result.cross_validation.error, (), label="identified, left out", colours=AFTER_SCALE
     )
     return [before, after]
 
