@@ -29,7 +29,7 @@ from typing import Any
 from cell.files import write_whole
 from tests.helpers import real_robots
 
-STORED = Path("benchmarks/golden")  # a file for each data set
+STORED = Path("benchmarks/golden_values")  # a file for each data set
 FIGURES = Path("docs/studies/golden.csv")
 RELATIVE, ABSOLUTE = 1e-9, 1e-15
 SHOWN = 20  # leaves of a data set that moved, printed
