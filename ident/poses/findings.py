@@ -137,12 +137,10 @@ def _unfinished(fit: PoseFit) -> float:
 
     A score test of one unknown that turns every pose by that share, as the orders are tested.
     """
-    equations = fit.equations
+    equations, moves = fit.equations, _last_moves(fit)
     columns = [
         weights(move) * robust
-        for move, weights, robust in zip(
-            _last_moves(fit), equations.weights, equations.robust, strict=True
-        )
+        for move, weights, robust in zip(moves, equations.weights, equations.robust, strict=True)
     ]
     parts = list(zip(equations.jacobians, equations.residuals, columns, strict=True))
     gram = sum(
@@ -159,7 +157,7 @@ def _unfinished(fit: PoseFit) -> float:
     if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
         return 0.0
     share = -score / information
-    moved = np.concatenate([move[:3] for move in _last_moves(fit)], axis=1)
+    moved = np.concatenate([move[:3] for move in moves], axis=1)
     effect = abs(share) * float(np.sqrt((moved**2).mean()))
     return share if effect > LEAST_EFFECT * _error_of_one(fit) else 0.0
 
