@@ -36,6 +36,7 @@ check: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m tests.project.size
 
 golden: .venv/installed
 	$(BIN)/python -m benchmarks.golden
