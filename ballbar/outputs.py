@@ -35,21 +35,20 @@ def write_outputs(
 ) -> None:
     """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd.
 
-    begin : draws maps and writes the replay meanwhile (ballbar.report.process).
+    begin : writes the replay meanwhile (cell.processes).
 
     Raises RefusedResultError, once all else is written, where the reader refuses calibration.yaml.
     """
-    from ballbar.report.page import begin_parts, write_report  # noqa: PLC0415  imports Jinja
+    from ballbar.report.page import write_report  # noqa: PLC0415  imports Jinja
 
     if sum(recording.robot_log.t.size for _, _, recording in data.read) > SENT_ROWS:
         begin = partial  # a second process would hold the logs twice more
-    parts = begin_parts(data, begin)
     written = begin(_replay, out / REPLAY, data) if replay else None
     refusal = _refusal(partial(write_calibration, out / CALIBRATION, data))
     reports = {name: recording for name, _, recording in data.read}
     write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     progress("writing the report")
-    write_report(out / REPORT, data, parts, command=command)
+    write_report(out / REPORT, data, command=command)
     if written is not None:
         progress("writing the replay")
         written()

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from ballbar.outputs import Progress, write_outputs
 from ballbar.result.compare import identification_against_truth
-from ballbar.result.iterations import IterationLog
 from ballbar.result.limits import plant_limits, result_limits
 from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
@@ -29,6 +28,7 @@ from cell.extended_yaml import files_of
 from cell.files import DESCRIPTIONS, claimed_folder
 from cell.processes import Begin
 from cell.recording import load_recording_file
+from ident.options import Listener
 from sim.recording_files import truth_path, write_recording
 from sim.simulate import Simulation, simulate
 
@@ -100,7 +100,7 @@ def run_scenario(
     A recording on accept.held_out_file, of the same machine, is tried on the result.
 
     command : the command line, for the report. live : window that shows each stage while it runs.
-    begin : draws maps and writes the replay meanwhile (ballbar.report.process).
+    begin : writes the replay meanwhile (cell.processes).
 
     Raises InputError when the scenario cannot be run or identifies with one of the thesis's costs,
     or when `out` holds something else.
@@ -123,9 +123,8 @@ def run_scenario(
         )
         for other in held_out:
             simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
-        log = IterationLog(progress, live.iterated if live else None)
         data = identify_recordings(
-            [folder], held_out, settings=scenario.identify, listener=log.listener
+            [folder], held_out, settings=scenario.identify, listener=Listener(progress)
         )
         comparison = identification_against_truth(data.identification, simulation.truth)
         outcomes = [validation.outcome for validation in data.validations]
@@ -141,7 +140,6 @@ def run_scenario(
             limits=limits,
             scenario=scenario,
             scenario_files=tuple(files_of(scenario_file, SCENARIOS)),
-            iterations=tuple(log.steps),
         )
         if live:
             live.finished(data)

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.figure_style import AFTER, BEFORE, PURPLE, to_hundredths
-from ballbar.report.figures import Curve, cumulative, order_spectra
+from ballbar.figure_style import AFTER, BEFORE, PURPLE
+from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from benchmarks import real_robots_tables as tables
 from cell.arrays import Array
 from cell.files import write_whole
@@ -31,9 +31,8 @@ from ident.poses.result import PoseIdentification
 from ident.robot.accuracy import position_error
 
 MM = 1e3
-NAMESPACES = (  # which a figure in a page of its own does without
-    'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-)
+# what a figure in the report has from its page
+ALONE = 'xmlns="http://www.w3.org/2000/svg" font-family="sans-serif"'
 JUDGED = 3000  # poses, of series A, that were not fitted
 SEATS = np.array([[0.9, -0.7, -0.2], [-0.9, -0.7, 0.1], [0.1, 1.1, 0.4]])  # [m] from the middle
 GAP = 0.15  # [rad] between the angles that were fitted and those that are judged
@@ -380,15 +379,15 @@ def write_figures(data: Data, folder: Path) -> None:
     nominal = replace(result.nominal.model, table=judged).evaluate(result.nominal.x)
     before = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in nominal])
     curves = [
-        Curve("nominal robot", before, BEFORE),
-        Curve("geometry and sag", norms(sag, judged) / MM, PURPLE),
-        Curve("and joint errors found by evidence", norms(result, judged) / MM, AFTER),
+        Distribution("nominal robot", before, BEFORE),
+        Distribution("geometry and sag", norms(sag, judged) / MM, PURPLE),
+        Distribution("and joint errors found by evidence", norms(result, judged) / MM, AFTER),
     ]
     folder.mkdir(parents=True, exist_ok=True)
     named = {"ur10_orders": spectra, "ur10_errors": cumulative(curves, label="error of a pose")}
     for name, svg in named.items():
-        text = str(svg).replace("<svg ", f"<svg {NAMESPACES} ", 1)
-        write_whole(folder / f"{name}.svg", to_hundredths(text).encode())
+        text = str(svg).replace("<svg ", f"<svg {ALONE} ", 1)
+        write_whole(folder / f"{name}.svg", text.encode())
 
 
 def main() -> None:

@@ -19,8 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 
-from ballbar.figure_style import AFTER, BEFORE
-from ballbar.report.figures import STYLE
+from ballbar.figure_style import AFTER, BEFORE, FRAME
 from ballbar.report.tcp_view import tcp_view
 from ballbar.result.run_data import RunData
 from ballbar.run import run_scenario
@@ -40,7 +39,7 @@ INSTANT = 0.3  # of the run, at which the mechanism is drawn
 def picture(data: RunData) -> bytes:
     """PNG: the identified mechanism on its sphere, and the TCP error before and after."""
     tcp = tcp_view(data)
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context({**FRAME, "font.size": 10.0, "grid.linewidth": 0.7}):
         figure = Figure(figsize=(10.0, 4.4), layout="constrained", facecolor="white")
         cell = figure.add_subplot(1, 2, 1, projection="3d")
         assert isinstance(cell, Axes3D)

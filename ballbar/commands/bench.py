@@ -54,12 +54,13 @@ def run(
     if isinstance(settings, PoseScenario):
         _run_poses(settings, scenario, folder, live=live, as_json=as_json)
         return
-    from ballbar.report.process import reporting_process
+    from ballbar.result.names import REPLAY_MODULES
+    from cell.processes import second_process
 
     with (
         _live_window() if live else nullcontext() as window,
         progress_bar() as progress,
-        reporting_process(replay=True) as begin,
+        second_process(*REPLAY_MODULES) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.report.terminal import say_comparison, say_identification, say_plant

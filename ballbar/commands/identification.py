@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -130,32 +131,26 @@ def _identify_recordings(
     as_json: bool,
 ) -> None:
     """Logs of a moving robot: identify, write the outputs, say, and exit."""
-    from ballbar.report.process import reporting_process
-    from ballbar.result.names import OUTPUTS
+    from ballbar.result.names import OUTPUTS, REPLAY_MODULES
     from cell.files import claimed_folder
+    from cell.processes import second_process
 
     first = recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     with (
         claimed_folder(folder, OUTPUTS, "the result"),
         progress_bar() as progress,
-        reporting_process(replay=rerun) as begin,
+        second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.outputs import write_outputs
         from ballbar.report.terminal import say_identification
-        from ballbar.result.iterations import IterationLog
         from ballbar.result.run_recordings import identify_recordings
         from ident.options import Listener
 
-        log = IterationLog(progress)
         data = identify_recordings(
-            recordings,
-            validate,
-            settings=settings,
-            listener=log.listener if rerun else Listener(log.listener.progress),
+            recordings, validate, settings=settings, listener=Listener(progress)
         )
-        data = replace(data, iterations=tuple(log.steps))
         write_outputs(
             folder, data, command=command_line(), replay=rerun, progress=progress, begin=begin
         )

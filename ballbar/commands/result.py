@@ -10,7 +10,6 @@ from rich.markup import escape
 
 from ballbar.commands.options import AsJson, ResultFile, say_json
 from ballbar.export.names import Format
-from ballbar.replay.show import Layout, chosen_replay
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import write_new, write_whole
@@ -46,21 +45,18 @@ def replay(
         Path | None,
         typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE"),
     ] = None,
-    layout: Annotated[
-        Layout, typer.Option(help="Show the run, or how the identification converged.")
-    ] = "run",
     against: Annotated[
         Path | None, typer.Option(help="Another run, shown beside this one.", metavar="RUN")
     ] = None,
 ) -> None:
     """Open the replay of a run, or of two runs, in the rerun viewer."""
-    from ballbar.replay.viewer import open_viewer, serve_web
+    from ballbar.replay.viewer import chosen_replay, open_viewer, serve_web
 
     if save is not None and save.exists():
         raise InputError(f"{save}: exists already; nothing was written. Name another file.")
     if port is not None and not web:
         raise InputError("--port is that of the web viewer; add --web.")
-    with chosen_replay(run_dir, layout, against) as file:
+    with chosen_replay(run_dir, against) as file:
         if save is not None:
             write_whole(save, file.read_bytes())
             out.print(f"Saved {escape(str(save))}")

@@ -23,7 +23,6 @@ from ballbar.outputs import Progress, write_outputs
 from ballbar.plan.show import plan_path
 from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.result.compare import Comparison, identification_against_truth
-from ballbar.result.iterations import IterationLog
 from ballbar.result.limits import Limit, corrected_limits, tcp_limits
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings, validated
@@ -40,6 +39,7 @@ from cell.number_text import significant_text
 from cell.robot_angles import joints_to_axes
 from cell.statistics import rms
 from cell.strict_yaml import load_model, load_yaml
+from ident.options import Listener
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from sim.path_files import LissajousFile
@@ -255,9 +255,9 @@ def _identified(
     day: _Day, name: str, recordings: tuple[str, ...], truth: Truth
 ) -> tuple[RunData, Comparison]:
     """Identifies recordings, and compares with the truth of the first."""
-    log = IterationLog(day.progress)
     folders = [day.recording(recording) for recording in recordings]
-    data = identify_recordings(folders, settings=day.scenario.identify, listener=log.listener)
+    listener = Listener(day.progress)
+    data = identify_recordings(folders, settings=day.scenario.identify, listener=listener)
     out = day.folder / name
     write_outputs(out, data, command=day.command, replay=False, progress=day.progress)
     robot, verdict = data.identification.robot, data.identification.verdict

@@ -8,8 +8,7 @@ import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.rehearsal.day import FIRST, PLAN, RESULT, Rehearsal, Stage
-from ballbar.report import line_plot
-from ballbar.report.figures import Curve, cumulative
+from ballbar.report.line_plot import Curve, Distribution, Plot, cumulative, draw
 from ballbar.report.numbers import millimetres
 from ballbar.report.page import template
 from ballbar.report.provenance import versions, without_folders
@@ -41,9 +40,9 @@ def rehearsal_page(day: Rehearsal, *, command: str) -> str:
         live=_live(day),
         held=cumulative(
             [
-                Curve("targets as planned", day.held.before, BEFORE),
-                Curve("corrected targets", day.held.after, AFTER),
-                Curve("corrected, base aligned", day.held.aligned, PURPLE),
+                Distribution("targets as planned", day.held.before, BEFORE),
+                Distribution("corrected targets", day.held.after, AFTER),
+                Distribution("corrected, base aligned", day.held.aligned, PURPLE),
             ],
             label="distance of the tool",
         ),
@@ -102,8 +101,8 @@ def _live(day: Rehearsal) -> str:
     for name, path in day.paths.items():
         if name in colours and len(path.stated) > 1:
             recorded, sigma = np.array(path.stated).T
-            curves.append(line_plot.Curve(recorded, sigma * MM, colours[name], name, 1.6))
+            curves.append(Curve(recorded, sigma * MM, colours[name], name, 1.6))
     if not curves:
         return ""
-    plot = line_plot.Plot(curves, "stated TCP uncertainty [mm]", log=True)
-    return line_plot.draw([plot], "recorded [s]", height=250.0, legend=True)
+    plot = Plot(curves, "stated TCP uncertainty [mm]", log=True)
+    return draw([plot], "recorded [s]", height=250.0, legend=True)

@@ -2,7 +2,7 @@
 
 Of a recording: left the cell with ball-bar, sphere and path, below it pages of text; right, from
 top to bottom: loop-closure residual before and after, events, angles, and tabs with true TCP error,
-rod, clock and coverage. Other arrangements: ballbar.replay.arrangements.
+rod, clock and coverage. Two runs over each other: ballbar.replay.comparison.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ballbar.replay.entities import (
     CLOCK,
     CLOCK_ERROR,
     CLOCK_IDENTIFIED,
-    CLOSURE_ERROR,
     COVERAGE_SHARE,
     COVERED,
     ENCODERS,
@@ -32,6 +31,7 @@ from ballbar.replay.entities import (
     LANES,
     LEGEND,
     NOTES,
+    PARAMETERS,
     PATH_SO_FAR,
     POSITION,
     SCENARIO,
@@ -69,7 +69,7 @@ def layout(recordings: Sequence[Shown]) -> rrb.Blueprint:
     """The blueprint of a replay."""
     notes = rrb.TextDocumentView(origin=NOTES, name="Notes: verdict, key figures, parameters")
     parameters = rrb.Horizontal(
-        parameter_view("/parameters"), notes, column_shares=[3, 2], name="Parameters and notes"
+        parameter_view(), notes, column_shares=[3, 2], name="Parameters and notes"
     )
     tabs = rrb.Tabs(*map(_recording, recordings), parameters, active_tab=0)
     return blueprint(tabs, TIMELINE, speed=_SPEED)
@@ -92,12 +92,12 @@ def blueprint(root: rrb.Container, timeline: str, *, speed: float) -> rrb.Bluepr
     )
 
 
-def parameter_view(*contents: str) -> rrb.Spatial2DView:
-    """The picture of the parameters, from one run or from several."""
+def parameter_view(root: str = "", run: str = "") -> rrb.Spatial2DView:
+    """The picture of the parameters; root, run : where it lies in a comparison, and its title."""
+    title = "Parameters: change from nominal, and how well each is known"
     return rrb.Spatial2DView(
-        origin="/",
-        contents=[f"{entity}/**" for entity in contents],
-        name="Parameters: change from nominal, and how well each is known",
+        origin=f"{root}{PARAMETERS}",
+        name=run or title,
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(x_range=(-17.0, 44.0), y_range=(-3.5, 28.0)),
     )
@@ -115,7 +115,6 @@ def cell_view(
     gathered = [rrb.VisibleTimeRanges(so_far)]
     return rrb.Spatial3DView(
         origin=f"{root}{CELL}",
-        contents=["$origin/**", f"- {root}{CLOSURE_ERROR}/**"],
         name=title,
         background=BACKGROUND,
         eye_controls=eye_controls,

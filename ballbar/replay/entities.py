@@ -16,11 +16,10 @@ import rerun as rr
 from cell.arrays import Array
 
 TIMELINE = "robot_time"  # [s] robot's clock, from the first row of its log
-ITERATION = "iteration"  # of the identification; 0 is the nominal robot
+POSE = "pose"  # still poses, counted over all tables
 
 NOTES = "/notes"
-PARAMETER_AXES, PARAMETER_VALUES = "/parameters/axes", "/parameters/values"
-PARAMETER_TABLE = "/parameter_table"  # the numbers behind the picture
+PARAMETERS = "/parameters"
 
 # of a recording, below its root
 SCENARIO = "/scenario"
@@ -45,16 +44,6 @@ CLOCK_ERROR = "/clock/error_us"
 COVERED, COVERAGE_SHARE = "/cell/sphere/covered", "/sphere/covered_percent"
 LEGEND = "/legend"  # what the arrows in the scene mean, beside it
 LANES, EVENT_LOG = "/events/lanes", "/events/log"
-
-# of the recording whose loop-closure error the iterations report, below its root
-CLOSURE_ERROR = "/cell/loop_closure_error"
-CLOSURE_RMS = "/identify/loop_closure_error"
-CLOSURE_POSITION = f"{CLOSURE_RMS}/position_um_log10"
-CLOSURE_ANGLE = f"{CLOSURE_RMS}/angle_urad_log10"
-COST = "/identify/chi_square_per_sample_log10"
-TOOL_FROM_RESULT = "/identify/tool_um_log10/from_result"
-TOOL_FROM_TRUTH = "/identify/tool_um_log10/from_truth"
-STAGE = "/identify/stage"
 
 
 @dataclass(frozen=True)

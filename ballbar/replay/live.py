@@ -1,4 +1,4 @@
-"""A run shown while it is made: the cell as simulated, then the iterations, then the replay."""
+"""A run shown while it is made: the cell as it is simulated, then the replay."""
 
 from __future__ import annotations
 
@@ -9,14 +9,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ballbar.replay.arrangements import identify_layout
-from ballbar.replay.entities import CELL, CLOSURE_ERROR, TIMELINE, Branch
-from ballbar.replay.iterations import log_step
+from ballbar.replay.entities import CELL, TIMELINE, Branch
 from ballbar.replay.motion import moving_cell, thinning
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
 from ballbar.replay.write import send_replay
-from ballbar.result.iterations import Step
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
 from cell.descriptions import Cell
@@ -32,7 +29,7 @@ class LiveRun:
     def __init__(self, stream: rr.RecordingStream, address: str = "") -> None:
         """address : of the viewer, for the replay at the end; empty for none."""
         self._stream, self._branch, self._address = stream, Branch(stream), address
-        self._moved = self._iterated = False
+        self._moved = False
 
     def moved(self, cell: Cell, geometry: Geometry, t: Array, q: Array, b: Array) -> None:
         """A stretch of the true motion; arguments as of `sim.motion.MotionCallback`."""
@@ -45,13 +42,6 @@ class LiveRun:
             self._moved = True
         log_poses(self._branch, motion)
         log_path_so_far(self._branch, motion)
-
-    def iterated(self, number: int, step: Step) -> None:
-        """One iteration of the identification."""
-        if not self._iterated:
-            self._stream.send_blueprint(identify_layout(), make_active=True)
-            self._iterated = True
-        log_step(self._stream, number, step)
 
     def finished(self, data: RunData) -> None:
         """The whole replay, in the same window."""
@@ -66,20 +56,14 @@ def live_run() -> Iterator[LiveRun]:
     Raises ViewerError if the viewer does not start.
     """
     address = live_viewer()
-    stream = rr.RecordingStream(APPLICATION, send_properties=False)
-    stream.connect_grpc(address, default_blueprint=_scene())
-    yield LiveRun(stream, address)
-    with suppress(RuntimeError):  # the window was closed: nothing is left to send to
-        stream.flush(timeout_sec=FLUSH)
-
-
-def _scene() -> rrb.Blueprint:
-    cell = rrb.Spatial3DView(
-        origin=CELL, contents=["$origin/**", f"- {CLOSURE_ERROR}/**"], name="The cell as simulated"
-    )
-    return rrb.Blueprint(
-        cell,
+    scene = rrb.Blueprint(
+        rrb.Spatial3DView(origin=CELL, name="The cell as simulated"),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
     )
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    stream.connect_grpc(address, default_blueprint=scene)
+    yield LiveRun(stream, address)
+    with suppress(RuntimeError):  # the window was closed: nothing is left to send to
+        stream.flush(timeout_sec=FLUSH)

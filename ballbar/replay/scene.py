@@ -1,17 +1,21 @@
-"""The 3D scene: identified cell in motion, tool path on the sphere, true errors as arrows."""
+"""The 3D scene: identified cell in motion, tool path and patches of the sphere, true errors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR, STEEL
+from ballbar import figure_style
+from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR, STEEL, on_dark
 from ballbar.replay.entities import (
     BAR_BODIES,
     CELL,
+    COVERAGE_SHARE,
+    COVERED,
     IDENTIFIED_ERROR,
     LEGEND,
     NOMINAL_ERROR,
@@ -20,47 +24,72 @@ from ballbar.replay.entities import (
     at,
 )
 from ballbar.replay.motion import CellMotion, TrueTool
-from ballbar.replay.shapes import Mesh, ball, cell_shapes
+from ballbar.replay.shapes import Body, cell_bodies
+from ballbar.sphere_coverage import PATCHES, coverage
 from ballbar.units import MM, UM
 from cell.arrays import Array
 from cell.chain import Frames
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 
-_SPHERE, _SPHERE_OPACITY = (120, 165, 230), 20  # of 255
+_SPHERE = (120, 165, 230, 40)
 _WHOLE_PATH, _RUN_PATH = (120, 128, 142), (245, 200, 80)
 _ARROW_LENGTH = 0.7  # of the rod: length at which the mean error is drawn
-
-
-def log_mechanism(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
-    """Robot, offset plate and ball-bar, moving, and the sphere of the rod."""
-    log_shapes(stream, cell, geometry, motion)
-    log_poses(stream, motion)
+_COVERED = on_dark(figure_style.TEAL)
+_PATCH_SIZE = 0.85  # of a patch's own radius: neighbours stay apart
+_PATCH_THICKNESS = 0.002  # [m]
+_INSIDE = 0.985  # of the radius: the path stays in sight
 
 
 def log_shapes(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
     """What does not change: the bodies' shapes, the poses of the two that stand, the sphere."""
-    shapes = cell_shapes(cell, geometry)
-    for (entity, frames, row), shape in zip(_bodies(motion), shapes, strict=True):
-        stream.log(f"{entity}/shape", _mesh(shape), static=True)
+    bodies = cell_bodies(cell, geometry)
+    for (entity, frames, row), body in zip(_moving(motion), bodies, strict=True):
+        log_body(stream, entity, body)
         if row == 0:
             quaternion = rr.Quaternion(xyzw=quat_xyzw(frames.rotation(row))[0])
             pose = rr.Transform3D(translation=frames.origin[row].T[0], quaternion=quaternion)
             stream.log(entity, pose, static=True)
-    sphere = ball(geometry.origin, geometry["bd3"], _SPHERE)
-    stream.log(f"{CELL}/sphere", _mesh(sphere, opacity=_SPHERE_OPACITY), static=True)
+    sphere = rr.Ellipsoids3D(
+        centers=[geometry.origin],
+        radii=[geometry["bd3"]],
+        colors=[_SPHERE],
+        fill_mode="transparentfillmajorwireframe",
+        line_radii=[-0.4],
+    )
+    stream.log(f"{CELL}/sphere", sphere, static=True)
 
 
-def log_poses(
-    stream: Branch, motion: CellMotion, indexes: Sequence[rr.TimeColumn] | None = None
-) -> None:
-    """Poses of every body that moves; indexes : of its rows, by default its times."""
-    for entity, frames, row in _bodies(motion):
+def log_body(stream: Branch, entity: str, body: Body) -> None:
+    """The shape of a body, in the frame of its entity."""
+    square, capped = ([bar for bar in body if bar.capped is caps] for caps in (False, True))
+    for bars, name in ((square, "bars"), (capped, "capped_bars")):
+        if not bars:
+            continue
+        start, end = (np.array([getattr(bar, side) for bar in bars]) for side in ("start", "end"))
+        sizes: dict[str, Any] = {
+            "lengths": [bar.length for bar in bars],
+            "radii": [bar.radius for bar in bars],
+            "quaternions": quat_from_z((end - start) / [[bar.length] for bar in bars]),
+            "colors": [bar.colour for bar in bars],
+            "fill_mode": "solid",
+        }
+        shape: rr.AsComponents
+        if name == "bars":
+            shape = rr.Cylinders3D(centers=0.5 * (start + end), **sizes)
+        else:
+            shape = rr.Capsules3D(translations=start, **sizes)
+        stream.log(f"{entity}/{name}", shape, static=True)
+
+
+def log_poses(stream: Branch, motion: CellMotion) -> None:
+    """Poses of every body that moves."""
+    for entity, frames, row in _moving(motion):
         if row:
             columns = rr.Transform3D.columns(
                 translation=frames.origin[row].T, quaternion=quat_xyzw(frames.rotation(row))
             )
-            stream.send_columns(entity, indexes=indexes or at(motion.t), columns=columns)
+            stream.send_columns(entity, indexes=at(motion.t), columns=columns)
 
 
 def quat_xyzw(rotation: Array) -> Array:
@@ -71,7 +100,15 @@ def quat_xyzw(rotation: Array) -> Array:
     return np.asarray(Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat())
 
 
-def _bodies(motion: CellMotion) -> list[tuple[str, Frames, int]]:
+def quat_from_z(directions: Array) -> Array:
+    """(N, 4) unit quaternions, scalar part last, that turn the z axis to unit vectors (N, 3)."""
+    x, y, z = directions.T
+    halfway = np.stack((-y, x, np.zeros_like(x), 1.0 + z), axis=1)
+    halfway[1.0 + z < 1e-12] = (1.0, 0.0, 0.0, 0.0)  # half a turn about x
+    return np.asarray(halfway / np.linalg.norm(halfway, axis=1, keepdims=True))
+
+
+def _moving(motion: CellMotion) -> list[tuple[str, Frames, int]]:
     """Every body of the mechanism, its chain and the frame that it moves with; frame 0 stands."""
     links = [f"robot/link{i}" for i in range(1, len(motion.robot.x))]
     names = ["robot/base", *links, "plate", *(f"ballbar/{name}" for name in BAR_BODIES)]
@@ -81,14 +118,22 @@ def _bodies(motion: CellMotion) -> list[tuple[str, Frames, int]]:
     ]
 
 
-def _mesh(shape: Mesh, *, opacity: int = 255) -> rr.Mesh3D:
-    return rr.Mesh3D(
-        vertex_positions=shape.vertices,
-        vertex_normals=shape.normals,
-        triangle_indices=shape.triangles,
-        vertex_colors=shape.colours,
-        albedo_factor=(255, 255, 255, opacity),
+def log_coverage(stream: Branch, motion: CellMotion, geometry: Geometry) -> None:
+    """One flat disc a row, gathered by the view up to the time shown; and the share as a curve."""
+    centre, radius = geometry.origin, geometry["bd3"]
+    covered = coverage(motion.t, motion.tool, centre)
+    size = _PATCH_SIZE * radius * np.sqrt(4.0 / PATCHES)
+    style = rr.Ellipsoids3D.from_fields(colors=[_COVERED], fill_mode="solid")
+    stream.log(COVERED, style, static=True)
+    discs = rr.Ellipsoids3D.columns(
+        half_sizes=np.tile((size, size, _PATCH_THICKNESS), (covered.t.size, 1)),
+        centers=centre + _INSIDE * radius * covered.directions,
+        quaternions=quat_from_z(covered.directions),
     )
+    stream.send_columns(COVERED, indexes=at(covered.t), columns=discs)
+    stream.log(COVERAGE_SHARE, rr.SeriesLines(names=["covered"], colors=[_COVERED]), static=True)
+    shares = rr.Scalars.columns(scalars=covered.share * 100.0)
+    stream.send_columns(COVERAGE_SHARE, indexes=at(covered.t), columns=shares)
 
 
 def log_tool(stream: Branch, motion: CellMotion) -> None:

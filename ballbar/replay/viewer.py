@@ -13,10 +13,10 @@ import sys
 import time
 import urllib.parse
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
-from ballbar.replay.page import front
+from ballbar.result.names import REPLAY
 from cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
@@ -28,12 +28,34 @@ class ViewerError(FailureError):
     """The viewer did not start, or ended with an error."""
 
 
+def chosen_replay(run: Path, against: Path | None) -> AbstractContextManager[Path]:
+    """The file to show: that of a run, or two runs over each other in one that goes with the block.
+
+    run, against : folders with run.rrd, or the files themselves.
+
+    Raises InputError when there is no such file.
+    """
+    files = []
+    for path in (run,) if against is None else (run, against):
+        files.append(path / REPLAY if path.is_dir() else path)
+        if not files[-1].is_file():
+            raise InputError(
+                f"{files[-1]}: no replay file. Make one with `ballbar run`, or "
+                "`ballbar identify RECORDING --rerun`."
+            )
+    if against is None:
+        return nullcontext(files[0])
+    # rerun is slow to import, and reading replays is rarely needed
+    from ballbar.replay.comparison import comparison  # noqa: PLC0415
+
+    return comparison(*files)
+
+
 def open_viewer(path: Path) -> None:
     """Show a replay in the native viewer and return when its window is closed.
 
-    Raises InputError if there is no such file, ViewerError if the viewer fails.
+    Raises ViewerError if the viewer fails.
     """
-    _check_file(path)
     _check_screen("Use --web, and a browser on this machine.")
     command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
     try:
@@ -60,8 +82,7 @@ def serve_web(path: Path, *, port: int | None = None, show: Callable[[str], None
 
     port : of the page; None for a free one. show : called with a sentence that holds the address.
 
-    Raises InputError if there is no such file or the port is taken, ViewerError if the server
-    fails.
+    Raises InputError if the port is taken, ViewerError if the server fails.
     """
     with web_server(path, port=port) as (url, server):
         show(f"{path.name}: open {url} (only from this machine; Ctrl-C ends)")
@@ -83,17 +104,22 @@ def web_server(
 
     port : as `serve_web`. Raises as `serve_web`.
     """
-    _check_file(path)
     if port is not None:
-        _check_free(port)
-    port, data_port, behind = port or _free_port(), _free_port(), _free_port()
-    ports = ["--port", str(data_port), "--web-viewer-port", str(behind)]
+        with socket.socket() as probe:
+            try:
+                probe.bind((LOOPBACK, port))
+            except OSError as error:
+                raise InputError(
+                    f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another."
+                ) from None
+    port, data_port = port or _free_port(), _free_port()
+    ports = ["--port", str(data_port), "--web-viewer-port", str(port)]
     command = [_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)]
     server = subprocess.Popen(command, env=_only_errors())
+    data = urllib.parse.quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
     try:
-        _wait_for(server, behind, f"{path}: the web viewer")
-        with front(LOOPBACK, port, behind=behind, data_port=data_port):
-            yield web_url(port, data_port), server
+        _wait_for(server, port, f"{path}: the web viewer")
+        yield f"http://{LOOPBACK}:{port}/?url={data}", server
     finally:
         server.terminate()
         server.wait()
@@ -127,12 +153,6 @@ def live_viewer() -> str:
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
-def web_url(port: int, data_port: int) -> str:
-    """Address of the viewer page, with that of the data in its query."""
-    data = urllib.parse.quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
-    return f"http://{LOOPBACK}:{port}/?url={data}"
-
-
 def _only_errors() -> dict[str, str]:
     """The environment in which the viewer writes nothing but errors to the terminal."""
     return {**os.environ, "RUST_LOG": "error"}
@@ -154,28 +174,10 @@ def _rerun() -> str:
     )
 
 
-def _check_file(path: Path) -> None:
-    if not path.is_file():
-        raise InputError(
-            f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use "
-            "`ballbar identify --rerun`."
-        )
-
-
 def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
-
-
-def _check_free(port: int) -> None:
-    with socket.socket() as probe:
-        try:
-            probe.bind((LOOPBACK, port))
-        except OSError as error:
-            raise InputError(
-                f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another."
-            ) from None
 
 
 def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:

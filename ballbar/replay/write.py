@@ -1,8 +1,8 @@
 """A run as one rerun file: cells in motion, every signal over time, verdict as text, a layout.
 
-Lengths in m in the 3D scene; other units stand in the entity names. Two timelines: `robot_time`,
-seconds on the robot's clock from the first row of its log, and `iteration`. Recordings that were
-fitted together stand side by side, each below its own root, and start together. Paths and roots:
+Lengths in m in the 3D scene; other units stand in the entity names. The timeline `robot_time` is
+seconds on the robot's clock from the first row of its log. Recordings that were fitted together
+stand side by side, each below its own root, and start together. Paths and roots:
 ballbar.replay.entities.
 """
 
@@ -18,14 +18,12 @@ import numpy as np
 import rerun as rr
 
 from ballbar.replay.blueprint import Shown, layout
-from ballbar.replay.coverage import log_coverage
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
 from ballbar.replay.events import log_events, recording_events
-from ballbar.replay.iterations import log_iterations
 from ballbar.replay.motion import CellMotion, TrueTool, cell_motion, true_tool
 from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
-from ballbar.replay.scene import log_mechanism, log_tool, log_truth
+from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, recording_series, truth_series
 from ballbar.result.run_data import FittedRecording, RunData
 
@@ -60,7 +58,8 @@ class _Replay:
             branch, geometry = Branch(stream, part.root), part.fitted.estimate.geometry
             branch.log(SCENARIO, _page(scenario_page(data, part.fitted)), static=True)
             branch.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            log_mechanism(branch, robot.cell, geometry, part.motion)
+            log_shapes(branch, robot.cell, geometry, part.motion)
+            log_poses(branch, part.motion)
             log_coverage(branch, part.motion, geometry)
             log_tool(branch, part.motion)
             if part.truth is not None:
@@ -68,7 +67,6 @@ class _Replay:
             log_events(branch, recording_events(part.fitted, part.motion))
             for entity, series in part.series.items():
                 log_series(branch, entity, series)
-        log_iterations(Branch(stream, self.parts[0].root), data)
 
 
 def write_replay(path: Path, data: RunData) -> None:

@@ -1,9 +1,9 @@
-"""Plots of curves as SVG elements, drawn directly: two hundred times as fast as Matplotlib.
+"""Plots of curves as SVG elements, and the figures that consist of them.
 
-The style is that of the other figures (ballbar.figure_style). Each plot states its axes in data
-attributes, by which the page's script (templates/hover.js) shows the values at the cursor; printed,
-or without the script, it is a still picture. A curve has two points for each half point of width,
-its least and largest value there, so that no peak is lost.
+Each plot states its axes in data attributes, by which the page's script (templates/hover.js) shows
+the values at the cursor; printed, or without the script, it is a still picture. A curve has two
+points for each half point of width, its least and largest value there, so that no peak is lost.
+Before is orange, after is blue, everywhere.
 """
 
 from __future__ import annotations
@@ -15,19 +15,32 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from ballbar.figure_style import AFTER, GRID, INK, QUIET
+from ballbar.figure_style import AFTER, BEFORE, QUIET
+from ballbar.report.drawing import (
+    BOTTOM,
+    GAP,
+    INCH,
+    LEFT,
+    RIGHT,
+    ROW,
+    SMALL,
+    TEXT,
+    TOP,
+    WIDTH,
+    Axis,
+    ends_of,
+    figure,
+    frame,
+    legend_lines,
+    legend_rows,
+    line,
+    words,
+)
+from ballbar.units import MM
 from cell.arrays import Array
 
-INCH = 72.0  # [pt]
-WIDTH = 4.6 * INCH  # [pt] 442 px: two figures side by side on a page of 1000 px
-LEFT, RIGHT, BOTTOM, TOP, GAP = 0.76 * INCH, 0.16 * INCH, 0.46 * INCH, 0.1 * INCH, 0.16 * INCH
-ROW = 0.21 * INCH  # [pt] of a legend or a title
-TEXT, SMALL = 10.0, 7.5  # [pt]
-COLUMN = 0.5  # [pt] width of which a curve keeps its least and largest value
+COLUMN = 0.5  # [pt] of width of which a curve keeps its least and largest value
 _X_TICKS, _TICK_HEIGHT = 6, 26.0  # ticks along x, at most; [pt] between those along y, at least
-_STEPS = (1.0, 2.0, 5.0, 10.0)
-_LEAST = 3  # ticks of an axis
-_MORE_LABELS = 2.0  # decades below which 2 and 5 of a logarithmic axis are labelled too
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +53,8 @@ class Curve:
     name: str = ""
     width: float = 1.1  # [pt]
     filled: bool = False  # down to the lower end of the axis
+    bars: bool = False  # an upright line from the lower end of the axis to each value
+    dashed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,149 +74,137 @@ class Plot:
     note: str = ""  # in the upper right corner
 
 
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """Sizes of one kind of error over many poses."""
+
+    name: str
+    values: Array  # (G,) [m]
+    colour: str
+    dashed: bool = False
+
+
 def draw(
     plots: Sequence[Plot],
     x_label: str,
     *,
     height: float,
+    width: float = WIDTH,
     x: tuple[float, float] | None = None,
+    x_log: bool = False,
     legend: bool = False,
     title: str = "",
 ) -> Markup:
     """Plots above each other on one x axis, or each on its own where `x` is None.
 
-    height : [pt] of the figure. legend : above all, of the first plot. title : likewise.
+    height, width : [pt] of the figure. legend : above all, of the first plot. title : above all.
     """
-    above = TOP + ROW * (legend or bool(title))
-    gap = GAP + ROW * any(plot.legend for plot in plots) + ROW * (x is None)
-    above += ROW * plots[0].legend
+    rows = legend_rows(plots[0].curves, TEXT, 2.0) if legend else []
+    small = [legend_rows(plot.curves, SMALL, LEFT) if plot.legend else [] for plot in plots]
+    above = TOP + ROW * (len(rows) + bool(title) + len(small[0]))
+    gap = GAP + ROW * max(map(len, small)) + ROW * (x is None)
     tall = (height - above - BOTTOM - gap * (len(plots) - 1)) / len(plots)
-    parts = [f'<svg viewBox="0 0 {WIDTH:g} {height:g}" class="plots" font-size="{TEXT:g}">']
-    if legend:
-        parts += _legend(plots[0].curves, 8.0, TEXT)
+    parts = list(legend_lines(rows, 8.0, TEXT, 2.0))
     if title:
-        parts.append(_text((LEFT, TEXT), title))
+        parts.append(words((LEFT, TEXT), title))
     for k, plot in enumerate(plots):
-        last = k == len(plots) - 1
-        own = x or _ends([curve.x for curve in plot.curves])
-        box = _Box(
-            left=LEFT,
-            top=above + k * (tall + gap),
-            wide=WIDTH - LEFT - RIGHT,
-            tall=tall,
-            x=own,
-            y=plot.y or _ends([curve.y for curve in plot.curves], log=plot.log),
-            plot=plot,
+        top = above + k * (tall + gap)
+        x_ends = x or ends_of([curve.x for curve in plot.curves], log=x_log)
+        y_ends = plot.y or ends_of([curve.y for curve in plot.curves], log=plot.log)
+        across = Axis(*x_ends, LEFT, width - RIGHT, log=x_log)
+        upwards = Axis(*y_ends, top + tall, top, log=plot.log)
+        parts += _plot(plot, across, upwards, numbered=k == len(plots) - 1 or x is None)
+        parts += legend_lines(small[k], top - 6.0 - ROW * (len(small[k]) - 1), SMALL, LEFT)
+    parts.append(words((0.5 * (LEFT + width - RIGHT), height - 4.0), x_label, "middle"))
+    return figure(parts, height, width)
+
+
+def cumulative(distributions: Sequence[Distribution], *, label: str) -> Markup:
+    """Share of the poses with at most so much of the quantity `label`, logarithmic axis in mm."""
+    curves = []
+    for d in distributions:
+        ordered = np.sort(d.values) * MM
+        share = np.arange(ordered.size + 1) / ordered.size * 100.0
+        steps = np.repeat(ordered, 2), np.repeat(share, 2)[1:-1]  # it rises at each value
+        curves.append(Curve(*steps, d.colour, d.name, width=1.6, dashed=d.dashed))
+    plot = Plot(curves, "share of poses [%]", y=(0.0, 101.0))
+    return draw([plot], f"{label} [mm]", height=3.5 * INCH, x_log=True, legend=True)
+
+
+def order_spectra(before: Array, after: Array) -> Markup:
+    """Score (J, K) of the first K orders of every joint, before the search for them and after."""
+    orders = np.arange(1.0, before.shape[1] + 1.0)
+    plots = [
+        Plot(
+            [
+                Curve(orders - 0.13, first, BEFORE, "before", width=2.4, bars=True),
+                Curve(orders + 0.13, last, AFTER, "after", width=2.4, bars=True),
+            ],
+            f"joint {joint}",
+            y=(0.0, 1.05 * max(float(first.max()), float(last.max()), 1e-9)),
         )
-        parts += _plot(box, numbered=last or x is None)
-        if plot.legend:
-            parts += _legend(plot.curves, box.top - 6.0, SMALL)
-    parts.append(_text((LEFT + 0.5 * (WIDTH - LEFT - RIGHT), height - 4.0), x_label, "middle"))
-    return Markup("\n".join([*parts, "</svg>"]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Box:
-    """The area of a plot [pt], and the map of values to points of the page."""
-
-    left: float
-    top: float
-    wide: float
-    tall: float
-    x: tuple[float, float]  # ends of the axes
-    y: tuple[float, float]
-    plot: Plot
-
-    @property
-    def bottom(self) -> float:
-        return self.top + self.tall
-
-    def across(self, x: Array) -> Array:
-        """[pt] of values on the x axis."""
-        return self.left + (x - self.x[0]) / (self.x[1] - self.x[0]) * self.wide
-
-    def upwards(self, y: Array) -> Array:
-        """[pt] of values on the y axis."""
-        low, high = self.y
-        if self.plot.log:
-            y, low, high = np.log10(y), np.log10(low), np.log10(high)
-        return np.asarray(self.bottom - (y - low) / (high - low) * self.tall)
-
-
-def _plot(box: _Box, *, numbered: bool) -> Iterator[str]:
-    plot = box.plot
-    yield (
-        f'<g class="plot" data-x="{box.x[0]:.9g} {box.x[1]:.9g}" data-y="{box.y[0]:.9g} '
-        f'{box.y[1]:.9g}" data-log="{int(plot.log)}" data-box="{box.left:.2f} {box.top:.2f} '
-        f'{box.wide:.2f} {box.tall:.2f}">'
+        for joint, (first, last) in enumerate(zip(before, after, strict=True), start=1)
+    ]
+    return draw(
+        plots,
+        "order [cycles a turn]",
+        height=1.25 * INCH * len(plots),
+        width=2.0 * WIDTH,
+        x=(0.0, orders[-1] + 1.0),
+        legend=True,
     )
-    yield from _grid(box, numbered=numbered)
+
+
+def _plot(plot: Plot, x: Axis, y: Axis, *, numbered: bool) -> Iterator[str]:
+    yield (
+        f'<g class="plot" data-x="{x.low:.9g} {x.high:.9g}" data-y="{y.low:.9g} '
+        f'{y.high:.9g}" data-log="{int(x.log)} {int(y.log)}" data-box="{x.begin:.2f} '
+        f'{y.end:.2f} {x.end - x.begin:.2f} {y.begin - y.end:.2f}">'
+    )
+    y_ticks = plot.names or y.ticks(max(2, int((y.begin - y.end) / _TICK_HEIGHT)))
+    yield from frame(x, y, x.ticks(_X_TICKS), y_ticks, numbered=numbered)
+    if plot.zero and y.low < 0.0 < y.high:
+        (place,) = y.at(np.zeros(1))
+        yield line((x.begin, place), (x.end, place), QUIET)
     for begin, end, colour, opacity in plot.spans:
-        a, b = np.clip(box.across(np.array([begin, end])), box.left, box.left + box.wide)
+        a, b = np.clip(x.at(np.array([begin, end])), x.begin, x.end)
         if b > a:
             yield (
-                f'<rect x="{a:.2f}" y="{box.top:.2f}" width="{b - a:.2f}" '
-                f'height="{box.tall:.2f}" fill="{colour}" opacity="{opacity:g}"/>'
+                f'<rect x="{a:.2f}" y="{y.end:.2f}" width="{b - a:.2f}" '
+                f'height="{y.begin - y.end:.2f}" fill="{colour}" opacity="{opacity:g}"/>'
             )
     for curve in plot.curves:
-        yield _curve(box, curve)
-    for at in plot.lines:
-        (x,) = box.across(np.array([at]))
-        yield _line((x, box.top), (x, box.bottom), AFTER, width=1.0, dashed=True)
-    yield _line((box.left, box.top), (box.left, box.bottom), QUIET)
-    yield _line((box.left, box.bottom), (box.left + box.wide, box.bottom), QUIET)
+        yield _curve(x, y, curve)
+    for place in x.at(np.array(plot.lines)):
+        yield line((place, y.end), (place, y.begin), AFTER, width=1.0, dashed=True)
     if plot.note:
-        yield _text((box.left + box.wide, box.top + TEXT), plot.note, "end", QUIET)
-    yield from _label(box)
+        yield words((x.end, y.end + TEXT), plot.note, "end", QUIET)
+    middle = 0.5 * (y.begin + y.end)
+    for k, text in enumerate(plot.label.split("\n")):
+        at = 10.0 + k * 1.15 * TEXT
+        if plot.upright:
+            yield words((at, middle + 0.35 * TEXT), text)
+        else:
+            yield words((at, middle), text, "middle", turned=True)
     yield "</g>"
 
 
-def _grid(box: _Box, *, numbered: bool) -> Iterator[str]:
-    """Grid, ticks and their numbers."""
-    right = box.left + box.wide
-    ticks = _ticks(*box.x, _X_TICKS)
-    for x, text in zip(box.across(np.array(list(ticks))), ticks.values(), strict=True):
-        yield _line((x, box.top), (x, box.bottom), GRID)
-        yield _line((x, box.bottom), (x, box.bottom + 3.0), QUIET)
-        if numbered:
-            yield _text((x, box.bottom + 4.0 + TEXT), text, "middle")
-    if box.plot.names is not None:
-        ticks = box.plot.names
-    elif box.plot.log:
-        ticks = _log_ticks(*box.y)
-    else:
-        ticks = _ticks(*box.y, max(2, int(box.tall / _TICK_HEIGHT)))
-    for y, text in zip(box.upwards(np.array(list(ticks))), ticks.values(), strict=True):
-        yield _line((box.left, y), (right, y), GRID)
-        yield _line((box.left - 3.0, y), (box.left, y), QUIET)
-        yield _text((box.left - 5.0, y + 0.35 * TEXT), text, "end")
-    if box.plot.zero and box.y[0] < 0.0 < box.y[1]:
-        (y,) = box.upwards(np.zeros(1))
-        yield _line((box.left, y), (right, y), QUIET)
-
-
-def _label(box: _Box) -> Iterator[str]:
-    lines, middle = box.plot.label.split("\n"), box.top + 0.5 * box.tall
-    for k, line in enumerate(lines):
-        x = 10.0 + k * 1.15 * TEXT
-        if box.plot.upright:
-            yield _text((x, middle + 0.35 * TEXT), line)
-        else:
-            turned = f' transform="rotate(-90 {x:.1f} {middle:.1f})"'
-            yield _text((x, middle), line, "middle", extra=turned)
-
-
-def _curve(box: _Box, curve: Curve) -> str:
-    x, y = box.across(curve.x), box.upwards(curve.y)
-    right = box.left + box.wide
-    shown = np.flatnonzero((x[1:] >= box.left) & (x[:-1] <= right))  # with the ends beyond the box
+def _curve(x_axis: Axis, y_axis: Axis, curve: Curve) -> str:
+    x, y = x_axis.at(curve.x), y_axis.at(curve.y)
+    left, right, top, bottom = x_axis.begin, x_axis.end, y_axis.end, y_axis.begin
+    shown = np.flatnonzero((x[1:] >= left) & (x[:-1] <= right))  # with the ends beyond the plot
     rows = slice(shown[0], shown[-1] + 2) if shown.size else slice(0)
-    x, y = np.clip(x[rows], box.left, right), np.clip(y[rows], box.top, box.bottom)
-    extremes = _extremes(x, y)
-    path = "".join(_pieces(x[extremes], y[extremes]))
+    x, y = np.clip(x[rows], left, right), np.clip(y[rows], top, bottom)
     style = f'fill="none" stroke="{curve.colour}" stroke-width="{curve.width:g}"'
+    if curve.dashed:
+        style += ' stroke-dasharray="5 3"'
+    if curve.bars:
+        path = "".join(f"M{a:.1f} {b:.2f}V{bottom:.1f}" for a, b in zip(x, y, strict=True))
+    else:
+        extremes = _extremes(x, y)
+        path = "".join(_pieces(x[extremes], y[extremes]))
     if curve.filled and path:
-        path += f"V{box.bottom:.1f}H{x[0]:.1f}Z"
+        path += f"V{bottom:.1f}H{x[0]:.1f}Z"
         style = f'fill="{curve.colour}"'
     return f'<path data-name="{escape(curve.name)}" d="{path}" {style}/>'
 
@@ -228,77 +231,3 @@ def _pieces(x: Array, y: Array) -> Iterator[str]:
             continue
         yield f"{command}{a:.1f} {b:.2f}"
         command = "L"
-
-
-def _legend(curves: Sequence[Curve], y: float, size: float) -> Iterator[str]:
-    x = LEFT if size < TEXT else 2.0
-    for curve in curves:
-        if curve.name:
-            yield _line((x, y), (x + 1.6 * size, y), curve.colour, width=1.5)
-            yield _text((x + 2.0 * size, y + 0.35 * size), curve.name, size=size)
-            x += (3.2 + 0.6 * len(curve.name)) * size
-
-
-def _ends(values: Sequence[Array], *, log: bool = False) -> tuple[float, float]:
-    """Ends of an axis around values, a twentieth beyond them."""
-    every = np.concatenate([v.ravel() for v in values])
-    every = every[np.isfinite(every) & ((every > 0.0) | (not log))]
-    if not every.size:
-        return (0.1, 1.0) if log else (0.0, 1.0)
-    low, high = float(every.min()), float(every.max())
-    if log:
-        margin = max((high / low) ** 0.05, 1.05)
-        return low / margin, high * margin
-    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
-    return low - margin, high + margin
-
-
-def _ticks(low: float, high: float, most: int) -> dict[float, str]:
-    """Round values between two ends, and their text."""
-    raw = (high - low) / max(1, most)
-    size = 10.0 ** np.floor(np.log10(raw))
-    step = float(size * min(s for s in _STEPS if s * size >= raw * (1.0 - 1e-9)))
-    decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
-    values = step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0)
-    if values.size < _LEAST:
-        return _ticks(low, high, most + 1)
-    return {float(v): f"{v + 0.0:.{decimals}f}".replace("-", "\u2212") for v in values}
-
-
-def _log_ticks(low: float, high: float) -> dict[float, str]:
-    factors = (1.0, 2.0, 5.0) if np.log10(high / low) < _MORE_LABELS else (1.0,)
-    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    values = [f * 10.0**d for d in decades for f in factors]
-    return {v: f"{v:g}" for v in values if low <= v <= high}
-
-
-def _line(
-    begin: tuple[float, float],
-    end: tuple[float, float],
-    colour: str,
-    *,
-    width: float = 0.7,
-    dashed: bool = False,
-) -> str:
-    dash = ' stroke-dasharray="4 3"' if dashed else ""
-    (x, y), (to_x, to_y) = begin, end
-    return (
-        f'<line x1="{x:.2f}" y1="{y:.2f}" x2="{to_x:.2f}" y2="{to_y:.2f}" stroke="{colour}" '
-        f'stroke-width="{width:g}"{dash}/>'
-    )
-
-
-def _text(
-    at: tuple[float, float],
-    text: str,
-    anchor: str = "start",
-    colour: str = INK,
-    *,
-    size: float = TEXT,
-    extra: str = "",
-) -> str:
-    x, y = at
-    return (
-        f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" fill="{colour}" '
-        f'font-size="{size:g}"{extra}>{escape(text)}</text>'
-    )

@@ -15,7 +15,8 @@ from acquisition.dwells import find_dwells
 from ballbar.figure_style import AFTER, BEFORE, LINES, PURPLE, QUIET
 from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock
-from ballbar.report.line_plot import INCH, Curve, Plot, draw
+from ballbar.report.drawing import INCH
+from ballbar.report.line_plot import Curve, Plot, draw
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MM, MS, URAD
 from cell.arrays import Array

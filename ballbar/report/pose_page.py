@@ -15,14 +15,8 @@ import numpy as np
 from markupsafe import Markup
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
-from ballbar.report.figures import (
-    AFTER_SCALE,
-    BEFORE_SCALE,
-    Curve,
-    cumulative,
-    order_spectra,
-    workspace_map,
-)
+from ballbar.report.line_plot import Distribution, cumulative, order_spectra
+from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
 from ballbar.report.numbers import listed, significant
 from ballbar.report.page import template
 from ballbar.report.provenance import InputFile, hashed, versions, without_folders
@@ -195,9 +189,9 @@ def _tcp_tile(comparison: PoseComparison) -> Tile:
 def _truth(result: PoseIdentification, comparison: PoseComparison) -> TruthSection:
     tcp, before = comparison.tcp, comparison.tcp_nominal
     curves = [
-        Curve("nominal robot", before.error, BEFORE),
-        Curve("identified robot", tcp.error, AFTER),
-        Curve("stated sigma", result.tcp_sigma, AFTER, dashed=True),
+        Distribution("nominal robot", before.error, BEFORE),
+        Distribution("identified robot", tcp.error, AFTER),
+        Distribution("stated sigma", result.tcp_sigma, AFTER, dashed=True),
     ]
     return TruthSection(
         poses=tcp.error.size,
@@ -221,9 +215,9 @@ def _truth(result: PoseIdentification, comparison: PoseComparison) -> TruthSecti
 
 def _error_figure(result: PoseIdentification) -> Markup:
     curves = [
-        Curve("nominal robot", result.residual_nominal, BEFORE),
-        Curve("identified, left out", result.cross_validation.error, PURPLE),
-        Curve("identified, fitted poses", result.residual, AFTER),
+        Distribution("nominal robot", result.residual_nominal, BEFORE),
+        Distribution("identified, left out", result.cross_validation.error, PURPLE),
+        Distribution("identified, fitted poses", result.residual, AFTER),
     ]
     return cumulative(curves, label="error of a pose")
 

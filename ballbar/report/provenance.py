@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from acquisition.recording import Recording
 from ballbar.result.run_data import RunData
 
-_PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "matplotlib", "jinja2")
+_PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "jinja2")
 _SIMULATOR = "mujoco-core"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +9,10 @@ import numpy as np
 from acquisition.report import ImportReport
 from ballbar.replay.motion import rms_norm
 from ballbar.report import residual_figures as figures
+from ballbar.report.cell_picture import cell_picture
 from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
-from ballbar.report.log_figures import LogSection
-from ballbar.report.matplotlib_figures import SphereFigures
+from ballbar.report.log_figures import LogSection, log_section
+from ballbar.report.maps import sphere_maps
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
@@ -55,7 +55,7 @@ class ResidualSection:
     angle_norm: str
     position: str
     angle: str
-    sphere: SphereFigures
+    sphere: tuple[str, str]  # before and after
     histogram: str
     position_rows: list[ResidualRow]  # µm
     angle_rows: list[ResidualRow]  # µrad; empty of a length, as are the figures of angles
@@ -97,25 +97,8 @@ class RecordingSection:
     imported: ImportReport
 
 
-def recording_sections(
-    data: RunData,
-    residuals: Sequence[ResidualSection],
-    logs: Sequence[LogSection],
-    pictures: Sequence[str],
-) -> list[RecordingSection]:
-    """A section for each recording that was fitted, with the parts of each that hold figures."""
-    every = zip(data.recordings, residuals, logs, pictures, strict=True)
-    return [_section(data, number, *parts) for number, parts in enumerate(every, start=1)]
-
-
-def _section(
-    data: RunData,
-    number: int,
-    fitted: FittedRecording,
-    residuals: ResidualSection,
-    logs: LogSection,
-    picture: str,
-) -> RecordingSection:
+def recording_section(data: RunData, number: int, fitted: FittedRecording) -> RecordingSection:
+    """The section of one of the recordings that were fitted; number : from 1."""
     estimate, recording, comparison = fitted.estimate, fitted.recording, data.comparison
     tension_figure = ""
     if estimate.tension is not None:
@@ -126,10 +109,10 @@ def _section(
         number=number,
         name=fitted.name if data.several else "",
         description=recording.description,
-        picture=picture,
+        picture=cell_picture(data.identification.robot.cell, fitted),
         overview=dict(zip(OVERVIEW, overview_cells(fitted), strict=True)),
         encoders=estimate.encoders,
-        residuals=residuals,
+        residuals=residual_section(fitted),
         groups=parameter_groups(estimate, comparison),
         taken_as_nominal=taken_as_nominal(estimate),
         clock=clock_rows(estimate, comparison),
@@ -141,7 +124,7 @@ def _section(
         step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
         tracker=tracker_section(estimate.tracker),
         noise=_noise_rows(fitted),
-        logs=logs,
+        logs=log_section(fitted),
         imported=recording.report,
     )
 
@@ -153,7 +136,7 @@ def _clock_name(estimate: RecordingEstimate) -> str:
     return "ball-bar" if estimate.encoders else "sensor's"
 
 
-def residual_section(fitted: FittedRecording, sphere: SphereFigures) -> ResidualSection:
+def residual_section(fitted: FittedRecording) -> ResidualSection:
     """Figures and table of the residuals of a recording."""
     estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
     t = estimate.after.t
@@ -168,7 +151,7 @@ def residual_section(fitted: FittedRecording, sphere: SphereFigures) -> Residual
         angle_norm="" if sensed else norms(t, *angle, label=angle_label, clock=clock),
         position=components(t, position[1], label=position_label, clock=clock),
         angle="" if sensed else components(t, angle[1], label=angle_label, clock=clock),
-        sphere=sphere,
+        sphere=sphere_maps(fitted),
         histogram=figures.whitened_histogram(estimate.whitened),
         position_rows=_residual_rows(*position),
         angle_rows=[] if sensed else _residual_rows(*angle),

@@ -6,7 +6,8 @@ import numpy as np
 from markupsafe import Markup
 
 from ballbar.figure_style import AFTER, BEFORE, INK
-from ballbar.report.line_plot import INCH, Curve, Plot, draw
+from ballbar.report.drawing import INCH
+from ballbar.report.line_plot import Curve, Plot, draw
 from cell.arrays import Array
 
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE
+from ballbar.report.line_plot import Distribution, cumulative
+from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import MISSING, significant
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
@@ -79,26 +81,21 @@ def tcp_view(data: RunData) -> TcpView:
     )
 
 
-def tcp_section(data: RunData) -> TcpSection:
+def tcp_section(data: RunData, view: TcpView) -> TcpSection:
     """Table, curves and maps of the TCP view."""
-    from ballbar.report import figures  # noqa: PLC0415  imports Matplotlib
-
-    view = tcp_view(data)
     estimates = [fitted.estimate for fitted in data.recordings]
-    spheres = [figures.Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
+    spheres = [Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
     before, after = (f"{label}, mean" for label in (view.before_label, view.after_label))
     quantity = "TCP error" if view.against_truth else "distance of the TCP"
     return TcpSection(
         view=view,
         rows=_rows(data, view),
-        cumulative=figures.cumulative(
-            [figures.Curve(*curve) for curve in _curves(view)], label=quantity
+        cumulative=cumulative(_distributions(view), label=quantity),
+        map_before=workspace_map(
+            view.position, view.before, spheres, label=before, colours=BEFORE_SCALE
         ),
-        map_before=figures.workspace_map(
-            view.position, view.before, spheres, label=before, colours=figures.BEFORE_SCALE
-        ),
-        map_after=figures.workspace_map(
-            view.position, view.after, spheres, label=after, colours=figures.AFTER_SCALE
+        map_after=workspace_map(
+            view.position, view.after, spheres, label=after, colours=AFTER_SCALE
         ),
         scale_ppm=_scale(view) * PPM,
     )
@@ -144,15 +141,15 @@ def tcp_row(name: str, error: Array, side: str, without_scale: Array | None = No
     )
 
 
-def _curves(view: TcpView) -> list[tuple[str, Array, str, bool]]:
-    """Label, values, colour and whether it is dashed."""
+def _distributions(view: TcpView) -> list[Distribution]:
     curves = [
-        (view.before_label, view.before, BEFORE, False),
-        (view.after_label, view.after, AFTER, False),
+        Distribution(view.before_label, view.before, BEFORE),
+        Distribution(view.after_label, view.after, AFTER),
     ]
     if view.against_truth:
         label = "predicted before: nominal against identified"
-        curves.append((label, view.predicted.error, BEFORE, True))
-        label = "predicted after: stated sigma"
-        curves.append((label, view.stated, AFTER, True))
+        curves.append(Distribution(label, view.predicted.error, BEFORE, dashed=True))
+        curves.append(
+            Distribution("predicted after: stated sigma", view.stated, AFTER, dashed=True)
+        )
     return curves

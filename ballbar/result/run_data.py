@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
-from ballbar.result.iterations import Step
 from ident.held_out import HeldOut
 from ident.result import Identification, RecordingEstimate
 
@@ -50,7 +49,6 @@ class RunData:
     validations: tuple[Validation, ...] = ()
     scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
-    iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where requested
 
     @property
     def acceptable(self) -> bool:

@@ -16,9 +16,9 @@ from rerun.chunk import RrdReader
 from acquisition.recording import read_recording
 from ballbar.commands import cli
 from ballbar.identify_settings import IdentifySettings
-from ballbar.replay.show import chosen_replay
+from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
-from ballbar.report.page import begin_parts, render_report
+from ballbar.report.page import render_report
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
@@ -498,12 +498,7 @@ def light(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> RunDa
 
 
 def page_of(data: RunData) -> str:
-    return render_report(
-        data,
-        begin_parts(data),
-        command="ballbar identify",
-        written=datetime(2026, 1, 1, tzinfo=UTC),
-    )
+    return render_report(data, command="ballbar identify", written=datetime(2026, 1, 1, tzinfo=UTC))
 
 
 def test_what_recordings_share_stands_once_and_their_own_part_once_for_each(light: RunData) -> None:
@@ -522,7 +517,7 @@ def test_what_recordings_share_stands_once_and_their_own_part_once_for_each(ligh
 def test_the_replay_of_a_joint_fit_shows_every_recording(light: RunData, tmp_path: Path) -> None:
     file = tmp_path / "run.rrd"
     write_replay(file, light)
-    shared = {"/notes", "/parameter_table"}
+    shared = {"/notes", "/parameters/values/interval"}
     own = {"/cell/robot/link6", "/residual/after/position_um", "/events/log", "/scenario"}
     entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream().to_chunks()}
     assert (
@@ -530,7 +525,7 @@ def test_the_replay_of_a_joint_fit_shows_every_recording(light: RunData, tmp_pat
         <= entities
     )
     assert not own & entities
-    with chosen_replay(file, "run", file) as both:
+    with chosen_replay(file, file) as both:
         entities = {chunk.entity_path for chunk in RrdReader(str(both)).stream().to_chunks()}
     assert {"/A/recording/events/log", "/B/again/events/log", "/B/notes"} <= entities
 

@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ballbar.report.line_plot import COLUMN, INCH, LEFT, RIGHT, WIDTH, Curve, Plot, draw
+from ballbar.report.drawing import INCH, LEFT, RIGHT, WIDTH
+from ballbar.report.line_plot import (
+    COLUMN,
+    Curve,
+    Distribution,
+    Plot,
+    cumulative,
+    draw,
+    order_spectra,
+)
 from cell.arrays import Array
 
 HEIGHT = 3.0 * INCH
@@ -36,18 +45,16 @@ def read(svg: str) -> list[Read]:
     for plot in re.findall(r'<g class="plot".*?</g>', svg, flags=re.DOTALL):
         keys = {k: re.search(rf'data-{k}="([^"]*)"', plot) for k in ("x", "y", "log", "box")}
         x, y, log, box = (numbers(m[1]) for m in keys.values() if m)
-        low, high = np.log10(y) if log[0] else np.array(y)
+        first, last = np.log10(x) if log[0] else np.array(x)
+        low, high = np.log10(y) if log[1] else np.array(y)
         for name, path in re.findall(r'<path data-name="([^"]*)" d="([^"]*)"', plot):
-            points = np.array(
-                [
-                    (float(a), float(b))
-                    for a, b in re.findall(r"(\S+) ([\d.]+)", re.sub("[ML]", " ", path))
-                ]
-            )
-            across = x[0] + (points[:, 0] - box[0]) / box[2] * (x[1] - x[0])
+            corners = re.findall(r"[ML](\S+) ([\d.]+)", path)
+            points = np.array([(float(a), float(b)) for a, b in corners])
+            across = first + (points[:, 0] - box[0]) / box[2] * (last - first)
             values = low + (box[1] + box[3] - points[:, 1]) / box[3] * (high - low)
             size = 0.0051 / box[3] * (high - low)
-            out.append(Read(name, across, 10.0**values if log[0] else values, size))
+            across = 10.0**across if log[0] else across
+            out.append(Read(name, across, 10.0**values if log[1] else values, size))
     return out
 
 
@@ -118,3 +125,19 @@ def test_an_axis_has_three_round_numbers_and_more(ends: tuple[float, float]) -> 
     ticks = [float(text.replace("\u2212", "-")) for text in middle]
     assert 3 <= len(ticks) <= 12
     assert all(ends[0] - 1e-12 <= tick <= ends[1] + 1e-12 for tick in ticks)
+
+
+def test_a_cumulative_curve_rises_at_each_value_by_its_share() -> None:
+    values = np.array([4e-3, 1e-3, 2e-3, 8e-3])  # [m]
+    (curve,) = read(cumulative([Distribution("a", values, "#000")], label="error"))
+    assert curve.x == pytest.approx(np.repeat([1.0, 2.0, 4.0, 8.0], 2), rel=1e-3)  # [mm]
+    expected = [0.0, 25.0, 25.0, 50.0, 50.0, 75.0, 75.0, 100.0]
+    assert curve.y == pytest.approx(expected, abs=curve.half_line)
+
+
+def test_spectra_show_the_score_of_each_order() -> None:
+    before, after = np.array([[1.0, 30.0, 2.0], [0.0, 0.0, 0.0]]), np.zeros((2, 3))
+    curves = read(order_spectra(before, after))
+    assert [curve.name for curve in curves] == ["before", "after"] * 2
+    assert curves[0].y == pytest.approx(before[0], abs=curves[0].half_line)
+    assert curves[0].x == pytest.approx([0.87, 1.87, 2.87], abs=0.01)

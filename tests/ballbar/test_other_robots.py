@@ -12,11 +12,12 @@ from ballbar.export.result import Result, load_result
 from ballbar.export.rows import hayati_rows
 from ballbar.export.tables import dh_table, hayati_table
 from ballbar.identify_settings import IdentifySettings
-from ballbar.replay.shapes import robot_shapes
+from ballbar.replay.shapes import cell_bodies
 from ballbar.result.calibration import write_calibration
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_recordings import identify_recordings
 from cell.errors import InputError
+from cell.geometry import nominal_geometry
 from cell.load import load_robot
 from tests.helpers.other_robots import (
     FIVE_AXES,
@@ -59,7 +60,8 @@ def test_a_recording_of_any_robot_becomes_a_calibration_and_its_tables(
         assert len(lines) == 1 + len(rows) + 1  # header, joints, tool
     parallel = result.calibration.geometry.table.hayati_rows[:-1]
     assert not hayati_rows(result.chain, parallel).d[list(parallel)].any()
-    assert len(robot_shapes(result.cell)) == len(rows) + 1
+    nominal = nominal_geometry(result.cell, np.zeros(3))
+    assert len(cell_bodies(result.cell, nominal)) == len(rows) + 1 + 1 + 6  # links, plate, ball-bar
 
 
 @pytest.mark.slow

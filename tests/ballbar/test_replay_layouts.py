@@ -1,6 +1,6 @@
 """What a replay shows beside the moving cell, and what the viewer draws of it.
 
-Events, coverage, parameters, iterations, comparison.
+Events, coverage, parameters, comparison.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ import socket
 import subprocess
 import sys
 import time
-import urllib.parse
-import urllib.request
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,35 +19,22 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
-from typer.testing import CliRunner
 
-from ballbar.commands.cli import app
-from ballbar.replay.entities import (
-    CELL,
-    CLOSURE_ERROR,
-    CLOSURE_POSITION,
-    ITERATION,
-    PARAMETER_TABLE,
-    PARAMETER_VALUES,
-    STAGE,
-)
+from ballbar.replay.entities import PARAMETERS
 from ballbar.replay.events import recording_events
-from ballbar.replay.iterations import log_step
 from ballbar.replay.live import LiveRun
 from ballbar.replay.motion import cell_motion
 from ballbar.replay.notes import scenario_page
-from ballbar.replay.parameters import HALF, RIGHT, parameter_table, read_table
+from ballbar.replay.parameters import HALF, LEFT, RIGHT
 from ballbar.replay.series import clock_error_series, recording_series
-from ballbar.replay.show import chosen_replay
-from ballbar.replay.viewer import _rerun, web_server
+from ballbar.replay.viewer import _rerun, chosen_replay
 from ballbar.replay.write import write_replay
-from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
 from ballbar.sphere_coverage import PATCHES, coverage, even_directions
 from cell.errors import InputError
 from cell.logs import BallBarLog
 from ident.identify import identify
-from ident.options import FitOptions
+from ident.options import FitOptions, Listener
 from tests.helpers.identified_run import simulated_run
 
 SECOND = 1e-9  # of the ns in a file
@@ -69,23 +54,9 @@ def file(run, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def other(run, tmp_path_factory) -> Path:
-    """The same run with intervals forty times as wide, and nobody who knows the truth."""
-    result = run.identification
-    sigma = {name: 40.0 * sigma for name, sigma in result.robot.sigma.items()}
-    wide = replace(result, robot=replace(result.robot, sigma=sigma))
-    path = tmp_path_factory.mktemp("other") / "wide.rrd"
-    write_replay(
-        path,
-        replace(
-            run,
-            name="wide",
-            identification=wide,
-            simulation=None,
-            comparison=None,
-            limits=(),
-            iterations=(),
-        ),
-    )
+    """The same run, and nobody who knows the truth."""
+    path = tmp_path_factory.mktemp("other") / "unknown.rrd"
+    write_replay(path, replace(run, name="unknown", simulation=None, comparison=None, limits=()))
     return path
 
 
@@ -115,51 +86,20 @@ def _verified(path: Path) -> bool:
     )
 
 
-@pytest.mark.slow
-def test_iterations_begin_with_the_nominal_robot_and_end_with_the_result(file, run):
-    powers = np.array(_values(file, CLOSURE_POSITION, "Scalars:scalars")).ravel()
-    estimate = run.recordings[0].estimate
-    rms = [
-        np.sqrt((r.position**2).sum(axis=1).mean()) * 1e6 for r in (estimate.before, estimate.after)
-    ]
-    np.testing.assert_allclose(10.0 ** powers[[0, -1]], rms, rtol=1e-9)
-    assert powers.size == len(run.iterations) + 1
-    last = run.iterations[-1]
-    np.testing.assert_allclose(last.iteration.geometry["ra2"], estimate.geometry["ra2"], atol=1e-12)
-    assert last.stage == "fitting"
-    pages = _values(file, STAGE, "TextDocument:text")
-    assert pages[-1][0].startswith(
-        f"## Iteration {powers.size - 1} of {powers.size - 1}\n\nfitting"
-    )
-
-
-def test_the_arm_stands_in_the_scene_of_the_iterations(file):
-    """It was absent: its poses were known over the run's time alone."""
-    for body in ("robot/link3", "plate", "ballbar/rod_b3"):
-        timelines = [set(c.timeline_names) for c in _chunks(file, f"{CELL}/{body}")]
-        assert {ITERATION} in timelines, body
-    with chosen_replay(file, "identify", None) as path:
-        assert _values(path, f"{CELL}/robot/link3", "Transform3D:translation")
-
-
-def test_arrows_of_the_loop_closure_error_shrink_with_the_iterations(file):
-    sizes = [
-        np.linalg.norm(row, axis=1).mean()
-        for row in _values(file, CLOSURE_ERROR, "Arrows3D:vectors")
-        if row
-    ]
-    assert 0.05 < sizes[0] < 0.5  # of a rod of 0.6 m
-    assert sizes[-1] < 0.02 * sizes[0]
-
-
 def test_watching_changes_nothing(run):
     """One recording identified with and without anybody who listens."""
     (fitted,), result = run.recordings, run.identification
     logs = fitted.recording.robot_log, fitted.recording.ballbar_log
-    silent = identify(result.robot.cell, *logs, options=FitOptions(samples=300))
-    values = silent.recordings[0].geometry.values
+    seen = []
+    watched = identify(
+        result.robot.cell,
+        *logs,
+        options=FitOptions(samples=300),
+        listener=Listener(on_iteration=seen.append),
+    )
+    values = watched.recordings[0].geometry.values
     np.testing.assert_array_equal(values, fitted.estimate.geometry.values)
-    assert silent.fit.iterations == result.fit.iterations
+    assert len(seen) == watched.fit.iterations == result.fit.iterations
 
 
 def test_patches_lie_evenly_and_are_counted_once():
@@ -235,35 +175,31 @@ def test_clock_error_is_that_of_the_comparison(run):
     assert identified.values[0, 0] == pytest.approx(fitted.estimate.clock.offset * 1e3, abs=0.1)
 
 
-def test_table_of_parameters_goes_through_the_file(file, run):
-    (chunk,) = _chunks(file, PARAMETER_TABLE)
-    table, written = parameter_table(run), read_table(chunk)
-    assert written.names == table.names
-    assert written.has_truth
-    for one, two in (
-        (table.moved, written.moved),
-        (table.sigma, written.sigma),
-        (table.error, written.error),
-    ):
-        np.testing.assert_array_equal(one, two)
-    assert "ra2" in table.names
-    assert "ox" not in table.names  # where it stands is no property of the robot
+def test_the_picture_of_the_parameters_shows_changes_and_intervals_to_scale(file, run):
+    (bars,) = _values(file, f"{PARAMETERS}/values/interval", "LineStrips2D:strips")
+    (changes,) = _values(file, f"{PARAMETERS}/values/change", "LineStrips2D:strips")
+    intervals, changes = (np.array(bar).reshape(-1, 2, 2) for bar in (bars, changes))
+    robot = run.identification.robot
+    rows = (*robot.geometry.table.robot, "bd3")  # where the bar stands is none of the robot's
+    names = [name for name in rows if name in robot.sigma]
+    assert intervals[:, 0, 1].tolist() == [rows.index(name) for name in names]
+    sigma = np.array([robot.sigma[name] for name in names])
+    lengths = intervals[:, 1, 0] - intervals[:, 0, 0]
+    np.testing.assert_allclose(lengths / lengths[0], sigma / sigma[0], rtol=1e-3)  # float32
+    moved = np.array([robot.geometry[name] - robot.nominal[name] for name in names])
+    drawn = changes[:, 1, 0] - LEFT
+    np.testing.assert_allclose(drawn / np.abs(drawn).max(), moved / np.abs(moved).max(), atol=1e-5)
+    assert np.abs(intervals[:, :, 0] - RIGHT).max() <= HALF * 1.001
 
 
 @pytest.mark.slow
-def test_two_runs_are_drawn_on_common_axes(file, other, tmp_path):
-    with chosen_replay(file, "run", other) as path:
+def test_two_runs_stand_below_roots_of_their_own(file, other):
+    with chosen_replay(file, other) as path:
         assert _verified(path)
-        rows = [
-            _values(path, f"{PARAMETER_VALUES}/{root}/interval", "LineStrips2D:strips")[0]
-            for root in "AB"
-        ]
-        bars = [np.array(row).reshape(-1, 2, 2) for row in rows]
         entities = {chunk.entity_path for chunk in RrdReader(str(path)).stream().to_chunks()}
+        names = _values(path, "/B/tcp_error/identified_um", "SeriesLines:names")
     assert not path.exists()
-    lengths = [bar[:, 1, 0] - bar[:, 0, 0] for bar in bars]
-    np.testing.assert_allclose(lengths[1], 40.0 * lengths[0], rtol=1e-3)  # float32
-    assert np.abs(bars[1][:, :, 0] - RIGHT).max() <= HALF * 1.001
+    assert ["B identified"] in names
     assert {
         "/A/robot/joint_angles_deg",
         "/B/robot/joint_angles_deg",
@@ -272,38 +208,17 @@ def test_two_runs_are_drawn_on_common_axes(file, other, tmp_path):
     } <= entities
 
 
-def test_layouts_refuse_what_they_cannot_show(file, other, tmp_path):
-    with (
-        pytest.raises(InputError, match=r"wide\.rrd: holds no iterations.*--rerun"),
-        chosen_replay(other, "identify", None),
-    ):
-        pass
-    with pytest.raises(InputError, match="--against has a layout of its own"):
-        chosen_replay(file, "identify", other)
+def test_a_comparison_refuses_what_is_no_replay(file, tmp_path):
     text = tmp_path / "text.rrd"
     text.write_text("no replay")
-    with pytest.raises(InputError, match=r"text\.rrd"), chosen_replay(file, "run", text):
+    with pytest.raises(InputError, match=r"text\.rrd"), chosen_replay(file, text):
         pass
     empty = tmp_path / "empty.rrd"
     with rr.RecordingStream("other") as stream:
         stream.save(empty)
         stream.log("/x", rr.Scalars(1.0))
-    with (
-        pytest.raises(InputError, match="is no replay of a run"),
-        chosen_replay(empty, "run", file),
-    ):
+    with pytest.raises(InputError, match="is no replay of a run"), chosen_replay(empty, file):
         pass
-
-
-@pytest.mark.slow
-def test_command_saves_the_iterations_as_a_file_of_their_own(file, tmp_path):
-    saved = tmp_path / "identify.rrd"
-    done = CliRunner().invoke(
-        app, ["replay", str(file), "--layout", "identify", "--save", str(saved)]
-    )
-    assert done.exit_code == 0, done.output
-    assert _verified(saved)
-    assert _values(saved, STAGE, "TextDocument:text") == _values(file, STAGE, "TextDocument:text")
 
 
 def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(run, tmp_path):
@@ -323,8 +238,8 @@ def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(ru
 
 
 @pytest.mark.slow
-def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
-    path, log = tmp_path / "live.rrd", IterationLog(lambda _: None)
+def test_live_run_shows_the_cell(run, tmp_path):
+    path = tmp_path / "live.rrd"
     with rr.RecordingStream("live-test") as stream:
         stream.save(path)
         live = LiveRun(stream)
@@ -334,43 +249,9 @@ def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
             live.moved(
                 run.simulation.cell, motion.geometry, motion.t[rows], motion.q[rows], motion.b[rows]
             )
-        for number, step in enumerate(run.iterations, 1):
-            live.iterated(number, step)
         live.finished(run)
     assert _verified(path)
     assert _chunks(path, "/cell/robot/link6")
-    powers = np.array(_values(path, CLOSURE_POSITION, "Scalars:scalars")).ravel()
-    assert powers.size == len(run.iterations)
-    assert not log.steps
-
-
-def test_one_step_is_told_in_words(run, tmp_path):
-    path = tmp_path / "step.rrd"
-    with rr.RecordingStream("step-test") as stream:
-        stream.save(path)
-        log_step(stream, 7, run.iterations[0])
-    (page,) = _values(path, STAGE, "TextDocument:text")
-    assert page[0].startswith("## Iteration 7\n\naligning the logs and finding the ball-bar\n")
-
-
-@pytest.mark.slow
-def test_the_served_page_may_call_no_outside_host(file):
-    """The browser is told so, and nothing that it would load by itself stands in the page."""
-    port = _free_port()
-    with web_server(file, port=port) as (url, _):
-        data_port = urllib.parse.unquote(url).rpartition(":")[2].partition("/")[0]
-        with urllib.request.urlopen(url, timeout=5.0) as answer:
-            page, policy = answer.read().decode(), answer.headers["Content-Security-Policy"]
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/re_viewer.js", timeout=5.0) as answer:
-            assert len(answer.read()) > 10_000
-    assert "re_viewer.js" in page
-    assert not re.findall(
-        r"<(?:link|script|img|iframe)\b[^>]*(?:href|src)=[\"']?(?:https?:)?//[^>]*>", page
-    )
-    named = set(re.findall(r"https?://([\w.:-]+)", policy))
-    assert named == {f"127.0.0.1:{data_port}", f"localhost:{data_port}"}
-    assert policy.startswith("default-src 'self'")
-    assert "*" not in policy
 
 
 @pytest.mark.slow
@@ -385,23 +266,18 @@ def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
             "screen"
         )
     with ViewerClient.spawn(headless=True, port=port, executable_path=_rerun()) as viewer:
-        for layout, against, timeline in (
-            ("run", None, "robot_time"),
-            ("identify", None, "iteration"),
-            ("run", other, "robot_time"),
-        ):
-            with chosen_replay(file, layout, against) as path:
+        for against in (None, other):
+            with chosen_replay(file, against) as path:
                 viewer.open(str(path.resolve()))
                 time.sleep(0.3)
                 while viewer.get_state().loading:
                     time.sleep(0.1)
-                at = {"sequence": 1} if timeline == "iteration" else {"duration": 20.0}
-                viewer.set_time(timeline, **at, play_state="paused")
+                viewer.set_time("robot_time", duration=20.0, play_state="paused")
                 time.sleep(0.5)
                 state = viewer.get_state()
                 assert len(state.views) >= 5
                 assert not [report for view in state.views for report in view.reports]
-                picture = tmp_path / f"{layout}{against is not None}.png"
+                picture = tmp_path / f"{against is not None}.png"
                 viewer.save_screenshot(str(picture))
             shades = matplotlib.image.imread(picture)[..., :3].reshape(-1, 3)
             assert (

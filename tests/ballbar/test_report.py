@@ -5,32 +5,31 @@ What the recordings share stands once, what belongs to a recording once for each
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from rich.console import Console
 
 from acquisition.recording import read_recording
+from ballbar.figure_style import BEFORE
 from ballbar.replay.notes import replay_notes
 from ballbar.replay.shapes import PAINT, PLATE_BLUE
-from ballbar.report import figures as report_figures
+from ballbar.report import page as report_page
+from ballbar.report import tcp_view
 from ballbar.report.cell_picture import cell_picture
 from ballbar.report.clock import clock_rows
+from ballbar.report.maps import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
-from ballbar.report.page import begin_parts, render_report, write_report
+from ballbar.report.page import write_report
 from ballbar.report.provenance import without_folders
-from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.report.terminal import _clock, say_identification
 from ballbar.result.calibration import calibration_of
 from ballbar.result.compare import identification_against_truth
@@ -39,7 +38,6 @@ from ballbar.result.run_data import FittedRecording, RunData
 from cell.clock import Clock
 from cell.geometry import robot_frames
 from cell.number_text import NOT_DETERMINED
-from cell.processes import process_pool
 from ident.identify import identify
 from ident.options import FitOptions
 from ident.result import NamedCovariance, RecordingEstimate
@@ -63,7 +61,7 @@ from tests.helpers.page_cells import Cells
 from tests.helpers.six_axes import INDEX, PARAMETERS
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-TEMPLATES = Path(report_figures.__file__).parent / "templates"
+TEMPLATES = Path(report_page.__file__).parent / "templates"
 COMMAND = "ballbar run scenarios/irb2400.yaml"
 
 
@@ -116,16 +114,9 @@ def page(run: RunData, tmp_path_factory: pytest.TempPathFactory) -> str:
     return _page(run, tmp_path_factory.mktemp("page"))
 
 
-@pytest.fixture
-def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures take most of the time; tests about words do without."""
-    for name in ("cumulative", "workspace_map"):
-        monkeypatch.setattr(report_figures, name, lambda *_, **__: "<svg></svg>")
-
-
 def _page(data: RunData, folder_of_page: Path, *, command: str = COMMAND) -> str:
     path = folder_of_page / "report.html"
-    write_report(path, data, begin_parts(data), command=command)
+    write_report(path, data, command=command)
     return path.read_text(encoding="utf-8")
 
 
@@ -262,7 +253,7 @@ def test_the_page_requests_nothing_and_runs_its_own_script_alone(page: str) -> N
         if name in ("src", "href", "xlink:href", "srcset", "action", "poster", "data")
     ]
     assert loading
-    assert all(value.startswith(("#", "data:image/png;base64,")) for _, value in loading)
+    assert all(value.startswith("#") for _, value in loading)
     assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", page))
     assert "@import" not in page
     assert "http" not in page
@@ -283,18 +274,26 @@ def test_inner_links_lead_somewhere(page: str) -> None:
 @pytest.mark.slow
 def test_the_cell_is_painted_with_robot_plate_and_path(run: RunData) -> None:
     element = cell_picture(run.identification.robot.cell, run.recordings[0])
-    content = re.fullmatch(r'<img alt="" src="data:image/png;base64,([^"]+)">', element)
-    assert content is not None
-    pixels = imread(io.BytesIO(base64.b64decode(content[1])), format="png")
-    solid = pixels[pixels[:, :, 3] == 1.0][:, :3]
+    box = re.match(r'<svg viewBox="0 0 (\S+) (\S+)"', element)
+    assert box is not None
+    width, height = map(float, box.groups())
     paint, plate = (np.array(c, dtype=float) for c in (PAINT, PLATE_BLUE))
-    shares = [
-        np.mean(solid @ colour / np.linalg.norm(solid, axis=1) > 0.999 * np.linalg.norm(colour))
-        for colour in (paint, plate)
-    ]
-    assert shares[0] > 0.3, "the robot is the largest body"
-    assert shares[1] > 0.005, "nothing hides the plate"
-    assert 0.1 < solid.shape[0] / pixels[:, :, 0].size < 0.6, "the cell fills its picture"
+    areas = {"robot": 0.0, "plate": 0.0, "all": 0.0}
+    for outline, fill in re.findall(r'<path d="([^"]*)" fill="#(\w{6})"', element):
+        colour = np.array(list(bytes.fromhex(fill)), dtype=float)
+        for face in outline.rstrip("Z").split("Z"):
+            corners = np.array([v.split() for v in face.removeprefix("M").split("L")], dtype=float)
+            assert ((corners >= 0.0) & (corners <= (width, height))).all(), "all of it is seen"
+            x, y = corners.T
+            area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+            areas["all"] += area
+            for name, paint_of in (("robot", paint), ("plate", plate)):
+                likeness = colour @ paint_of / np.linalg.norm(colour) / np.linalg.norm(paint_of)
+                areas[name] += area * (likeness > 0.999)
+    assert areas["robot"] > 0.3 * areas["all"], "the robot is the largest body"
+    assert areas["plate"] > 0.005 * areas["all"]
+    assert 0.1 < areas["all"] / (width * height) < 0.6, "the cell fills its picture"
+    assert f'stroke="{BEFORE}"' in element, "the path of the tool"
 
 
 @pytest.mark.slow
@@ -316,7 +315,7 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
     page = _page(data, tmp_path, command=f"ballbar run {evil}")
     parsed = _Page(page)
     assert "<code>&lt;script&gt;" in page, "what stands between backticks is code"
-    assert parsed.tags.count("img") == 1, "our own picture of the cell, and none of the text's"
+    assert "img" not in parsed.tags
     assert parsed.tags.count("script") == 1
     assert parsed.text.count("onerror=alert(1)") >= 6
 
@@ -327,10 +326,9 @@ def test_the_page_is_small(page: str) -> None:
 
 @pytest.mark.slow
 def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
-    run: RunData, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: RunData, page: str, tmp_path: Path
 ) -> None:
     first = page.splitlines()
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1")  # matplotlib would put it into the figures
     second = _page(run, tmp_path).splitlines()
     stamp = re.compile(r'<p class="written">Written \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\.</p>')
     assert len([line for line in first if stamp.fullmatch(line)]) == 1
@@ -340,7 +338,6 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
     run: RunData, tmp_path: Path
 ) -> None:
@@ -367,7 +364,6 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize(
     ("status", "band", "heading"),
     [
@@ -390,7 +386,6 @@ def test_the_band_takes_colour_and_word_from_the_verdict(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) -> None:
     estimate = run.recordings[0].estimate
     assert "cost per residual" not in _page(run, tmp_path)
@@ -435,7 +430,6 @@ def test_input_files_stand_with_their_hashes_relative_to_the_recording(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path) -> None:
     scenario = SCENARIOS / "irb2400.yaml"
     parsed = _Page(_page(replace(run, scenario_files=(scenario,)), tmp_path))
@@ -574,7 +568,6 @@ def test_the_command_is_shown_without_folders_of_this_computer(command: str, sho
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_path: Path) -> None:
     missed = replace(
         run,
@@ -587,20 +580,6 @@ def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_
     assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text
 
 
-@pytest.mark.long
-def test_a_second_process_draws_the_same_page(run: RunData) -> None:
-    written = datetime(2026, 1, 1, tzinfo=UTC)
-    alone = render_report(run, begin_parts(run), command=COMMAND, written=written)
-    with process_pool(1, int) as pool:
-
-        def begin(work: Callable[..., object], *arguments: object) -> Callable[[], object]:
-            return pool.submit(work, *arguments).result
-
-        assert (
-            render_report(run, begin_parts(run, begin), command=COMMAND, written=written) == alone
-        )
-
-
 def _raise(*_: object, **__: object) -> str:
     raise RuntimeError("no figure today")
 
@@ -610,18 +589,17 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
     run: RunData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "report.html"
-    monkeypatch.setattr(report_figures, "cumulative", _raise)
+    monkeypatch.setattr(tcp_view, "cumulative", _raise)
     with pytest.raises(RuntimeError, match="no figure today"):
-        write_report(path, run, begin_parts(run), command=COMMAND)
+        write_report(path, run, command=COMMAND)
     assert list(tmp_path.iterdir()) == []
     path.write_text("the report of yesterday")
     with pytest.raises(RuntimeError, match="no figure today"):
-        write_report(path, run, begin_parts(run), command=COMMAND)
+        write_report(path, run, command=COMMAND)
     assert [p.read_text() for p in tmp_path.iterdir()] == ["the report of yesterday"]
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
         _page(_with(run, folder=tmp_path / "gone"), tmp_path)

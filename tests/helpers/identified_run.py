@@ -7,7 +7,6 @@ from pathlib import Path
 
 from acquisition.recording import read_recording
 from ballbar.result.compare import identification_against_truth
-from ballbar.result.iterations import IterationLog
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
@@ -21,7 +20,7 @@ SCENARIO = SCENARIOS / "irb2400.yaml"
 
 
 def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
-    """A minute of the kinematic plant, identified from few samples, its iterations watched."""
+    """A minute of the kinematic plant, identified from few samples."""
     scenario = load_scenario(SCENARIO)
     scenario = scenario.model_copy(
         update={
@@ -34,13 +33,8 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
     simulation = simulate(scenario, relative_to=SCENARIO.parent)
     write_recording(simulation, scenario, folder / "recording")
     recording = read_recording(folder / "recording")
-    log = IterationLog(lambda _: None)
     found = identify(
-        simulation.cell,
-        recording.robot_log,
-        recording.ballbar_log,
-        options=FitOptions(samples=300),
-        listener=log.listener,
+        simulation.cell, recording.robot_log, recording.ballbar_log, options=FitOptions(samples=300)
     )
     comparison = identification_against_truth(found, simulation.truth)
     limits = (
@@ -51,4 +45,4 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
         "minute", folder / "recording", recording, found.recordings[0]
     )
     data = RunData("minute", (fitted_recording,), found, simulation, comparison, limits)
-    return replace(data, scenario=scenario, iterations=tuple(log.steps))
+    return replace(data, scenario=scenario)

@@ -9,6 +9,12 @@ document.body.append(box);
 const numbers = (text) => text.split(" ").map(Number);
 const shown = (value) => Number(value.toPrecision(3)).toString().replace("-", "\u2212");
 
+function between([low, high], share, log) {
+  if (log) return low * (high / low) ** share;
+  const v = low + share * (high - low);
+  return Math.abs(v) < 1e-3 * (high - low) ? 0 : v;
+}
+
 function curves(plot) {
   plot.curves ??= [...plot.querySelectorAll("path[data-name]")].map((path) => ({
     name: path.dataset.name,
@@ -20,14 +26,7 @@ function curves(plot) {
 
 function lines(plot, x) {
   const [, top, , tall] = numbers(plot.dataset.box);
-  let [low, high] = numbers(plot.dataset.y);
-  const log = plot.dataset.log === "1";
-  if (log) [low, high] = [Math.log10(low), Math.log10(high)];
-  const value = (y) => {
-    const v = low + ((top + tall - y) / tall) * (high - low);
-    if (log) return 10 ** v;
-    return Math.abs(v) < 1e-3 * (high - low) ? 0 : v;
-  };
+  const value = (y) => between(numbers(plot.dataset.y), (top + tall - y) / tall, numbers(plot.dataset.log)[1]);
   return curves(plot).filter((c) => c.points.length).map((c) => {
     const nearest = c.points.reduce((a, b) => (Math.abs(b[0] - x) < Math.abs(a[0] - x) ? b : a));
     const ys = c.points.filter((p) => Math.abs(p[0] - nearest[0]) < 0.5).map((p) => value(p[1]));
@@ -54,12 +53,11 @@ for (const svg of document.querySelectorAll("svg.plots")) {
     });
     if (!inside) return leave();
     const [left, top, wide, tall] = numbers(inside.dataset.box);
-    const [first, last] = numbers(inside.dataset.x);
     for (const [name, value] of Object.entries({ x1: at.x, x2: at.x, y1: top, y2: top + tall }))
       cursor.setAttribute(name, value);
     cursor.style.display = "";
     const head = document.createElement("div");
-    head.textContent = shown(first + ((at.x - left) / wide) * (last - first));
+    head.textContent = shown(between(numbers(inside.dataset.x), (at.x - left) / wide, numbers(inside.dataset.log)[0]));
     box.replaceChildren(head, ...lines(inside, at.x).map((line) => {
       const row = document.createElement("div");
       row.textContent = line.text;
