@@ -25,7 +25,7 @@ _PUBLIC = {
     "ident.result": "Identification",
     "ident.held_out": "HeldOut held_out",
     "cell.poses": "PoseGroup PoseTable",
-    "acquisition.poses.reading": "read_poses",
+    "acquisition.pose_tables": "read_poses",
     "ident.poses.identify": "PoseOptions identify_poses",
     "ident.poses.result": "PoseIdentification",
     "ident.poses.verification": "Verification verify",
@@ -50,7 +50,7 @@ _HOME = {name: module for module, names in _PUBLIC.items() for name in names.spl
 __all__ = sorted(_HOME)  # noqa: PLE0605  the table is the list
 
 if TYPE_CHECKING:  # the same names, for type checkers and editors
-    from acquisition.poses.reading import read_poses as read_poses
+    from acquisition.pose_tables import read_poses as read_poses
     from acquisition.recording import Recording as Recording
     from acquisition.recording import read_recording as read_recording
     from ballbar.result.calibration import Calibration as Calibration

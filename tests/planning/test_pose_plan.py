@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from typer.testing import CliRunner
 
 from acquisition.formats.rapid import jointtarget_text
-from acquisition.poses import import_poses
+from acquisition.pose_tables import import_poses
 from acquisition.table.text import LogText
 from ballbar.commands.cli import app
 from cell.arrays import Array
