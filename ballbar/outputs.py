@@ -16,8 +16,7 @@ from cell.files import write_whole
 from cell.processes import Begin
 
 if TYPE_CHECKING:  # an identification of recordings does without still poses
-    from ballbar.result.compare_poses import PoseComparison
-    from ballbar.result.pose_run import PoseRun
+    from ballbar.result.pose_run import Run
 
 SENT_ROWS = 500_000  # of the robot's logs, half an hour at 250 Hz
 
@@ -25,15 +24,9 @@ Progress = Callable[[str], None]
 
 
 def write_outputs(
-    out: Path,
-    data: RunData,
-    *,
-    command: str,
-    replay: bool,
-    progress: Progress,
-    begin: Begin = partial,
+    out: Path, run: Run, *, command: str, replay: bool, progress: Progress, begin: Begin = partial
 ) -> None:
-    """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd.
+    """Writes calibration.yaml, report.html, with `replay` run.rrd, and of logs import_report.json.
 
     begin : writes the replay meanwhile (cell.processes).
 
@@ -41,14 +34,16 @@ def write_outputs(
     """
     from ballbar.report.page import write_report  # noqa: PLC0415  imports Jinja
 
-    if sum(recording.robot_log.t.size for _, _, recording in data.read) > SENT_ROWS:
+    logs = run.read if isinstance(run, RunData) else ()
+    if sum(recording.robot_log.t.size for _, _, recording in logs) > SENT_ROWS:
         begin = partial  # a second process would hold the logs twice more
-    written = begin(_replay, out / REPLAY, data) if replay else None
-    refusal = _refusal(partial(write_calibration, out / CALIBRATION, data))
-    reports = {name: recording for name, _, recording in data.read}
-    write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
+    written = begin(_replay, out / REPLAY, run) if replay else None
+    refusal = _refusal(out / CALIBRATION, run)
+    if logs:
+        reports = {name: recording for name, _, recording in logs}
+        write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     progress("writing the report")
-    write_report(out / REPORT, data, command=command)
+    write_report(out / REPORT, run, command=command)
     if written is not None:
         progress("writing the replay")
         written()
@@ -56,44 +51,21 @@ def write_outputs(
         raise refusal
 
 
-def write_pose_outputs(
-    out: Path,
-    run: PoseRun,
-    comparison: PoseComparison | None = None,
-    *,
-    command: str,
-    replay: bool,
-    progress: Progress,
-) -> None:
-    """Writes calibration.yaml, report.html and, with `replay`, run.rrd of still poses.
-
-    Raises as `write_outputs`.
-    """
-    from ballbar.report.pose_page import write_pose_report  # noqa: PLC0415  imports Matplotlib
+def _refusal(path: Path, run: Run) -> RefusedResultError | None:
+    """Writes a result; its refusal is to be raised once all else is written."""
     from ballbar.result.pose_calibration import write_pose_calibration  # noqa: PLC0415
 
-    refusal = _refusal(partial(write_pose_calibration, out / CALIBRATION, run))
-    progress("writing the report")
-    write_pose_report(out / REPORT, run, comparison, command=command)
-    if replay:
-        from ballbar.replay.pose_replay import write_pose_replay  # noqa: PLC0415  imports Rerun
-
-        progress("writing the replay")
-        write_pose_replay(out / REPLAY, run)
-    if refusal is not None:
-        raise refusal
-
-
-def _refusal(write: Callable[[], None]) -> RefusedResultError | None:
-    """Writes a result; its refusal is to be raised once all else is written."""
     try:
-        write()
+        if isinstance(run, RunData):
+            write_calibration(path, run)
+        else:
+            write_pose_calibration(path, run)
     except RefusedResultError as error:
         return error
     return None
 
 
-def _replay(path: Path, data: RunData) -> None:
+def _replay(path: Path, run: Run) -> None:
     from ballbar.replay.write import write_replay  # noqa: PLC0415  imports Rerun
 
-    write_replay(path, data)
+    write_replay(path, run)

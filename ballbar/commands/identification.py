@@ -172,8 +172,8 @@ def _identify_poses(
 ) -> None:
     """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
     from ballbar.commands.result_json import pose_run_data
-    from ballbar.outputs import write_pose_outputs
-    from ballbar.report.pose_terminal import say_poses
+    from ballbar.outputs import write_outputs
+    from ballbar.report.terminal import say_identification
     from ballbar.result.names import POSE_OUTPUTS
     from ballbar.result.pose_run import identify_pose_folders
     from cell.files import claimed_folder
@@ -183,10 +183,10 @@ def _identify_poses(
     options = _pose_options(joint_errors)
     with claimed_folder(folder, POSE_OUTPUTS, "the result"), progress_bar() as progress:
         run = identify_pose_folders(folders, validate, options=options, progress=progress)
-        write_pose_outputs(folder, run, command=command_line(), replay=rerun, progress=progress)
+        write_outputs(folder, run, command=command_line(), replay=rerun, progress=progress)
     if as_json:
         say_json(pose_run_data(run, folder))
-    say_poses(out, run)
+    say_identification(out, run)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.limits import Limit
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
-    from ballbar.run_poses import PoseScenarioRun
     from ballbar.sweep.run import Outcome
     from ident.robot.accuracy import TcpError
     from sim.poses.simulate import PoseSimulation
@@ -56,16 +55,17 @@ def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
     }
 
 
-def pose_scenario_data(data: PoseScenarioRun, folder: Path) -> dict[str, object]:
+def pose_scenario_data(run: PoseRun, folder: Path) -> dict[str, object]:
     """JSON of `run` on a scenario of still poses: as `pose_run_data`, comparison and limits."""
-    return pose_run_data(data.run, folder) | {
-        "acceptable": data.acceptable,
-        "plant": data.simulation.plant,
+    assert run.simulation is not None  # of a scenario there always are both
+    assert run.comparison is not None
+    return pose_run_data(run, folder) | {
+        "plant": run.simulation.plant,
         "comparison": {
-            "tcp_error": _tcp(data.comparison.tcp),
-            "tcp_error_nominal": _tcp(data.comparison.tcp_nominal),
+            "tcp_error": _tcp(run.comparison.tcp),
+            "tcp_error_nominal": _tcp(run.comparison.tcp_nominal),
         },
-        "limits": [asdict(limit) for limit in data.limits],
+        "limits": [asdict(limit) for limit in run.limits],
     }
 
 

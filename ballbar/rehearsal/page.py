@@ -10,8 +10,8 @@ from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.rehearsal.day import FIRST, PLAN, RESULT, Rehearsal, Stage
 from ballbar.report.line_plot import Curve, Distribution, Plot, cumulative, draw
 from ballbar.report.numbers import millimetres
-from ballbar.report.page import template
 from ballbar.report.provenance import versions, without_folders
+from ballbar.report.section import template
 from ballbar.report.summary import Tile
 from ballbar.units import MM
 from cell.foreign_text import printable

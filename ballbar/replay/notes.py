@@ -16,6 +16,7 @@ from ballbar.replay.parameters import units_of
 from ballbar.report.numbers import with_and_without
 from ballbar.result.compare import Comparison
 from ballbar.result.limits import Limit
+from ballbar.result.pose_run import Run
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
 from cell.foreign_text import markdown
@@ -25,8 +26,18 @@ from ident.result import FitStatistics, Identification, RecordingEstimate, Robot
 Rows = list[tuple[str, str]]
 
 
-def replay_notes(data: RunData) -> str:
-    """Verdict, key figures, remarks, dropped parameters; parameters of machine and recordings."""
+def replay_notes(run: Run) -> str:
+    """Verdict and remarks; of logs key figures, dropped parameters, machine and recordings too."""
+    if isinstance(run, RunData):
+        return _notes_of_logs(run)
+    verdict = run.identification.verdict
+    sentences = (run.name, verdict.sentence, *(outcome.sentence for outcome in run.outcomes))
+    title, *texts = map(markdown, sentences)
+    warnings = [f"- {markdown(warning)}" for warning in verdict.warnings]
+    return "\n\n".join([f"# {title}", *texts, *warnings])
+
+
+def _notes_of_logs(data: RunData) -> str:
     result, comparison = data.identification, data.comparison
     robot, tcp = result.robot, result.robot.tcp
     stated = with_and_without(tcp.sigma, tcp.without_scale, robot.cell)

@@ -86,10 +86,17 @@ def log_poses(stream: Branch, motion: CellMotion) -> None:
     """Poses of every body that moves."""
     for entity, frames, row in _moving(motion):
         if row:
-            columns = rr.Transform3D.columns(
-                translation=frames.origin[row].T, quaternion=quat_xyzw(frames.rotation(row))
-            )
-            stream.send_columns(entity, indexes=at(motion.t), columns=columns)
+            log_frame(stream, entity, frames, row, at(motion.t))
+
+
+def log_frame(
+    stream: Branch, entity: str, frames: Frames, row: int, indexes: Sequence[rr.TimeColumn]
+) -> None:
+    """Poses of one frame of a chain."""
+    columns = rr.Transform3D.columns(
+        translation=frames.origin[row].T, quaternion=quat_xyzw(frames.rotation(row))
+    )
+    stream.send_columns(entity, indexes=indexes, columns=columns)
 
 
 def quat_xyzw(rotation: Array) -> Array:

@@ -2,20 +2,22 @@
 
 Lengths in m in the 3D scene; other units stand in the entity names. The timeline `robot_time` is
 seconds on the robot's clock from the first row of its log. Recordings that were fitted together
-stand side by side, each below its own root, and start together. Paths and roots:
-ballbar.replay.entities.
+stand side by side, each below its own root, and start together. Still poses have a timeline of
+their own (ballbar.replay.still_poses). Paths and roots: ballbar.replay.entities.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from ballbar.replay.blueprint import Shown, layout
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
@@ -25,9 +27,12 @@ from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, recording_series, truth_series
+from ballbar.replay.still_poses import log_still_poses, still_layout
+from ballbar.result.pose_run import PoseRun, Run
 from ballbar.result.run_data import FittedRecording, RunData
 
-APPLICATION = "ballbar"  # fixed: the viewer keeps one layout per application
+# fixed: the viewer keeps one layout per application
+APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,67 +47,70 @@ class _Part:
     series: dict[str, Series]
 
 
-@dataclass(frozen=True, eq=False)
-class _Replay:
-    """One run, ready to be sent."""
-
-    data: RunData
-    parts: tuple[_Part, ...]
-
-    def log(self, stream: rr.RecordingStream) -> None:
-        data, robot = self.data, self.data.identification.robot
-        stream.send_recording_name(data.name)
-        stream.log(NOTES, _page(replay_notes(data)), static=True)
-        log_parameters(stream, data)
-        for part in self.parts:
-            branch, geometry = Branch(stream, part.root), part.fitted.estimate.geometry
-            branch.log(SCENARIO, _page(scenario_page(data, part.fitted)), static=True)
-            branch.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            log_shapes(branch, robot.cell, geometry, part.motion)
-            log_poses(branch, part.motion)
-            log_coverage(branch, part.motion, geometry)
-            log_tool(branch, part.motion)
-            if part.truth is not None:
-                log_truth(branch, part.truth, part.motion.t, geometry)
-            log_events(branch, recording_events(part.fitted, part.motion))
-            for entity, series in part.series.items():
-                log_series(branch, entity, series)
-
-
-def write_replay(path: Path, data: RunData) -> None:
+def write_replay(path: Path, run: Run) -> None:
     """Write the replay of one run as an .rrd file, whole or not at all; folders are made."""
-    replay = _replay(data)
+    view, log = _prepared(run)
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{path.name}.part")
     try:
-        with _stream(data) as stream:
-            stream.save(aside, default_blueprint=layout(_shown(replay)))
-            replay.log(stream)
+        with _stream(run) as stream:
+            stream.save(aside, default_blueprint=view)
+            log(stream)
         aside.replace(path)
     finally:
         aside.unlink(missing_ok=True)
 
 
-def send_replay(address: str, data: RunData) -> None:
+def send_replay(address: str, run: Run) -> None:
     """Send the same to a viewer that is open."""
-    replay = _replay(data)
-    with _stream(data) as stream:
-        stream.connect_grpc(address, default_blueprint=layout(_shown(replay)))
-        replay.log(stream)
+    view, log = _prepared(run)
+    with _stream(run) as stream:
+        stream.connect_grpc(address, default_blueprint=view)
+        log(stream)
 
 
-def recording_id(data: RunData) -> str:
+def recording_id(run: Run) -> str:
     """The name of the run and a digest of logs and estimates: the same run, the same id."""
     digest = hashlib.sha256()
-    for fitted in data.recordings:
+    if isinstance(run, PoseRun):
+        digest.update(run.identification.table.q.tobytes())
+        return f"{run.name}-{digest.hexdigest()[:12]}"
+    for fitted in run.recordings:
         log = fitted.recording.robot_log
         for values in (log.t, log.q, fitted.estimate.geometry.values):
             digest.update(values.tobytes())
-    return f"{data.name}-{digest.hexdigest()[:12]}"
+    return f"{run.name}-{digest.hexdigest()[:12]}"
 
 
-def _replay(data: RunData) -> _Replay:
-    return _Replay(data, tuple(_part(data, fitted) for fitted in data.recordings))
+def _prepared(run: Run) -> tuple[rrb.Blueprint, Callable[[rr.RecordingStream], None]]:
+    """The layout of a replay, and what writes its content."""
+    if isinstance(run, PoseRun):
+        return still_layout(), partial(_log, run=run, parts=())
+    parts = [_part(run, fitted) for fitted in run.recordings]
+    return layout(_shown(run, parts)), partial(_log, run=run, parts=parts)
+
+
+def _log(stream: rr.RecordingStream, run: Run, parts: Sequence[_Part]) -> None:
+    stream.send_recording_name(run.name)
+    stream.log(NOTES, _page(replay_notes(run)), static=True)
+    if isinstance(run, PoseRun):
+        log_still_poses(stream, run)
+        return
+    robot = run.identification.robot
+    log_parameters(stream, run)
+    for part in parts:
+        branch, geometry = Branch(stream, part.root), part.fitted.estimate.geometry
+        branch.log(SCENARIO, _page(scenario_page(run, part.fitted)), static=True)
+        branch.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        log_shapes(branch, robot.cell, geometry, part.motion)
+        log_poses(branch, part.motion)
+        log_coverage(branch, part.motion, geometry)
+        log_tool(branch, part.motion)
+        if part.truth is not None:
+            log_truth(branch, part.truth, part.motion.t, geometry)
+        log_events(branch, recording_events(part.fitted, part.motion))
+        for entity, series in part.series.items():
+            log_series(branch, entity, series)
 
 
 def _part(data: RunData, fitted: FittedRecording) -> _Part:
@@ -122,10 +130,10 @@ def _part(data: RunData, fitted: FittedRecording) -> _Part:
     )
 
 
-def _shown(replay: _Replay) -> list[Shown]:
-    robot = replay.data.identification.robot.cell.robot
+def _shown(data: RunData, parts: Sequence[_Part]) -> list[Shown]:
+    robot = data.identification.robot.cell.robot
     reach, shown = float(np.abs(robot.d).sum() + np.abs(robot.a).sum()), []
-    for part in replay.parts:
+    for part in parts:
         x, y, _ = part.fitted.estimate.geometry.origin
         plots = {
             entity: float(np.abs(series.values).max(initial=0.0))
@@ -149,9 +157,10 @@ def _page(text: str) -> rr.TextDocument:
 
 
 @contextmanager
-def _stream(data: RunData) -> Iterator[rr.RecordingStream]:
+def _stream(run: Run) -> Iterator[rr.RecordingStream]:
+    application = STILL_APPLICATION if isinstance(run, PoseRun) else APPLICATION
     # without properties: they would hold the time of writing, and make the files of one run differ
-    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id(data), send_properties=False)
+    stream = rr.RecordingStream(application, recording_id=recording_id(run), send_properties=False)
     try:
         with stream:
             yield stream

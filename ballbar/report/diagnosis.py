@@ -1,4 +1,4 @@
-"""The page's section on what drives the TCP error, and what would help most next."""
+"""The section on what drives the TCP error, and what would help most next."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 
 from ballbar.replay.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
+from ballbar.report.section import MACHINE, Section, section
+from ballbar.result.pose_run import Run
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM
 from cell.arrays import Array
@@ -71,28 +73,22 @@ class StepRow:
 
 
 @dataclass(frozen=True)
-class DiagnosisSection:
-    """Drivers before and after, and next steps."""
+class Steps:
+    """What would help most next."""
 
-    before: list[DriverRow]
-    after: list[DriverRow]
-    advice: str  # one sentence; empty where nothing was predicted
-    present: str  # predicted of what was recorded
-    steps: list[StepRow]
+    advice: str = ""  # one sentence; empty where nothing was predicted
+    present: str = ""  # predicted of what was recorded
+    rows: tuple[StepRow, ...] = ()
 
 
-def diagnosis(data: RunData) -> DiagnosisSection:
-    """The section of a run."""
-    result = data.identification
-    robot = result.robot
-    parts = correction_parts(robot, accuracy_grid(robot.cell.robot))
-    sentences = {c.name: c.sentence for c in robot.corrections}
-    section = DiagnosisSection(
-        before=_before(parts, sentences), after=_after(robot.tcp), advice="", present="", steps=[]
-    )
+def steps_of(run: Run) -> Steps:
+    """Predicted next steps of a ball-bar's logs, where nothing is to be repaired first."""
+    if not isinstance(run, RunData):
+        return Steps()
+    result, robot = run.identification, run.identification.robot
     if robot.cell.ballbar.stroke is not None or result.verdict.status not in ENOUGH:
-        return section
-    recordings = [recorded_passage(fitted) for fitted in data.recordings]
+        return Steps()
+    recordings = [recorded_passage(fitted) for fitted in run.recordings]
     present = predicted(robot, result.fit.excess, recordings)
     paths = {
         file.stem: load_lissajous(file)
@@ -100,13 +96,31 @@ def diagnosis(data: RunData) -> DiagnosisSection:
         if (file := SHIPPED / "paths" / f"{robot.cell.robot.name}_{kind}.yaml").is_file()
     }
     steps = next_steps(robot, result.fit.excess, recordings, paths)
-    return DiagnosisSection(
-        before=section.before,
-        after=section.after,
+    return Steps(
         advice=_advice(steps, present),
         present=f"{_mm(present.sigma)} mm with the scale, {_mm(present.without_scale)} mm without",
-        steps=[_step_row(step, present) for step in steps],
+        rows=tuple(_step_row(step, present) for step in steps),
     )
+
+
+def diagnosis_section(run: Run, steps: Steps) -> list[Section]:
+    """Drivers of the error before and after, and next steps."""
+    if not isinstance(run, RunData):
+        return []
+    robot = run.identification.robot
+    parts = correction_parts(robot, accuracy_grid(robot.cell.robot))
+    sentences = {c.name: c.sentence for c in robot.corrections}
+    return [
+        section(
+            "diagnosis.html",
+            {"diagnosis": "Diagnosis"},
+            MACHINE,
+            before=_before(parts, sentences),
+            after=_after(robot.tcp),
+            several=run.several,
+            steps=steps,
+        )
+    ]
 
 
 def _before(parts: Sequence[CorrectionPart], sentences: dict[str, str]) -> list[DriverRow]:

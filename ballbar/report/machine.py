@@ -1,29 +1,23 @@
-"""The page's sections about the machine: what all recordings have in common stands once."""
+"""Sections about the machine: what all recordings have in common stands once."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from acquisition.report import ImportReport
 from ballbar.report.corrections import (
-    CorrectionTable,
     coefficient_text,
     coefficients_at_prior,
     correction_tables,
     parameters_at_prior,
 )
+from ballbar.report.maps import correlation_map
 from ballbar.report.numbers import MISSING, capitalised, significant
-from ballbar.report.parameters import (
-    LeftAtNominal,
-    ParameterGroup,
-    left_at_nominal,
-    not_requested,
-    parameter_groups,
-)
+from ballbar.report.parameters import left_at_nominal, not_requested, parameter_groups
 from ballbar.report.recording import OVERVIEW, overview_cells
-from ballbar.report.tracker import TrackerSection, tracker_section
+from ballbar.report.section import MACHINE, Section, section
+from ballbar.report.tracker import tracker_section
 from ballbar.result.compare import z_rms
+from ballbar.result.pose_run import Run
 from ballbar.result.run_data import RunData, Validation
 from ballbar.units import MM
 from ident.estimator.uncertainty import correlated_groups
@@ -39,75 +33,64 @@ class HeldOutRow:
     identified: str
 
 
-@dataclass(frozen=True)
-class HeldOutSection:
-    """A recording that took no part in the identification."""
-
-    name: str
-    rows: list[HeldOutRow]
-    step_faults: list[str]  # sentences
-    tracker: TrackerSection | None
-    imported: ImportReport
-
-
-@dataclass(frozen=True)
-class OverviewRow:
-    """One property of every recording."""
-
-    name: str
-    cells: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class MachineSection:
-    """Parameters, corrections and uncertainty of robot and ball-bar."""
-
-    groups: list[ParameterGroup]
-    z_rms: float | None  # None where the truth is not known
-    left_at_nominal: list[LeftAtNominal]
-    not_requested: list[str]
-    correlated: list[str]  # names of each group
-    corrections: list[CorrectionTable]
-    at_prior: list[str]
-    coefficients_at_prior: list[tuple[str, str]]  # name and value
-    held_out: list[HeldOutSection]
-    names: list[str]  # of the recordings
-    overview: list[OverviewRow]
-
-
-def machine_section(data: RunData) -> MachineSection:
-    """The section of a run."""
-    robot, comparison = data.identification.robot, data.comparison
-    groups = correlated_groups(robot.covariance.values, robot.covariance.names)
-    columns = [overview_cells(fitted) for fitted in data.recordings]
-    overview = zip(OVERVIEW, zip(*columns, strict=True), strict=True)
-    return MachineSection(
-        groups=parameter_groups(robot, comparison),
-        z_rms=z_rms(data.identification, comparison) if comparison else None,
-        left_at_nominal=left_at_nominal(robot),
-        not_requested=not_requested(robot),
-        correlated=[", ".join(names) for names in groups],
-        corrections=correction_tables(robot),
-        at_prior=parameters_at_prior(robot),
-        coefficients_at_prior=[(c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)],
-        held_out=held_out_sections(data.validations),
-        names=[fitted.name for fitted in data.recordings],
-        overview=[OverviewRow(*row) for row in overview],
-    )
-
-
-def held_out_sections(validations: Sequence[Validation]) -> list[HeldOutSection]:
-    """A section for each held-out recording."""
+def machine_section(run: Run) -> list[Section]:
+    """Held-out recordings, parameters, corrections, fit, and an overview of the recordings."""
+    if not isinstance(run, RunData):
+        return []
+    robot, comparison = run.identification.robot, run.comparison
+    covariance, corrections = robot.covariance, correction_tables(robot)
+    groups = correlated_groups(covariance.values, covariance.names)
+    columns = [overview_cells(fitted) for fitted in run.recordings]
+    links = {
+        "held-out": "Held-out" if run.validations else "",
+        "parameters": "Parameters",
+        "corrections": "Corrections" if corrections else "",
+        "fit": "Fit",
+        "recordings": "Recordings" if run.several else "",
+    }
     return [
-        HeldOutSection(
-            name=validation.outcome.name,
-            rows=_held_out_rows(validation.outcome),
-            step_faults=[capitalised(f.sentence) for f in validation.outcome.step_faults],
-            tracker=tracker_section(validation.outcome.tracker),
-            imported=validation.recording.report,
+        section(
+            "machine.html",
+            links,
+            MACHINE,
+            result=run.identification,
+            against_truth=comparison is not None,
+            several=run.several,
+            held_out=[_held_out(validation) for validation in run.validations],
+            groups=parameter_groups(robot, comparison),
+            z_rms=z_rms(run.identification, comparison) if comparison else None,
+            left_at_nominal=left_at_nominal(robot),
+            not_requested=not_requested(robot),
+            correlated=[", ".join(names) for names in groups],
+            correlations=correlation_map(covariance, groups),
+            corrections=corrections,
+            at_prior=parameters_at_prior(robot),
+            coefficients_at_prior=[
+                (c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)
+            ],
+            names=[fitted.name for fitted in run.recordings],
+            overview=list(zip(OVERVIEW, zip(*columns, strict=True), strict=True)),
         )
-        for validation in validations
     ]
+
+
+def held_out_imports(run: Run) -> list[Section]:
+    """How the held-out recordings were read."""
+    if not isinstance(run, RunData) or not run.validations:
+        return []
+    imports = [(v.outcome.name, v.recording.report) for v in run.validations]
+    return [section("held_out_imports.html", {}, MACHINE, imports=imports)]
+
+
+def _held_out(validation: Validation) -> dict[str, object]:
+    """A recording that took no part in the identification."""
+    outcome = validation.outcome
+    return {
+        "name": outcome.name,
+        "rows": _held_out_rows(outcome),
+        "step_faults": [capitalised(fault.sentence) for fault in outcome.step_faults],
+        "tracker": tracker_section(outcome.tracker),
+    }
 
 
 def _held_out_rows(outcome: HeldOut) -> list[HeldOutRow]:

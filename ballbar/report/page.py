@@ -1,79 +1,82 @@
 """report.html: one page about one run, the verdict in sentences before any number.
 
-RunData -> summary, TCP view, diagnosis, machine, recordings, provenance -> templates/report.html.
-Its script shows values at the cursor and asks no host for anything.
+Each section says itself whether the run has what it shows. The script of the page shows values at
+the cursor and asks no host for anything.
 """
 
 from __future__ import annotations
 
-import re
 from datetime import UTC, datetime
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-from markupsafe import Markup, escape
-
-from ballbar.report.machine import machine_section
-from ballbar.report.maps import correlation_map
-from ballbar.report.numbers import significant
-from ballbar.report.provenance import provenance
-from ballbar.report.recording import recording_section
+from ballbar.report.diagnosis import diagnosis_section, steps_of
+from ballbar.report.machine import held_out_imports, machine_section
+from ballbar.report.provenance import provenance_section
+from ballbar.report.recording import recording_sections
+from ballbar.report.section import MACHINE, Section, section, template
+from ballbar.report.still_poses import (
+    error_section,
+    joint_error_section,
+    place_sections,
+    robot_section,
+)
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
+from ballbar.result.pose_run import Run
 from ballbar.result.run_data import RunData
 from cell.files import write_whole
 from cell.foreign_text import printable
-from ident.estimator.uncertainty import correlated_groups
 
 
-def write_report(path: Path, data: RunData, *, command: str) -> None:
+def write_report(path: Path, run: Run, *, command: str) -> None:
     """Write the report of one run, whole or not at all.
 
     command : as the user typed it; absolute paths in it are cut to their last part.
     """
-    page = render_report(data, command=command, written=datetime.now(UTC))
+    page = render_report(run, command=command, written=datetime.now(UTC))
     write_whole(path, printable(page, allowed="\n\t").encode())
 
 
-def render_report(data: RunData, *, command: str, written: datetime) -> str:
+def render_report(run: Run, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
-    from ballbar.report.diagnosis import diagnosis  # noqa: PLC0415  imports the planner
-
-    view, covariance = tcp_view(data), data.identification.robot.covariance
+    view = tcp_view(run) if isinstance(run, RunData) else None
+    steps = steps_of(run)
+    sections = [
+        *error_section(run),
+        *tcp_section(run, view),
+        *diagnosis_section(run, steps),
+        *machine_section(run),
+        *joint_error_section(run),
+        *robot_section(run),
+        *place_sections(run),
+        *recording_sections(run),
+        *held_out_imports(run),
+        provenance_section(run, command, written),
+        _limits(run, view.scale if view else None),
+    ]
     return template("report.html").render(
-        title=data.name,
-        result=data.identification,
-        against_truth=data.comparison is not None,
-        several=data.several,
-        summary=summary(data, view),
-        tcp=tcp_section(data, view),
-        diagnosis=diagnosis(data),
-        machine=machine_section(data),
-        correlations=correlation_map(
-            covariance, correlated_groups(covariance.values, covariance.names)
-        ),
-        recordings=[
-            recording_section(data, number, fitted)
-            for number, fitted in enumerate(data.recordings, start=1)
-        ],
-        provenance=provenance(data, command, written),
+        title=run.name,
+        summary=summary(run, view, steps.advice),
+        sections=sections,
+        navigation=_navigation(sections),
     )
 
 
-def template(name: str) -> Template:
-    """A page of ballbar/report/templates: text from files is escaped, a missing value an error."""
-    environment = Environment(
-        loader=PackageLoader("ballbar.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+def _limits(run: Run, scale: float | None) -> Section:
+    return section(
+        "limits.html",
+        {"limits": "How to read"},
+        MACHINE if isinstance(run, RunData) else "",
+        result=run.identification,
+        moving=isinstance(run, RunData),
+        against_truth=run.comparison is not None,
+        scale=scale,
     )
-    environment.globals["significant"] = significant
-    environment.filters["with_code"] = _with_code
-    return environment.get_template(name)
 
 
-def _with_code(text: str) -> Markup:
-    """A sentence, escaped, with what stands between backticks as code."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+def _navigation(sections: list[Section]) -> dict[str, list[tuple[str, str]]]:
+    """Links of all sections, row by row."""
+    rows: dict[str, list[tuple[str, str]]] = {}
+    for part in sections:
+        rows.setdefault(part.row, []).extend(part.links)
+    return {row: links for row, links in rows.items() if links}

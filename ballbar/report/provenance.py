@@ -14,7 +14,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from acquisition.recording import Recording
+from ballbar.report.section import MACHINE, Section, section
+from ballbar.result.pose_run import PoseRun, Run
 from ballbar.result.run_data import RunData
+from cell.pose_file import pose_file_path
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "jinja2")
 _SIMULATOR = "mujoco-core"
@@ -29,39 +32,47 @@ class InputFile:
     sha256: str
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """What the page says of its own origin."""
-
-    command: str
-    seed: int | None  # of a simulation
-    versions: list[tuple[str, str]]  # package and version
-    inputs: list[InputFile]
-    written: str
-
-
-def provenance(data: RunData, command: str, written: datetime) -> Provenance:
-    """The origin of a report on a run; command : as the user typed it.
+def provenance_section(run: Run, command: str, written: datetime) -> Section:
+    """The origin of a report; command : as the user typed it.
 
     Raises OSError when an input file is gone.
     """
-    simulation = data.simulation
-    return Provenance(
+    cell, seed, simulated = None, None, run.comparison is not None
+    if isinstance(run, RunData):
+        cell, simulated = run.identification.robot.cell, run.simulation is not None
+        seed = run.simulation.truth.seed if run.simulation else None
+    return section(
+        "provenance.html",
+        {"provenance": "Provenance"},
+        MACHINE if cell else "",
         command=without_folders(command),
-        seed=simulation.truth.seed if simulation else None,
-        versions=versions(simulated=simulation is not None),
-        inputs=_inputs(data),
+        cell=cell,
+        seed=seed,
+        versions=versions(simulated=simulated),
+        inputs=_logs(run) if isinstance(run, RunData) else _tables(run),
         written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
     )
 
 
-def _inputs(data: RunData) -> list[InputFile]:
+def _logs(data: RunData) -> list[InputFile]:
     """The files of every recording; below its name where there are several."""
     files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
     for name, folder, recording in data.read:
         for file in input_files(recording, folder):
             several = len(data.read) > 1
             files.append(replace(file, name=f"{name}/{file.name}") if several else file)
+    return files
+
+
+def _tables(run: PoseRun) -> list[InputFile]:
+    """poses.yaml of every table."""
+    folders = [(name, folder) for name, folder, _ in run.folders]
+    folders += [(outcome.name, folder) for folder, _, outcome in run.held_out]
+    files = []
+    for name, folder in folders:
+        path = pose_file_path(folder)
+        file = hashed(path.parent, path.name)
+        files.append(replace(file, name=f"{name}/{file.name}"))
     return files
 
 

@@ -1,26 +1,27 @@
-"""The page's section about one recording: everything that it does not share with the others."""
+"""Sections about one recording each: everything that it does not share with the others."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
-from acquisition.report import ImportReport
 from ballbar.replay.motion import rms_norm
 from ballbar.report import residual_figures as figures
 from ballbar.report.cell_picture import cell_picture
-from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
-from ballbar.report.log_figures import LogSection, log_section
+from ballbar.report.clock import clock_rows, direction_sentences, start_rows
+from ballbar.report.log_figures import log_section
 from ballbar.report.maps import sphere_maps
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
-from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
+from ballbar.report.parameters import parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
-from ballbar.report.tracker import TrackerSection, tracker_section
+from ballbar.report.section import Section, section
+from ballbar.report.tracker import tracker_section
+from ballbar.result.pose_run import Run
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
-from cell.recording import RecordingFile
 from cell.statistics import rms
 from ident.result import RecordingEstimate
 
@@ -71,58 +72,59 @@ class NoiseRow:
     resolution: str
 
 
-@dataclass(frozen=True)
-class RecordingSection:
-    """What one recording has of its own."""
-
-    number: int  # from 1, for anchors
-    name: str  # empty for a single recording
-    description: RecordingFile
-    picture: str  # of the cell
-    overview: dict[str, str]
-    encoders: tuple[int, ...]
-    residuals: ResidualSection
-    groups: list[ParameterGroup]
-    taken_as_nominal: list[str]
-    clock: list[ClockRow]
-    tried: int  # hypotheses of the automatic start
-    rivals: list[StartRow]
-    directions: list[str]
-    tension: str  # sentence; empty where no loads were needed
-    tension_figure: str
-    step_faults: list[str]  # sentences
-    tracker: TrackerSection | None
-    noise: list[NoiseRow]
-    logs: LogSection
-    imported: ImportReport
+def recording_sections(run: Run) -> list[Section]:
+    """A section for each recording that was fitted: everything that it has of its own."""
+    if not isinstance(run, RunData):
+        return []
+    return [_section(run, number, fitted) for number, fitted in enumerate(run.recordings, start=1)]
 
 
-def recording_section(data: RunData, number: int, fitted: FittedRecording) -> RecordingSection:
-    """The section of one of the recordings that were fitted; number : from 1."""
+def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
+    """n : number of the recording from 1, for anchors."""
     estimate, recording, comparison = fitted.estimate, fitted.recording, data.comparison
-    tension_figure = ""
+    name = fitted.name if data.several else ""
+    instrument = recording.description.instrument
+    corrected = bool(data.identification.robot.corrections)
+    groups, force = parameter_groups(estimate, comparison), tension_sentence(estimate)
+    clock, force_figure = _clock_name(estimate), Markup()
     if estimate.tension is not None:
-        tension_figure = figures.tension_over_time(
-            estimate.after.t, estimate.tension, clock=_clock_name(estimate)
-        )
-    return RecordingSection(
-        number=number,
-        name=fitted.name if data.several else "",
-        description=recording.description,
+        force_figure = figures.tension_over_time(estimate.after.t, estimate.tension, clock=clock)
+    own = ("Seat" if instrument else "Offsets and base pose") if groups else ""
+    links = {
+        f"residuals-{n}": "Residuals",
+        f"own-{n}": own,
+        f"clock-{n}": "Clock",
+        f"tracker-{n}": "Tracker" if estimate.tracker else "",
+        f"tension-{n}": "Force" if force else "",
+        f"step-faults-{n}": "Step faults" if corrected or estimate.step_faults else "",
+        f"noise-{n}": "Noise",
+        f"logs-{n}": "Logs",
+        f"import-{n}": "Import",
+    }
+    return section(
+        "recording.html",
+        links,
+        name or "Recording",
+        n=n,
+        name=name,
+        own=recording.description,
+        several=data.several,
+        against_truth=comparison is not None,
+        corrected=corrected,
         picture=cell_picture(data.identification.robot.cell, fitted),
         overview=dict(zip(OVERVIEW, overview_cells(fitted), strict=True)),
         encoders=estimate.encoders,
         residuals=residual_section(fitted),
-        groups=parameter_groups(estimate, comparison),
+        groups=groups,
         taken_as_nominal=taken_as_nominal(estimate),
         clock=clock_rows(estimate, comparison),
         tried=estimate.start.tried,
         rivals=start_rows(estimate.start),
         directions=direction_sentences(estimate),
-        tension=tension_sentence(estimate),
-        tension_figure=tension_figure,
+        tension=force,
+        tension_figure=force_figure,
         step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
-        tracker=tracker_section(estimate.tracker),
+        tracker_check=tracker_section(estimate.tracker),
         noise=_noise_rows(fitted),
         logs=log_section(fitted),
         imported=recording.report,

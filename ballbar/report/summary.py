@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ballbar.report.clock import clock_rows
 from ballbar.report.numbers import MISSING, listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.tcp_view import TcpView
+from ballbar.result.pose_run import PoseRun, Run
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD
 from cell.clock import UNSEEN_OFFSET
@@ -20,6 +21,12 @@ from ident.verdict import Status
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css
+QUANTITIES = {
+    "length": "distances",
+    "point": "points",
+    "pose": "whole poses",
+    "socket": "touched sockets",
+}  # that tables of still poses hold
 
 
 @dataclass(frozen=True)
@@ -39,27 +46,35 @@ class Summary:
     band: str  # class of the verdict's band: "good", "care" or "bad"
     heading: str
     sentences: tuple[str, ...]  # of the held-out recordings, then of the verdict
-    in_short: str
-    confidence: str
+    paragraphs: tuple[str, ...]  # in short, and how sure the figures are
     what_to_do: str
     warnings: tuple[str, ...]
     tiles: tuple[Tile, ...]
+    even: bool = False  # whether the tiles are of one width
 
 
-def summary(data: RunData, tcp: TcpView) -> Summary:
-    """The summary of a run."""
-    verdict = data.identification.verdict
-    held_out = (validation.outcome.sentence for validation in data.validations)
-    return Summary(
-        subtitle=_subtitle(data),
-        band=_BANDS.get(verdict.status, "bad") if data.acceptable else "bad",
-        heading=_heading(data),
-        sentences=(*held_out, verdict.sentence),
-        in_short=_in_short(tcp, data.identification),
-        confidence=_confidence(data.identification),
-        what_to_do=_what_to_do(data),
+def summary(run: Run, tcp: TcpView | None, advice: str) -> Summary:
+    """The summary of a run; tcp : of logs. advice : what would help most next."""
+    verdict = run.identification.verdict
+    common = Summary(
+        subtitle="",
+        band=_BANDS.get(verdict.status, "bad") if run.acceptable else "bad",
+        heading=_heading(run),
+        sentences=(*(outcome.sentence for outcome in run.outcomes), verdict.sentence),
+        paragraphs=(),
+        what_to_do="",
         warnings=verdict.warnings,
-        tiles=_tiles(data, tcp),
+        tiles=(),
+    )
+    if not isinstance(run, RunData):
+        return replace(common, subtitle=_table_subtitle(run), tiles=_pose_tiles(run), even=True)
+    assert tcp is not None  # of logs there always is one
+    return replace(
+        common,
+        subtitle=_subtitle(run),
+        paragraphs=(_in_short(tcp, run.identification), _confidence(run.identification)),
+        what_to_do=f"{_what_to_do(run)} {advice}".strip(),
+        tiles=_tiles(run, tcp),
     )
 
 
@@ -77,14 +92,21 @@ def _subtitle(data: RunData) -> str:
     return f"{cell.robot.title} on {cell.ballbar.title} with {encoders}; {measured}."
 
 
-def _heading(data: RunData) -> str:
-    verdict, outcomes = data.identification.verdict, [v.outcome for v in data.validations]
-    if failed := [outcome.name for outcome in outcomes if not outcome.acceptable]:
-        return f"Held-out recording not explained: {', '.join(failed)}"
-    missed = [limit.what for limit in data.limits if not limit.met]
+def _heading(run: Run) -> str:
+    verdict = run.identification.verdict
+    if failed := [outcome.name for outcome in run.outcomes if not outcome.acceptable]:
+        measured = "recording" if isinstance(run, RunData) else "poses"
+        return f"Held-out {measured} not explained: {', '.join(failed)}"
+    missed = [limit.what for limit in run.limits if not limit.met]
     if verdict.acceptable and missed:
         return f"Limits of the scenario missed: {', '.join(missed)}"
     return _HEADINGS.get(verdict.status, "Not acceptable")
+
+
+def _table_subtitle(run: PoseRun) -> str:
+    table = run.identification.table
+    kinds = listed(sorted({QUANTITIES[g.measured] for g in table.groups}))
+    return f"{table.robot.title}; {table.size} still poses, {kinds}."
 
 
 def _in_short(tcp: TcpView, result: Identification) -> str:
@@ -162,6 +184,36 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
         ),
         Tile("Iterations", f"{result.fit.iterations}", f"from the automatic start{poor}"),
         Tile("Samples", samples, f"{each}, {_unknowns(result)}"),
+    )
+
+
+def _pose_tiles(run: PoseRun) -> tuple[Tile, ...]:
+    result, comparison = run.identification, run.comparison
+    validation, fit = result.cross_validation, result.fit
+    orders = result.search.orders if result.search else ()
+    fitted, nominal = result.residual_means
+    truth = []
+    if comparison is not None:
+        tcp, before = comparison.tcp, comparison.tcp_nominal
+        note = f"mean; largest {tcp.maximum * MM:.3f} mm; nominal robot {before.mean * MM:.3f} mm"
+        truth = [Tile("TCP error against the truth", f"{tcp.mean * MM:.3f} mm", note)]
+    return (
+        *truth,
+        Tile(
+            "Stated TCP uncertainty",
+            f"{result.sigma_at_poses.mean() * MM:.3f} mm",
+            "mean at the measured poses; extrapolated over the whole ranges "
+            f"{result.tcp_sigma.mean() * MM:.3f} mm",
+        ),
+        Tile(
+            "Error where it was not fitted",
+            f"{validation.mean * MM:.3f} mm",
+            f"mean; 95 % below {validation.quantile * MM:.3f} mm",
+        ),
+        Tile("Nominal robot", f"{nominal * MM:.3f} mm", "mean, seats and targets fitted"),
+        Tile("Fitted poses", f"{fitted * MM:.3f} mm", f"mean of {validation.counting.sum()}"),
+        Tile("Joint errors", str(len(orders)), "orders found by evidence"),
+        Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
     )
 
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
 from ballbar.figure_style import AFTER, BEFORE
 from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import MISSING, significant
+from ballbar.report.section import MACHINE, Section, section
+from ballbar.result.pose_run import PoseRun, Run
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
 from cell.statistics import rms
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
+
+SAME_CELLS = "same cells, with a colour scale of its own (mind the unit)."
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,13 @@ class TcpView:
     stated: Array  # (G,) [m] stated uncertainty of the identified model, with the scale
     stated_without_scale: Array  # (G,) [m]
 
+    @property
+    def scale(self) -> float:
+        """Standard deviation of every length in proportion, as the stated uncertainty has it."""
+        reach = np.linalg.norm(self.position - self.position.mean(axis=0), axis=1)
+        squares = rms(self.stated) ** 2 - rms(self.stated_without_scale) ** 2
+        return float(np.sqrt(max(0.0, squares)) / rms(reach))
+
 
 @dataclass(frozen=True)
 class TcpRow:
@@ -47,18 +59,6 @@ class TcpRow:
     largest: str
     without_scale: str  # mean after removing one common scale factor
     side: str  # "before" or "after"
-
-
-@dataclass(frozen=True, eq=False)
-class TcpSection:
-    """What the page shows of a TcpView."""
-
-    view: TcpView
-    rows: list[TcpRow]
-    cumulative: str
-    map_before: str
-    map_after: str
-    scale_ppm: float  # standard deviation of every length in proportion, as the stated sigma has it
 
 
 def tcp_view(data: RunData) -> TcpView:
@@ -81,52 +81,152 @@ def tcp_view(data: RunData) -> TcpView:
     )
 
 
-def tcp_section(data: RunData, view: TcpView) -> TcpSection:
-    """Table, curves and maps of the TCP view."""
-    estimates = [fitted.estimate for fitted in data.recordings]
-    spheres = [Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
-    before, after = (f"{label}, mean" for label in (view.before_label, view.after_label))
-    quantity = "TCP error" if view.against_truth else "distance of the TCP"
-    return TcpSection(
-        view=view,
-        rows=_rows(data, view),
-        cumulative=cumulative(_distributions(view), label=quantity),
-        map_before=workspace_map(
-            view.position, view.before, spheres, label=before, colours=BEFORE_SCALE
-        ),
-        map_after=workspace_map(
-            view.position, view.after, spheres, label=after, colours=AFTER_SCALE
-        ),
-        scale_ppm=_scale(view) * PPM,
+def tcp_section(run: Run, view: TcpView | None) -> list[Section]:
+    """Table, curves and maps; view : of logs."""
+    if isinstance(run, PoseRun):
+        return _truth(run)
+    assert view is not None  # of logs there always is one
+    before, after = view.before_label, view.after_label
+    return [
+        section(
+            "tcp.html",
+            {"tcp": "TCP error"},
+            MACHINE,
+            heading="TCP error over the workspace",
+            intro=_intro(run, view),
+            against_truth=view.against_truth,
+            rows=_rows(run, view),
+            cumulative=cumulative(
+                _distributions(view),
+                label="TCP error" if view.against_truth else "distance of the TCP",
+            ),
+            curves=f"{before} and {after}",
+            note=_note(run, view),
+            maps=_maps(run, view),
+        )
+    ]
+
+
+def _truth(run: PoseRun) -> list[Section]:
+    """Still poses against the truth, where it is known."""
+    result, comparison = run.identification, run.comparison
+    if comparison is None:
+        return []
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    names = ("nominal robot", "identified robot", "stated sigma")
+    curves = [
+        Distribution(names[0], before.error, BEFORE),
+        Distribution(names[1], tcp.error, AFTER),
+        Distribution(names[2], result.tcp_sigma, AFTER, dashed=True),
+    ]
+    maps = [
+        (
+            workspace_map(error.position, error.error, (), label=name, colours=colours),
+            name,
+            f"Error of the {name}, {caption}",
+        )
+        for error, name, colours, caption in (
+            (before, names[0], BEFORE_SCALE, "mean of the poses in each cell."),
+            (tcp, names[1], AFTER_SCALE, SAME_CELLS),
+        )
+    ]
+    return [
+        section(
+            "tcp.html",
+            {"tcp": "Truth"},
+            heading="TCP error against the truth",
+            intro=f"Distance between the place of target {comparison.target} by the model and the "
+            f"true one, at {tcp.error.size} random poses within the fitted ranges, after the best "
+            "rigid motion of the base frame.",
+            against_truth=True,
+            rows=[
+                _tcp_row(names[0], before.error, "before", before.error_without_scale),
+                _tcp_row(names[1], tcp.error, "after", tcp.error_without_scale),
+                _tcp_row(names[2], result.tcp_sigma, "after"),
+            ],
+            cumulative=cumulative(curves, label="TCP error"),
+            curves="nominal robot, identified robot and stated sigma",
+            note="Stated sigma: in the scale of the instrument, all axes together, what the model "
+            "leaves unexplained included.",
+            maps=maps,
+        )
+    ]
+
+
+def _intro(data: RunData, view: TcpView) -> str:
+    poses = f"at {view.before.size} held-out poses, after the best rigid motion of the base frame."
+    if view.against_truth:
+        loaded = bool(data.identification.robot.corrections)
+        under = " of the unloaded robot under its own weight" if loaded else ""
+        return (
+            "Distance between the tool position that the model predicts and the true one"
+            f"{under}, {poses} Before: nominal model. After: identified model."
+        )
+    return (
+        "The true robot is not known here, so the TCP error itself cannot be stated. Shown are the "
+        "correction, which is the distance between nominal and identified model and so an estimate "
+        "of the error before, and the stated uncertainty (1 sigma) of the identified model, both "
+        f"at {view.before.size} poses after the best rigid motion of the base frame."
     )
 
 
-def _scale(view: TcpView) -> float:
-    """Relative standard deviation of the scale in the stated uncertainty."""
-    reach = np.linalg.norm(view.position - view.position.mean(axis=0), axis=1)
-    squares = rms(view.stated) ** 2 - rms(view.stated_without_scale) ** 2
-    return float(np.sqrt(max(0.0, squares)) / rms(reach))
+def _note(data: RunData, view: TcpView) -> str:
+    predicted = (
+        "Predicted before: distance between nominal and identified robot, which is what a real "
+        "cell would show. "
+    )
+    stroke = data.identification.robot.cell.ballbar.stroke
+    source = "plate and rod give" if stroke is None else "the sensor of the length gives"
+    return (
+        f"{predicted if view.against_truth else ''}The stated sigma holds the scale, which "
+        f"{source} to {significant(view.scale * PPM, 2)} ppm (1 sigma) of every length."
+    )
+
+
+def _maps(data: RunData, view: TcpView) -> list[tuple[Markup, str, str]]:
+    """Map, name and caption of before and after."""
+    estimates = [fitted.estimate for fitted in data.recordings]
+    spheres = [Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
+    sphere = "ball-bar and the sphere on which the tool was measured"
+    if data.identification.robot.cell.ballbar.stroke is not None:
+        sphere = "seat, and the sphere of the instrument's nominal length"
+    captions = (
+        "mean of the poses in each cell. Square: robot base. Cross and dashed circle: "
+        f"{sphere}{', of each recording' if data.several else ''}.",
+        SAME_CELLS,
+    )
+    parts = zip(
+        (view.before_label, view.after_label),
+        (view.before, view.after),
+        (BEFORE_SCALE, AFTER_SCALE),
+        captions,
+        strict=True,
+    )
+    return [
+        (
+            workspace_map(view.position, error, spheres, label=f"{name}, mean", colours=colours),
+            name,
+            f"{name}, {caption}",
+        )
+        for name, error, colours, caption in parts
+    ]
 
 
 def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
+    predicted = view.predicted.error, "before", view.predicted.error_without_scale
+    stated = _tcp_row("stated sigma", view.stated, "after", view.stated_without_scale)
     if data.comparison is None:
-        rows = [_row("correction", view.predicted, "before")]
-    else:
-        nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
-        rows = [
-            _row("before (nominal)", nominal, "before"),
-            _row("after (identified)", identified, "after"),
-            _row("predicted before", view.predicted, "before"),
-        ]
-    stated = tcp_row("stated sigma", view.stated, "after", view.stated_without_scale)
-    return [*rows, stated]
+        return [_tcp_row("correction", *predicted), stated]
+    nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
+    return [
+        _tcp_row("before (nominal)", nominal.error, "before", nominal.error_without_scale),
+        _tcp_row("after (identified)", identified.error, "after", identified.error_without_scale),
+        _tcp_row("predicted before", *predicted),
+        stated,
+    ]
 
 
-def _row(name: str, error: TcpError, side: str) -> TcpRow:
-    return tcp_row(name, error.error, side, error.error_without_scale)
-
-
-def tcp_row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
+def _tcp_row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
     """The row of errors (G,) [m]; without_scale : after removing one common scale factor."""
     mean, quantile, largest = error.mean(), np.quantile(error, 0.95), error.max()
     return TcpRow(
@@ -149,7 +249,6 @@ def _distributions(view: TcpView) -> list[Distribution]:
     if view.against_truth:
         label = "predicted before: nominal against identified"
         curves.append(Distribution(label, view.predicted.error, BEFORE, dashed=True))
-        curves.append(
-            Distribution("predicted after: stated sigma", view.stated, AFTER, dashed=True)
-        )
+        label = "predicted after: stated sigma"
+        curves.append(Distribution(label, view.stated, AFTER, dashed=True))
     return curves

@@ -15,26 +15,40 @@ from ballbar.result.compare import Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, PPM, UM, URAD, US
 from cell.number_text import clock_offset_text, clock_skew_text
+from ident.held_out import HeldOut
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # an identification of recordings does without still poses
+    from ballbar.result.compare_poses import PoseComparison
+    from ballbar.result.pose_run import Run
+    from ident.poses.result import PoseIdentification
     from ident.tracker import TrackerCheck
     from sim.simulate import Simulation
 
 
-def say_identification(out: Console, data: RunData) -> None:
+def say_identification(out: Console, run: Run) -> None:
     """Print held-out recordings, verdict, remarks, fit and clocks.
 
     Sentences are green or red, remarks yellow.
     """
-    for outcome in (validation.outcome for validation in data.validations):
+    verdict = run.identification.verdict
+    for outcome in run.outcomes:
         _sentence(out, outcome.sentence, good=outcome.acceptable)
-        for fault in outcome.step_faults:
-            out.print(f"[yellow]step fault:[/] {escape(f'{outcome.name}: {fault.sentence}')}")
-        _tracker(out, outcome.tracker, outcome.name)
-    result = data.identification
-    _sentence(out, result.verdict.sentence, good=result.verdict.acceptable)
-    for warning in result.verdict.warnings:
+        if isinstance(outcome, HeldOut):
+            for fault in outcome.step_faults:
+                sentence = escape(f"{outcome.name}: {fault.sentence}")
+                out.print(f"[yellow]step fault:[/] {sentence}")
+            _tracker(out, outcome.tracker, outcome.name)
+    _sentence(out, verdict.sentence, good=verdict.acceptable)
+    for warning in verdict.warnings:
         out.print(f"[yellow]warning:[/] {escape(warning)}")
+    if isinstance(run, RunData):
+        _say_logs(out, run)
+    else:
+        _say_poses(out, run.identification)
+
+
+def _say_logs(out: Console, data: RunData) -> None:
+    result = data.identification
     for line in _complete(data) if result.model == "complete" else _dh(data):
         out.print(escape(line))
     for fitted in data.recordings:
@@ -43,6 +57,33 @@ def say_identification(out: Console, data: RunData) -> None:
     tcp, cell = result.robot.tcp, result.robot.cell
     stated = with_and_without(tcp.sigma, tcp.without_scale, cell)
     out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")
+
+
+def _say_poses(out: Console, result: PoseIdentification) -> None:
+    fit, search = result.fit, result.search
+    layout = fit.model.unknowns
+    seats, targets = len(layout.seats), len(layout.targets)
+    coefficients = layout.coefficients.stop - layout.coefficients.start
+    out.print(
+        f"{len(layout.parameters)} parameters and {coefficients} coefficients of corrections from "
+        f"{result.table.size} poses, {seats} seat{'s' * (seats > 1)} and {targets} "
+        f"target{'s' * (targets > 1)}, in {fit.iterations} iterations"
+    )
+    if search is not None:
+        names = ", ".join(f"joint {o.joint + 1}: {o.order:g}" for o in search.orders[:8])
+        more = len(search.orders) - 8
+        out.print(
+            escape(
+                f"joint errors found (cycles a turn): {names or 'none'}"
+                + (f" and {more} more" if more > 0 else "")
+            )
+        )
+    beside, over = result.sigma_at_poses.mean() * MM, result.tcp_sigma.mean() * MM
+    out.print(
+        f"stated TCP uncertainty: {beside:.4f} mm at the measured poses; extrapolated over the "
+        f"whole of the fitted ranges {over:.4f} mm (means, 1 sigma, all axes together; without the "
+        "scale of the instrument)"
+    )
 
 
 def say_plant(out: Console, simulation: Simulation) -> None:
@@ -73,6 +114,16 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
     if comparison.offset is not None and comparison.skew is not None:
         offset, skew = comparison.offset * US, comparison.skew * PPM
         out.print(f"clock error: offset {offset:+.2f} us, skew {skew:+.4f} ppm")
+
+
+def say_pose_comparison(out: Console, comparison: PoseComparison) -> None:
+    """Print how far the identified robot is from the true one."""
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    out.print(
+        f"TCP error within the fitted ranges: mean {tcp.mean * MM:.4f} mm, "
+        f"largest {tcp.maximum * MM:.4f} mm "
+        f"(nominal robot {before.mean * MM:.3f} and {before.maximum * MM:.3f} mm)"
+    )
 
 
 def _sentence(out: Console, sentence: str, *, good: bool) -> None:

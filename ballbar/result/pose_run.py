@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from acquisition.pose_tables import PoseImport, import_poses
+from ballbar.result.compare_poses import PoseComparison
+from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import distinct_names
 from cell.errors import InputError
 from cell.pose_file import pose_file_path
@@ -15,21 +18,37 @@ from ident.poses.held_out import PoseHeldOut, held_out_poses
 from ident.poses.identify import PoseOptions, Progress, identify_poses
 from ident.poses.result import PoseIdentification
 
+if TYPE_CHECKING:  # an identification of poses does without the simulation
+    from ballbar.result.limits import Limit
+    from sim.poses.simulate import PoseSimulation
+
 
 @dataclass(frozen=True, eq=False)
 class PoseRun:
-    """An identification from still poses, with what was read."""
+    """An identification from still poses, and the simulation behind them where there is one."""
 
     name: str
     folders: tuple[tuple[str, Path, PoseImport], ...]  # name, folder and content, as fitted
     identification: PoseIdentification
     held_out: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
+    simulation: PoseSimulation | None = None
+    comparison: PoseComparison | None = None
+    limits: tuple[Limit, ...] = ()
 
     @property
     def acceptable(self) -> bool:
-        """Whether verdict and held-out tables are acceptable."""
-        explained = all(outcome.acceptable for _, _, outcome in self.held_out)
-        return self.identification.verdict.acceptable and explained
+        """Whether verdict, limits and held-out tables are all acceptable."""
+        met = all(limit.met for limit in self.limits)
+        explained = all(outcome.acceptable for outcome in self.outcomes)
+        return self.identification.verdict.acceptable and met and explained
+
+    @property
+    def outcomes(self) -> list[PoseHeldOut]:
+        """How each held-out table is explained."""
+        return [outcome for _, _, outcome in self.held_out]
+
+
+Run = RunData | PoseRun
 
 
 def holds_poses(folder: Path) -> bool:

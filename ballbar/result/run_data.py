@@ -54,8 +54,13 @@ class RunData:
     def acceptable(self) -> bool:
         """Whether verdict, limits and held-out recordings are all acceptable."""
         met = all(limit.met for limit in self.limits)
-        explained = all(validation.outcome.acceptable for validation in self.validations)
+        explained = all(outcome.acceptable for outcome in self.outcomes)
         return self.identification.verdict.acceptable and met and explained
+
+    @property
+    def outcomes(self) -> list[HeldOut]:
+        """How each held-out recording is explained."""
+        return [validation.outcome for validation in self.validations]
 
     @property
     def several(self) -> bool:

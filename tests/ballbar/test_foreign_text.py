@@ -27,7 +27,7 @@ from ballbar.claims.page import page_text
 from ballbar.compensation.joint_targets import TargetFile, joint_columns, targets_text
 from ballbar.export.formats import FORMATS, exported
 from ballbar.export.result import Result, load_result
-from ballbar.report.page import template
+from ballbar.report.section import template
 from ballbar.sweep.table import write_table
 from cell.descriptions import Cell
 from cell.errors import DescriptionError

@@ -503,16 +503,18 @@ def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
 
 
 def test_the_drawn_arm_runs_along_the_rows_of_the_robot(result: PoseResult) -> None:
-    from ballbar.replay.pose_replay import skeleton  # noqa: PLC0415
+    from ballbar.replay.shapes import robot_bodies  # noqa: PLC0415
 
-    q, chain = angles(result, 5), result.chain
-    arm = result.calibration.arm()
-    corners = skeleton(chain, arm.frames(q))
-    assert corners.shape == (5, 2 * chain.rows + 2, 3)
-    steps = np.linalg.norm(np.diff(corners, axis=1), axis=2)
-    along = np.stack((np.abs(chain.d), np.abs(chain.a)), axis=1).reshape(-1)
-    assert np.abs(steps[:, :-1] - along).max() < EXACT
-    assert np.abs(corners[:, -1] - arm.tool(q)).max() < EXACT
+    chain = result.chain
+    base, *links = robot_bodies(chain)
+    assert len(links) == chain.rows
+    assert base[0].start.tolist() == [0.0, 0.0, 0.0]
+    for row, link in enumerate(links):
+        along = [bar.length for bar in link if bar.capped]
+        expected = [length for length in np.abs([chain.d[row], chain.a[row]]) if length > 0.02]
+        assert along[: len(expected)] == pytest.approx(expected, abs=EXACT)
+        ends = [bar.end for bar in link if bar.capped]
+        assert not ends or np.abs(ends[-1]).max() < EXACT or abs(chain.a[row]) < 0.02
 
 
 def test_a_replay_is_asked_for_what_there_is(tmp_path: Path) -> None:

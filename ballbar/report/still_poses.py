@@ -1,0 +1,145 @@
+"""Sections of what only still poses show: errors of what was left out, joint errors, places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ballbar.figure_style import AFTER, BEFORE, PURPLE
+from ballbar.report.line_plot import Distribution, cumulative, order_spectra
+from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
+from ballbar.report.numbers import significant
+from ballbar.report.section import Section, section
+from ballbar.report.summary import QUANTITIES
+from ballbar.result.pose_calibration import KNOWN
+from ballbar.result.pose_run import PoseRun, Run
+from ballbar.units import MM, MRAD, URAD
+from cell.arrays import Array
+from ident.corrections.joint_harmonics import harmonic_name
+from ident.poses.result import PoseIdentification
+
+Row = dict[str, object]  # of a table, by the columns of the template
+
+
+def error_section(run: Run) -> list[Section]:
+    """Errors over the poses and the workspace: nominal, fitted, and left out of the fit."""
+    if not isinstance(run, PoseRun):
+        return []
+    result = run.identification
+    curves = [
+        Distribution("nominal robot", result.residual_nominal, BEFORE),
+        Distribution("identified, left out", result.cross_validation.error, PURPLE),
+        Distribution("identified, fitted poses", result.residual, AFTER),
+    ]
+    places = np.concatenate([p.target.tip.T for p in result.fit.equations.points])
+    maps = [
+        workspace_map(places, errors, (), label=label, colours=colours)
+        for errors, label, colours in (
+            (result.residual_nominal, "nominal robot", BEFORE_SCALE),
+            (result.cross_validation.error, "identified, left out", AFTER_SCALE),
+        )
+    ]
+    figure = cumulative(curves, label="error of a pose")
+    return [section("errors.html", {"errors": "Errors"}, cumulative=figure, maps=maps)]
+
+
+def joint_error_section(run: Run) -> list[Section]:
+    """Scores of all orders before and after the search, and the joint errors found."""
+    if not isinstance(run, PoseRun) or run.identification.search is None:
+        return []
+    result, search = run.identification, run.identification.search
+    values = dict(zip(result.fit.model.unknowns.names, result.fit.x.tolist(), strict=True))
+    rows: list[Row] = []
+    for o in search.orders:
+        name = harmonic_name(o.joint, o.order)
+        size = float(np.hypot(values[f"{name}_cos"], values[f"{name}_sin"]))
+        rows.append(
+            {
+                "joint": o.joint + 1,
+                "order": f"{o.order:g}",
+                "amplitude": f"{size * URAD:.0f}",
+                "score": f"{o.score:.0f}",
+                "gain": f"{o.gain * 100.0:.1f}",
+                "aliases": ", ".join(f"{a:g}" for a in o.aliases),
+            }
+        )
+    spectra = order_spectra(search.spectrum_before, search.spectrum_after)
+    return [section("orders.html", {"orders": "Joint errors"}, spectra=spectra, orders=rows)]
+
+
+def robot_section(run: Run) -> list[Section]:
+    """DH rows, and the sag of the joints under unit weights."""
+    if not isinstance(run, PoseRun):
+        return []
+    result = run.identification
+    layout = result.fit.model.unknowns
+    parameters = []
+    for k, parameter in enumerate(layout.parameters, start=layout.geometry.start):
+        scale, unit = (MM, "mm") if parameter.is_length else (MRAD, "mrad")
+        parameters.append(_row(result, parameter.name, float(layout.mean[k]), scale, unit, 3))
+    sag = [
+        _row(result, coefficient.name, 0.0, URAD, "urad/m", 1) | {"nominal": "0"}
+        for correction in result.fit.model.corrections
+        if correction.name == "unit_weights"
+        for coefficient in correction.coefficients
+    ]
+    links = {"parameters": "Parameters", "sag": "Sag"}
+    return [section("robot.html", links, parameters=parameters, sag=sag)]
+
+
+def _row(
+    result: PoseIdentification, name: str, nominal: float, scale: float, unit: str, decimals: int
+) -> Row:
+    """One unknown of the robot; nominal : in SI, as its value is."""
+    value = float(result.fit.x[result.fit.model.unknowns.names.index(name)])
+    return {
+        "name": name,
+        "unit": unit,
+        "nominal": f"{nominal * scale:.{decimals}f}",
+        "identified": f"{value * scale:.{decimals}f}",
+        "deviation": f"{(value - nominal) * scale:+.{decimals}f}",
+        "sigma": f"{result.sigma[name] * scale:.{decimals}f}",
+        "known": result.information_gain[name] > KNOWN,
+    }
+
+
+def place_sections(run: Run) -> list[Section]:
+    """Fitted ranges, seats and targets, the groups of poses, and the findings of the import."""
+    if not isinstance(run, PoseRun):
+        return []
+    result = run.identification
+    layout, x = result.fit.model.unknowns, result.fit.x
+    deviations = np.sqrt(np.diag(result.fit.covariance))
+    placements = []
+    for kind, places, place in (
+        ("seat", layout.seats, layout.seat),
+        ("target", layout.targets, layout.target),
+    ):
+        for name, part in places.items():
+            origin: Array = place(x, name).origin
+            placements.append((f"{kind} {name}", _mm(origin), _mm(deviations[part][:3])))
+    ends = np.rad2deg([result.table.q.min(axis=0), result.table.q.max(axis=0)])
+    groups = [
+        (
+            p.group.seat,
+            p.group.target,
+            p.group.file,
+            p.group.size,
+            QUANTITIES[p.group.measured],
+            significant(float(np.linalg.norm(p.closure.error[:3], axis=0).mean()) * MM, 3),
+        )
+        for p in result.fit.equations.points
+    ]
+    return [
+        section(
+            "places.html",
+            {"ranges": "Fitted ranges", "places": "Seats and targets"},
+            ranges=[(j, f"{a:.1f}", f"{b:.1f}") for j, (a, b) in enumerate(ends.T, start=1)],
+            placements=placements,
+            groups=groups,
+            findings=[f for _, _, content in run.folders for f in content.report.findings],
+        )
+    ]
+
+
+def _mm(lengths: Array) -> list[str]:
+    return [f"{v * MM:.3f}" for v in lengths]
