@@ -33,8 +33,8 @@ from planning.pose_clearance import arm_of, segment_distance, smallest_distance,
 from planning.pose_design import APART, Design, decrease, exchanged, greedy
 from planning.pose_information import expected_group, information_of
 from planning.pose_plan import PosePlan, pose_plan
-from planning.pose_programs import krl_poses, pdl2_poses, rapid_poses
 from planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from planning.programs import pose_program
 from planning.request import load_request
 from planning.route import clear_moves, nearest_neighbours, two_opt
 from planning.stations import PoseSetup, setup_of
@@ -381,7 +381,7 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
 
 
 def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
-    text = rapid_poses(tracker)
+    text = pose_program("rapid", tracker)
     lines = text.splitlines()
     targets = jointtarget_text(
         LogText("p.mod", "utf-8", lines, np.arange(1, len(lines) + 1), quoted=False)
@@ -393,17 +393,17 @@ def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
     assert read[poses] == pytest.approx(expected, abs=1e-4)
     assert re.findall(r"MoveAbsJ (\w+)", text) == names
     assert text.count("WaitTime 3;") == 30
-    for program, move in ((pdl2_poses, r"MOVE JOINT TO \{(.*)\}"), (krl_poses, r"PTP \{(.*)\}")):
-        moves = [re.sub(r"A\d ", "", found) for found in re.findall(move, program(tracker))]
+    for language, move in (("pdl2", r"MOVE JOINT TO \{(.*)\}"), ("krl", r"PTP \{(.*)\}")):
+        program = pose_program(language, tracker)
+        moves = [re.sub(r"A\d ", "", found) for found in re.findall(move, program)]
         read = np.array([[float(v) for v in found.split(",")] for found in moves])
         assert read[poses] == pytest.approx(expected, abs=1e-4)
-    assert krl_poses(tracker).count("WAIT SEC 3") == 30
+    assert pose_program("krl", tracker).count("WAIT SEC 3") == 30
 
 
 def test_a_program_stops_where_a_person_attaches_the_instrument(wire: PosePlan) -> None:
-    assert rapid_poses(wire).count("Stop; ! attach") == 40
-    assert pdl2_poses(wire).count("PAUSE -- attach") == 40
-    assert krl_poses(wire).count("HALT ; attach") == 40
+    for language, stop in (("rapid", "Stop; !"), ("pdl2", "PAUSE --"), ("krl", "HALT ;")):
+        assert pose_program(language, wire).count(f"{stop} attach") == 40
 
 
 @pytest.mark.slow
