@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 from typer.testing import CliRunner
 
 from acquisition.formats.rapid import jointtarget_text
@@ -28,8 +27,8 @@ from cell.poses import PoseTable
 from ident.poses.fit import pose_equations
 from ident.poses.identify import PoseOptions, identify_poses
 from ident.poses.model import Discrepancy, PoseModel
+from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
-from planning.pose_clearance import arm_of, segment_distance, smallest_distance, station_frames
 from planning.pose_design import APART, Design, decrease, exchanged, greedy
 from planning.pose_information import expected_group, information_of
 from planning.pose_plan import PosePlan, pose_plan
@@ -37,7 +36,7 @@ from planning.pose_request import POSE_SCHEMA, PosePlanRequest
 from planning.programs import pose_program
 from planning.request import load_request
 from planning.route import clear_moves, nearest_neighbours, two_opt
-from planning.stations import PoseSetup, setup_of
+from planning.stations import PoseSetup, setup_of, station_frames
 from tests.helpers.measured_plans import DrawnRobot, drawn_robot
 
 PLANS = Path(__file__).parents[2] / "scenarios" / "plans"
@@ -94,7 +93,7 @@ def keeps_limits(setup: PoseSetup, poses: Candidates) -> None:
         own = poses.axes[poses.station == k]
         frames = station_frames(setup, station, own)
         line = setup.instrument.measured != "socket"
-        apart = smallest_distance(setup, station, arm_of(setup, station), frames, line=line)
+        apart = smallest_distance(setup, station, frames, line=line)
         assert apart.min() >= setup.request.limits.clearance_m
 
 
@@ -162,20 +161,6 @@ def test_a_box_and_the_floor_exclude_poses() -> None:
         lowest.append(float(tip[:, 2].min()))
     assert inside[0] == 0 < inside[1]
     assert lowest[1] < 0.3 < lowest[0]
-
-
-def test_segments_are_as_far_apart_as_a_minimiser_says() -> None:
-    rng = np.random.default_rng(3)
-    first, second = rng.normal(size=(2, 2, 3, 20))
-    for k, distance in enumerate(segment_distance(first, second)):
-
-        def apart(u: Array, k: int = k) -> float:
-            p = first[0, :, k] + u[0] * (first[1, :, k] - first[0, :, k])
-            q = second[0, :, k] + u[1] * (second[1, :, k] - second[0, :, k])
-            return float(((p - q) ** 2).sum())
-
-        least = minimize(apart, [0.5, 0.5], bounds=[(0.0, 1.0)] * 2, tol=1e-14)
-        assert distance == pytest.approx(np.sqrt(least.fun), abs=1e-6)  # the minimiser's tolerance
 
 
 @pytest.mark.parametrize("path", [TRACKER, WIRE], ids=["points", "lengths"])
