@@ -32,7 +32,7 @@ from cell.chain import Frames
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 
-_SPHERE = (120, 165, 230, 40)
+_SPHERE = (120, 165, 230, 26)  # hardly seen, so that what is behind it is
 _WHOLE_PATH, _RUN_PATH = (120, 128, 142), (245, 200, 80)
 _ARROW_LENGTH = 0.7  # of the rod: length at which the mean error is drawn
 _COVERED = on_dark(figure_style.TEAL)
@@ -51,11 +51,7 @@ def log_shapes(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMotio
             pose = rr.Transform3D(translation=frames.origin[row].T[0], quaternion=quaternion)
             stream.log(entity, pose, static=True)
     sphere = rr.Ellipsoids3D(
-        centers=[geometry.origin],
-        radii=[geometry["bd3"]],
-        colors=[_SPHERE],
-        fill_mode="transparentfillmajorwireframe",
-        line_radii=[-0.4],
+        centers=[geometry.origin], radii=[geometry["bd3"]], colors=[_SPHERE], fill_mode="solid"
     )
     stream.log(f"{CELL}/sphere", sphere, static=True)
 

@@ -36,7 +36,7 @@ def log_still_poses(stream: rr.RecordingStream, run: PoseRun) -> None:
     result, robot = run.identification, run.identification.table.robot
     reach = float(np.abs(robot.a).sum() + np.abs(robot.d).sum())
     stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    _log_arm(Branch(stream), result.fit, 0.02 * reach)
+    _log_arm(Branch(stream), result.fit, 0.012 * reach)
     fits = (result.nominal, result.fit)
     legends = [
         _log_errors(stream, kind, colour, height * reach, fit)

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
-from ballbar.result.names import REPLAY
 from cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
@@ -35,6 +34,8 @@ def chosen_replay(run: Path, against: Path | None) -> AbstractContextManager[Pat
 
     Raises InputError when there is no such file.
     """
+    from ballbar.result.names import REPLAY  # noqa: PLC0415  imports what reads YAML
+
     files = []
     for path in (run,) if against is None else (run, against):
         files.append(path / REPLAY if path.is_dir() else path)

@@ -50,7 +50,7 @@ EQUATOR = float(np.sqrt(2.0))  # of the projection of a unit sphere
 SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale them
 _ACROSS = 15  # cells across a map of the workspace, about 0.13 m each for the IRB 2400
 _ON_SPHERE = 22  # cells across the projection of the sphere
-_TICK = 0.5  # [m] between the marks of the workspace
+_TICK, _MARKS = 0.5, 5.0  # [m] between marks, or a multiple of it; marks of an axis, at most
 _LABELLED = 40  # names that stay readable on an axis of half a page
 _NAMES = 250.0  # [pt] height of all names together, 8 pt each at most
 
@@ -150,7 +150,7 @@ def workspace_map(
 
 def _marks(low: float, high: float) -> dict[float, str]:
     """Marks of an axis of the workspace."""
-    step = _TICK * max(1.0, np.ceil((high - low) / _TICK / 7.0))
+    step = _TICK * max(1.0, np.ceil((high - low) / _TICK / _MARKS))
     values = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
     return {float(v): f"{v + 0.0:.1f}".replace("-", "\u2212") for v in values}
 
