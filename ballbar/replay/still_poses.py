@@ -8,6 +8,8 @@ alone.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -17,10 +19,12 @@ from ballbar.replay.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEE
 from ballbar.replay.entities import CELL, LEGEND, NOTES, POSE, Branch
 from ballbar.replay.scene import log_body, log_frame, log_legend, magnification, spaced
 from ballbar.replay.shapes import robot_bodies
-from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM
-from ident.poses.fit import PoseFit
-from ident.poses.model import GroupPoint
+
+if TYPE_CHECKING:  # a replay of recordings does without still poses
+    from ballbar.result.pose_run import PoseRun
+    from ident.poses.fit import PoseFit
+    from ident.poses.model import GroupPoint
 
 ARM, SEATS, ERRORS = f"{CELL}/robot", f"{CELL}/seats", "/error_mm"
 _DRAWN = 0.12  # of the robot's reach: length at which the mean error is drawn

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -28,8 +29,10 @@ from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, recording_series, truth_series
 from ballbar.replay.still_poses import log_still_poses, still_layout
-from ballbar.result.pose_run import PoseRun, Run
 from ballbar.result.run_data import FittedRecording, RunData
+
+if TYPE_CHECKING:  # a report of recordings does without still poses
+    from ballbar.result.pose_run import Run
 
 # fixed: the viewer keeps one layout per application
 APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"
@@ -72,7 +75,7 @@ def send_replay(address: str, run: Run) -> None:
 def recording_id(run: Run) -> str:
     """The name of the run and a digest of logs and estimates: the same run, the same id."""
     digest = hashlib.sha256()
-    if isinstance(run, PoseRun):
+    if not isinstance(run, RunData):
         digest.update(run.identification.table.q.tobytes())
         return f"{run.name}-{digest.hexdigest()[:12]}"
     for fitted in run.recordings:
@@ -84,7 +87,7 @@ def recording_id(run: Run) -> str:
 
 def _prepared(run: Run) -> tuple[rrb.Blueprint, Callable[[rr.RecordingStream], None]]:
     """The layout of a replay, and what writes its content."""
-    if isinstance(run, PoseRun):
+    if not isinstance(run, RunData):
         return still_layout(), partial(_log, run=run, parts=())
     parts = [_part(run, fitted) for fitted in run.recordings]
     return layout(_shown(run, parts)), partial(_log, run=run, parts=parts)
@@ -93,7 +96,7 @@ def _prepared(run: Run) -> tuple[rrb.Blueprint, Callable[[rr.RecordingStream], N
 def _log(stream: rr.RecordingStream, run: Run, parts: Sequence[_Part]) -> None:
     stream.send_recording_name(run.name)
     stream.log(NOTES, _page(replay_notes(run)), static=True)
-    if isinstance(run, PoseRun):
+    if not isinstance(run, RunData):
         log_still_poses(stream, run)
         return
     robot = run.identification.robot
@@ -158,7 +161,7 @@ def _page(text: str) -> rr.TextDocument:
 
 @contextmanager
 def _stream(run: Run) -> Iterator[rr.RecordingStream]:
-    application = STILL_APPLICATION if isinstance(run, PoseRun) else APPLICATION
+    application = APPLICATION if isinstance(run, RunData) else STILL_APPLICATION
     # without properties: they would hold the time of writing, and make the files of one run differ
     stream = rr.RecordingStream(application, recording_id=recording_id(run), send_properties=False)
     try:

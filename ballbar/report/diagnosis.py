@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ballbar.replay.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.pose_run import Run
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM
 from cell.arrays import Array
@@ -33,6 +33,9 @@ from planning.next_step import (
 from planning.questions import ENCODERS
 from planning.trajectory import Passage
 from sim.path_files import load_lissajous
+
+if TYPE_CHECKING:  # a report of recordings does without still poses
+    from ballbar.result.pose_run import Run
 
 STEP = 0.1  # [s] of a recording's motion, half that of planned ones: it may be faster
 SHOWN = 8  # rows of a table; what follows is added up
@@ -81,7 +84,7 @@ class Steps:
     rows: tuple[StepRow, ...] = ()
 
 
-def steps_of(run: Run) -> Steps:
+def advised_steps(run: Run) -> Steps:
     """Predicted next steps of a ball-bar's logs, where nothing is to be repaired first."""
     if not isinstance(run, RunData):
         return Steps()

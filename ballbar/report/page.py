@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ballbar.report.diagnosis import diagnosis_section, steps_of
+from ballbar.report.diagnosis import advised_steps, diagnosis_section
 from ballbar.report.machine import held_out_imports, machine_section
 from ballbar.report.provenance import provenance_section
 from ballbar.report.recording import recording_sections
@@ -22,10 +23,12 @@ from ballbar.report.still_poses import (
 )
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
-from ballbar.result.pose_run import Run
 from ballbar.result.run_data import RunData
 from cell.files import write_whole
 from cell.foreign_text import printable
+
+if TYPE_CHECKING:  # a report of recordings does without still poses
+    from ballbar.result.pose_run import Run
 
 
 def write_report(path: Path, run: Run, *, command: str) -> None:
@@ -40,7 +43,7 @@ def write_report(path: Path, run: Run, *, command: str) -> None:
 def render_report(run: Run, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
     view = tcp_view(run) if isinstance(run, RunData) else None
-    steps = steps_of(run)
+    steps = advised_steps(run)
     sections = [
         *error_section(run),
         *tcp_section(run, view),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
@@ -10,19 +12,22 @@ from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
 from ballbar.report.numbers import significant
 from ballbar.report.section import Section, section
 from ballbar.report.summary import QUANTITIES
-from ballbar.result.pose_calibration import KNOWN
-from ballbar.result.pose_run import PoseRun, Run
+from ballbar.result.run_data import RunData
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from ident.corrections.joint_harmonics import harmonic_name
-from ident.poses.result import PoseIdentification
+from ident.identify import MOSTLY_PRIOR
+
+if TYPE_CHECKING:  # a report of recordings does without still poses
+    from ballbar.result.pose_run import Run
+    from ident.poses.result import PoseIdentification
 
 Row = dict[str, object]  # of a table, by the columns of the template
 
 
 def error_section(run: Run) -> list[Section]:
     """Errors over the poses and the workspace: nominal, fitted, and left out of the fit."""
-    if not isinstance(run, PoseRun):
+    if isinstance(run, RunData):
         return []
     result = run.identification
     curves = [
@@ -44,7 +49,7 @@ def error_section(run: Run) -> list[Section]:
 
 def joint_error_section(run: Run) -> list[Section]:
     """Scores of all orders before and after the search, and the joint errors found."""
-    if not isinstance(run, PoseRun) or run.identification.search is None:
+    if isinstance(run, RunData) or run.identification.search is None:
         return []
     result, search = run.identification, run.identification.search
     values = dict(zip(result.fit.model.unknowns.names, result.fit.x.tolist(), strict=True))
@@ -68,7 +73,7 @@ def joint_error_section(run: Run) -> list[Section]:
 
 def robot_section(run: Run) -> list[Section]:
     """DH rows, and the sag of the joints under unit weights."""
-    if not isinstance(run, PoseRun):
+    if isinstance(run, RunData):
         return []
     result = run.identification
     layout = result.fit.model.unknowns
@@ -98,13 +103,13 @@ def _row(
         "identified": f"{value * scale:.{decimals}f}",
         "deviation": f"{(value - nominal) * scale:+.{decimals}f}",
         "sigma": f"{result.sigma[name] * scale:.{decimals}f}",
-        "known": result.information_gain[name] > KNOWN,
+        "known": result.information_gain[name] > MOSTLY_PRIOR,
     }
 
 
 def place_sections(run: Run) -> list[Section]:
     """Fitted ranges, seats and targets, the groups of poses, and the findings of the import."""
-    if not isinstance(run, PoseRun):
+    if isinstance(run, RunData):
         return []
     result = run.identification
     layout, x = result.fit.model.unknowns, result.fit.x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -12,13 +13,15 @@ from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import MISSING, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.pose_run import PoseRun, Run
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
 from cell.statistics import rms
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
+
+if TYPE_CHECKING:  # a report of recordings does without still poses
+    from ballbar.result.pose_run import PoseRun, Run
 
 SAME_CELLS = "same cells, with a colour scale of its own (mind the unit)."
 
@@ -83,7 +86,7 @@ def tcp_view(data: RunData) -> TcpView:
 
 def tcp_section(run: Run, view: TcpView | None) -> list[Section]:
     """Table, curves and maps; view : of logs."""
-    if isinstance(run, PoseRun):
+    if not isinstance(run, RunData):
         return _truth(run)
     assert view is not None  # of logs there always is one
     before, after = view.before_label, view.after_label

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ballbar.report.drawing import linear_ticks, shade
@@ -15,6 +15,7 @@ from ballbar.report.maps import AFTER_SCALE, Sphere, cells_of, workspace_map
 WIDTH = 0.13
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 300))
 def test_a_point_lies_in_the_nearest_cell_and_counts_once(seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from ballbar.identify_settings import IdentifySettings
-from ballbar.report.diagnosis import Steps, diagnosis_section, recorded_passage, steps_of
+from ballbar.report.diagnosis import Steps, advised_steps, diagnosis_section, recorded_passage
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from cell.recording import load_recording_file
@@ -157,11 +157,11 @@ def test_a_fifth_encoder_brings_what_was_predicted(
 
 @pytest.mark.slow
 def test_no_step_is_advised_where_something_is_to_be_repaired_first(data: RunData) -> None:
-    steps = steps_of(data)
+    steps = advised_steps(data)
     assert steps.rows
     verdict = replace(data.identification.verdict, status=Status.MISFIT)
     bad = replace(data, identification=replace(data.identification, verdict=verdict))
-    assert steps_of(bad) == Steps()
+    assert advised_steps(bad) == Steps()
     (without,), (told,) = diagnosis_section(bad, Steps()), diagnosis_section(data, steps)
     assert "What would help most next" not in without.html
     assert told.html.startswith(without.html.rstrip())
