@@ -39,8 +39,8 @@ _PUBLIC = {
     "sim.simulate": "Simulation simulate",
     "sim.truth": "Truth load_truth",
     "ballbar.scenario": "Scenario load_scenario scenario_file",
-    "ballbar.result.calibration": "Calibration load_calibration write_calibration",
-    "ballbar.result.pose_calibration": "PoseCalibration",
+    "ballbar.result.calibration": "Calibration load_calibration",
+    "ballbar.result.write_calibration": "write_calibration",
     "ballbar.result.run_data": "RunData",
     "ballbar.result.run_recordings": "identify_recordings",
     "ballbar.result.verification": "verify_folder",
@@ -55,11 +55,10 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from acquisition.recording import read_recording as read_recording
     from ballbar.result.calibration import Calibration as Calibration
     from ballbar.result.calibration import load_calibration as load_calibration
-    from ballbar.result.calibration import write_calibration as write_calibration
-    from ballbar.result.pose_calibration import PoseCalibration as PoseCalibration
     from ballbar.result.run_data import RunData as RunData
     from ballbar.result.run_recordings import identify_recordings as identify_recordings
     from ballbar.result.verification import verify_folder as verify_folder
+    from ballbar.result.write_calibration import write_calibration as write_calibration
     from ballbar.scenario import Scenario as Scenario
     from ballbar.scenario import load_scenario as load_scenario
     from ballbar.scenario import scenario_file as scenario_file
