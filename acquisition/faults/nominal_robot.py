@@ -1,0 +1,306 @@
+"""Measured values against the catalogue robot: wrong units, left-handed frames, wrong conventions.
+
+The nominal robot is good to millimetres, which is enough to see a factor of 1000, a mirrored axis
+or angles turned about other axes. A little wrong is the identifier's matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.measured_values import rotation
+from acquisition.report import Finding, finding
+from acquisition.table.quantities import PoseRows
+from cell.arrays import Array
+from cell.chain import Frames
+from cell.descriptions import Robot
+from cell.errors import LogError
+from cell.instrument import Instrument
+from cell.pose_file import AngleUnit, ValueColumns
+from cell.rigid_fit import nominal_frames, rigid_fit
+
+FEWEST = 10  # poses: fewer lie on many robots
+MOST_JUDGED = 400  # poses; more show nothing new
+_LARGE, _SMALL = 2.2, 1.0 / 200.0  # spread of positions, as a share of the robot's reach
+_TOOL = 0.5  # [m] no target is further from the flange
+_MOVED = 0.1  # of the reach: spread of the nominal flange that must show in the positions
+_BETTER = 5.0  # times smaller residual of a mirrored frame
+_FITS = 0.05  # of the reach: a nominal robot within it is the right one
+_SEAT_FITS = 0.03  # of the reach: likewise of a few points, carried on to the others
+_TRIALS, _FEW = 150, 5  # of two equal parts, five points are of one in a sixteenth of the trials
+_MOST = 0.9  # of the points of each seat that have to fit
+_TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the rotations
+_TURN_FITS = 0.3  # of that, by another convention
+_EULER = tuple("".join(axes) for axes in product("XYZ", repeat=3) if axes[0] != axes[1] != axes[2])
+_CONVENTIONS = (*_EULER, *map(str.lower, _EULER), "rotvec")
+_QUATERNIONS = ("quat_wxyz", "quat_xyzw")
+
+
+def reach(robot: Robot) -> float:
+    """[m] length of the stretched arm, an upper bound."""
+    return float(np.hypot(robot.a, robot.d).sum())
+
+
+def judged(count: int, most: int = MOST_JUDGED) -> NDArray[np.intp]:
+    """(K,) rows that checks look at: all, or `most` spread evenly over `count`."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
+
+
+def spread_of(points: Array) -> float:
+    """[m] width of points (N, 3) [m]: twice the distance from their middle that nine in ten keep.
+
+    Single wrong points do not change it.
+    """
+    return 2.0 * float(np.quantile(_off_middle(points), 0.9))
+
+
+def _off_middle(points: Array) -> Array:
+    """(N,) [m] distance of points (N, 3) [m] from their median."""
+    return np.asarray(np.linalg.norm(points - np.median(points, axis=0), axis=1))
+
+
+def check_positions(
+    robot: Robot, rows: PoseRows, q: Array, points: Array, unit: str
+) -> tuple[Finding, ...]:
+    """Findings about measured points (N, 3) [m], declared in `unit`, at angles q (N, J) [rad].
+
+    Raises LogError for points in another unit and for a left-handed frame.
+    """
+    chosen, every = judged(len(q)), points
+    frames, points = nominal_frames(robot, q[chosen]), points[chosen]
+    spread, moved = spread_of(points), spread_of(frames.tip.T)
+    length = reach(robot)
+    far = spread > _LARGE * length + 2.0 * _TOOL
+    near_by = spread < _SMALL * length and moved > _MOVED * length
+    if far:
+        _refuse_two_seats(robot, rows, q, every)
+    if far or near_by:
+        what = "more than the robot reaches" if far else "though its flange moves"
+        raise LogError(
+            f"{rows.file}: the measured points spread over {spread:.4g} m as {unit}, {what} "
+            f"({length:.3g} m stretched, flange over {moved:.3g} m). "
+            f"{_other_unit(spread, moved, unit)}"
+        )
+    if chosen.size < FEWEST:
+        return ()
+    within = _off_middle(points) < 2.0 * (length + _TOOL)
+    frames, points = nominal_frames(robot, q[chosen][within]), points[within]
+    findings = _off_nominal(robot, rows, frames, points)
+    if findings:
+        _refuse_two_seats(robot, rows, q, every)
+    return (*_out_of_reach(robot, rows, every), *findings)
+
+
+def _refuse_two_seats(robot: Robot, rows: PoseRows, q: Array, points: Array) -> None:
+    """Raises LogError if points (N, 3) [m] are those of two seats under one name.
+
+    The largest part of the points that fits the catalogue robot is sought among random few
+    (Fischler & Bolles 1981); the others have to fit it from another seat.
+    """
+    chosen = judged(len(q))
+    if chosen.size < 2 * FEWEST:
+        return
+    lines, q, points = rows.line[chosen], q[chosen], points[chosen]
+    limit = _SEAT_FITS * reach(robot)
+    rng, best = np.random.default_rng(0), np.zeros(chosen.size, dtype=bool)
+    for _ in range(_TRIALS):
+        few = rng.choice(chosen.size, _FEW, replace=False)
+        fitting = _distances(robot, q, points, few) < limit
+        best = fitting if fitting.sum() > best.sum() else best
+    if not FEWEST <= best.sum() <= chosen.size - FEWEST:
+        return
+    own, others = np.flatnonzero(best), np.flatnonzero(~best)
+    first = _distances(robot, q, points, own)[own] < limit
+    second = _distances(robot, q, points, others)[others] < limit
+    if first.mean() < _MOST or second.mean() < _MOST:
+        return
+    parts = sorted((lines[own], lines[others]), key=min)
+    seats = "; and ".join(map(_lines, parts))
+    raise LogError(
+        f"{rows.file}: the points fit {robot.name} only as those of two seats of the instrument "
+        f"under one name: {seats}. Give each seat its name: a column with the names "
+        "(`seat: {column: ...}`), or a table for each."
+    )
+
+
+def _distances(robot: Robot, q: Array, points: Array, chosen: NDArray[np.intp]) -> Array:
+    """(N,) [m] of points (N, 3) from the nominal robot at q (N, J), moved onto the chosen ones."""
+    frames = nominal_frames(robot, q)
+    position, turns = frames.tip.T, frames.rotation().transpose(2, 0, 1)
+    turn = rigid_fit(nominal_frames(robot, q[chosen]), points[chosen]).rotation
+    wanted = points @ turn - position
+    both = np.concatenate((turns, np.tile(np.eye(3), (len(turns), 1, 1))), axis=2)
+    place = np.linalg.lstsq(both[chosen].reshape(-1, 6), wanted[chosen].ravel(), rcond=1e-9)[0]
+    return np.asarray(np.linalg.norm(wanted - both @ place, axis=1))
+
+
+def _lines(lines: NDArray[np.int64]) -> str:
+    """Lines in words: a range where the other seat's are not among them, else the first ones."""
+    ordered = np.sort(lines)
+    gaps = np.diff(ordered)
+    if (gaps <= 2 * np.median(gaps)).all() and np.median(gaps) == 1:
+        return f"lines {ordered[0]} to {ordered[-1]}"
+    return f"lines {', '.join(map(str, ordered[:4]))}, ... ({ordered.size} of those judged)"
+
+
+def _out_of_reach(robot: Robot, rows: PoseRows, points: Array) -> tuple[Finding, ...]:
+    """A finding about points (N, 3) [m] that no pose of the robot reaches beside the others."""
+    far = np.flatnonzero(_off_middle(points) >= 2.0 * (reach(robot) + _TOOL))
+    if not far.size:
+        return ()
+    sentence = "the point lies further from the others than the robot reaches."
+    lines = rows.line[far]
+    return (finding("point out of reach", "warning", rows.file, sentence, lines=lines),)
+
+
+def _off_nominal(
+    robot: Robot, rows: PoseRows, frames: Frames, points: Array
+) -> tuple[Finding, ...]:
+    """A finding about points (K, 3) [m] that are not those of the catalogue robot.
+
+    Raises LogError if they are their mirror image.
+    """
+    length, direct = reach(robot), rigid_fit(frames, points).rms
+    if direct > _FITS * length:
+        mirror = rigid_fit(frames, points, mirrored=True).rms
+        if mirror * _BETTER < direct and mirror < _FITS * length:
+            raise LogError(
+                f"{rows.file}: the measured points fit {robot.name} only as their mirror image "
+                f"({mirror * 1e3:.3g} mm against {direct * 1e3:.3g} mm): the frame is left-handed. "
+                "Is an axis missing its sign, or are two columns swapped? Correct the columns."
+            )
+        sentence = (
+            f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: "
+            "another robot, another order of the joints, or angles of another kind?"
+        )
+        return (finding("far from the nominal robot", "warning", rows.file, sentence, count=1),)
+    return ()
+
+
+def better_as_rad(robot: Robot, as_deg: Array, as_rad: Array, points: Array) -> bool:
+    """Whether joint angles read as rad put the robot nearer to points (N, 3) [m] than as degrees.
+
+    as_deg, as_rad : (N, J) [rad].
+    """
+    chosen = judged(len(points))
+    degrees, radians = (
+        rigid_fit(nominal_frames(robot, q[chosen]), points[chosen]).rms for q in (as_deg, as_rad)
+    )
+    return radians < degrees
+
+
+@dataclass(frozen=True, eq=False)
+class Orientations:
+    """Rotations of the nominal flange in the measuring frame, which positions tell."""
+
+    expected: Array  # (K, 3, 3)
+    chosen: NDArray[np.intp]  # (K,) their rows
+
+    def error(self, convention: str, raw: Array, angle: float) -> float:
+        """[rad] median turn of the target on the flange about its mean, which should not turn.
+
+        raw : (N, 3 or 4) columns of measured rotations, angles in units of `angle` [rad].
+        """
+        measured = rotation(convention, raw[self.chosen], angle).as_matrix()
+        on_flange = self.expected.transpose(0, 2, 1) @ measured
+        u, _, vt = np.linalg.svd(on_flange.mean(axis=0))
+        mean = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        cosine = 0.5 * (np.einsum("ij,nij->n", mean, on_flange) - 1.0)
+        return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def fitting(self, raw: Array) -> tuple[str, AngleUnit, float] | None:
+        """Convention, unit and error [rad] with which rotations raw (N, 3 or 4) fit best.
+
+        None if none fits.
+        """
+        units: tuple[tuple[AngleUnit, float], ...] = (("rad", 1.0), ("deg", np.pi / 180.0))
+        errors = {
+            (name, unit): self.error(name, raw, scale)
+            for name in (_QUATERNIONS if raw.shape[1] == 4 else _CONVENTIONS)
+            for unit, scale in units
+        }
+        (name, unit), least = min(errors.items(), key=lambda item: item[1])
+        return (name, unit, least) if least < _TURN_OFF else None
+
+
+def orientations(robot: Robot, q: Array, points: Array) -> Orientations | None:
+    """What the flange's rotations should be at q (N, J) [rad], by the measured points (N, 3) [m].
+
+    None if the points are few, on a line, or not those of the robot.
+    """
+    chosen = judged(len(q))
+    if chosen.size < FEWEST:
+        return None
+    frames = nominal_frames(robot, q[chosen])
+    fit = rigid_fit(frames, points[chosen])
+    if fit.rms > _FITS * reach(robot) or fit.width < 3.0 * fit.rms:
+        return None
+    return Orientations(fit.rotation @ frames.rotation().transpose(2, 0, 1), chosen)
+
+
+def check_rotations(
+    robot: Robot,
+    rows: PoseRows,
+    expected: Orientations | None,
+    declared: ValueColumns,
+    raw: Array,
+    angle: float,
+) -> tuple[Finding, ...]:
+    """A finding if measured rotations do not turn as the flange does.
+
+    raw : (N, 3 or 4) columns of the rotation, angles in units of `angle` [rad].
+
+    Raises LogError if another convention or unit fits.
+    """
+    if expected is None or (off := expected.error(str(declared.rotation), raw, angle)) < _TURN_OFF:
+        return ()
+    fitting = expected.fitting(raw)
+    if fitting is not None and fitting[2] < _TURN_FITS * off:
+        name, unit, least = fitting
+        how = f"rotation: {name}" + ("" if name.startswith("quat") else f", angle_unit: {unit}")
+        raise LogError(
+            f"{rows.file}: the rotations read as {declared.rotation} do not turn as the flange of "
+            f"{robot.name} does ({np.rad2deg(off):.3g} deg off, median); with `{how}` they do "
+            f"({np.rad2deg(least):.2g} deg). Write so under values in poses.yaml."
+        )
+    sentence = (
+        f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of the flange of the "
+        f"catalogue robot {robot.name}: another convention, or another robot?"
+    )
+    return (finding("rotations off the nominal robot", "warning", rows.file, sentence, count=1),)
+
+
+def check_lengths(
+    rows: PoseRows, values: Array, instrument: Instrument, unit: str
+) -> tuple[Finding, ...]:
+    """A finding about lengths values (N, 1) [m] that the instrument cannot have measured.
+
+    Raises LogError if they are in another unit.
+    """
+    middle = float(np.median(np.abs(values)))
+    lower, upper = instrument.lower, max(instrument.upper, 1e-6)
+    if middle > 10.0 * upper or middle < lower / 10.0:
+        raise LogError(
+            f"{rows.file}: lengths of {middle:.4g} m (median, read as {unit}); {instrument.name} "
+            f"measures {lower:g} to {upper:g} m. {_other_unit(middle, instrument.nominal, unit)}"
+        )
+    outside = np.flatnonzero(((values < lower) | (values > upper)).any(axis=1))
+    if not outside.size:
+        return ()
+    sentence = f"outside the range of {instrument.name}, {lower:g} to {upper:g} m."
+    lines = rows.line[outside]
+    return (finding("length outside the range", "warning", rows.file, sentence, lines=lines),)
+
+
+def _other_unit(measured: float, expected: float, unit: str) -> str:
+    """Advice for lengths `measured` [m] that should be about `expected` [m]."""
+    metres = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+    here = metres.get(unit, {"cm": 1e-2, "inch": 0.0254}.get(unit, 1.0))
+    for name, scale in metres.items():
+        if name != unit and 0.2 < measured / here * scale / max(expected, 1e-9) < 5.0:
+            return f"In {name}? Write `unit: {name}` under values in poses.yaml."
+    return "Correct the unit under values in poses.yaml, or name the columns that were measured."

@@ -1,0 +1,224 @@
+"""What the head of a table shows of its columns: joint angles, measured values, units, sigma.
+
+Proposals for the person who describes the table; nothing here is used when it is read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.faults.nominal_robot import judged, spread_of
+from acquisition.formats.table_file import FileKind
+from acquisition.measured_values import METRES
+from acquisition.table.fields import SEPARATORS, is_number, split_fields
+from acquisition.table.header import PREAMBLE
+from acquisition.table.quantities import PoseRows, header_names, quantities, read_rows, split_unit
+from acquisition.table.text import LogText
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.errors import LogError
+from cell.rigid_fit import nominal_frames
+
+_SUFFIX = re.compile(r"(.+)_(mm|cm|um|deg|rad|m)")
+_JOINT = re.compile(
+    r"joint|axis|achse|gelenk|^[ajq][ _]?\d|_q_|^theta|rax|aipos|robax", re.IGNORECASE
+)
+_UR = (
+    *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
+    *("wrist_1_joint", "wrist_2_joint", "wrist_3_joint"),
+)
+_LENGTH = re.compile(r"(?:bar[ _]?)?(?:length|len|dist|distance|l|d)", re.IGNORECASE)
+_ROTATIONS = (  # names of the three angles, or four numbers, of a rotation
+    ("rx", "ry", "rz"),
+    ("roll", "pitch", "yaw"),
+    ("a", "b", "c"),
+    ("qw", "qx", "qy", "qz"),
+    ("qx", "qy", "qz", "qw"),
+)
+_MEASURED = re.compile(r"meas|actual|ist", re.IGNORECASE)
+_SIGMA = ("std_{}", "{}_std", "sigma_{}", "{}_sigma", "s_{}", "sd_{}", "{}_sd")
+_SPREAD = 1.6  # times; positions in the right unit spread as the flange does, to about this
+
+
+@dataclass(frozen=True)
+class ColumnNames:
+    """The columns of a table: names, or numbers from 1 where it has no header."""
+
+    names: tuple[str, ...]
+    counted: bool  # no header
+
+    @property
+    def words(self) -> str:
+        """The names as one line of text."""
+        return f"1 to {len(self.names)}" if self.counted else ", ".join(self.names)
+
+
+def column_names(text: LogText) -> ColumnNames:
+    """Names of the columns of a table; the header is the first line as wide as the last ones."""
+    last = text.lines[-1]
+    separator = max(SEPARATORS, key=lambda s: (_numbers(last, s), s != " "))
+    width = len(split_fields(last, separator))
+    for line in text.lines[: PREAMBLE + 1]:
+        cells = split_fields(line, separator)
+        if len(cells) == width and not any(map(is_number, cells)):
+            return ColumnNames(tuple(cells), counted=False)
+    return ColumnNames(tuple(str(k + 1) for k in range(width)), counted=True)
+
+
+def _numbers(line: str, separator: str) -> int:
+    cells = split_fields(line, separator)
+    return sum(map(is_number, cells)) if sum(map(is_number, cells)) * 2 > len(cells) else 0
+
+
+def joint_columns(columns: ColumnNames, axes: int) -> list[tuple[str, ...]]:
+    """Columns that may hold the angles of `axes` axes, the likeliest first."""
+    names = columns.names
+    if columns.counted:
+        return [names[:axes]] if len(names) >= axes else []
+    if axes == len(_UR) and set(_UR) <= set(names):
+        return [_UR]
+    families: dict[str, list[tuple[int, str]]] = {}
+    for name in names:
+        bare = _bare(name)
+        for number in re.finditer(r"\d+", bare):
+            family = f"{bare[: number.start()]}#{bare[number.end() :]}"
+            families.setdefault(family, []).append((int(number[0]), name))
+    fitting = []
+    for family, members in families.items():
+        ordered = sorted(members)
+        counts = [number for number, _ in ordered]
+        if counts == list(range(counts[0], counts[0] + axes)) and _JOINT.search(
+            family.replace("#", "1")
+        ):
+            fitting.append(tuple(name for _, name in ordered))
+    return sorted(fitting, key=lambda family: not _MEASURED.search(family[0]))
+
+
+def position_columns(columns: ColumnNames, used: Sequence[str]) -> list[tuple[str, ...]]:
+    """Triples of columns that may hold x, y and z, those that say `measured` first."""
+    names = [name for name in columns.names if name not in used]
+    if columns.counted:
+        return [tuple(names[:3])] if len(names) >= 3 else []
+    triples = []
+    for name in names:
+        for at in re.finditer(r"(?<![A-Za-z])[xX](?![A-Za-z])", name):
+            x = at[0]
+            others = [
+                name[: at.start()] + other + name[at.end() :]
+                for other in ("yz" if x == "x" else "YZ")
+            ]
+            if all(other in names for other in others):
+                triples.append((name, *others))
+    triples = [t for t in triples if not re.search(r"std|sigma|goal|target|nominal", t[0], re.I)]
+    measured = [triple for triple in triples if _MEASURED.search(triple[0])]
+    return measured or triples
+
+
+def length_columns(columns: ColumnNames, used: Sequence[str]) -> list[tuple[str, ...]]:
+    """Columns that may hold a length."""
+    names = [name for name in columns.names if name not in used]
+    if columns.counted:
+        return [(names[0],)] if names else []
+    return [(name,) for name in names if _LENGTH.fullmatch(_bare(name))]
+
+
+def rotation_columns(columns: ColumnNames, position: Sequence[str]) -> tuple[str, ...]:
+    """Columns of the rotation that belongs to three columns of a position; empty if not seen."""
+    names = columns.names
+    if columns.counted:
+        rest = [name for name in names if int(name) > int(position[-1])]
+        return tuple(rest[: 4 if len(rest) == 4 else 3]) if len(rest) >= 3 else ()
+    for rotation in _ROTATIONS:
+        chosen = []
+        for part in rotation:
+            alike = [
+                name
+                for name in names
+                if _bare(name).lower() == part
+                or re.sub(r"(?<![A-Za-z])x(?![A-Za-z])", part, _bare(position[0]).lower())
+                == _bare(name).lower()
+            ]
+            if len(alike) == 1 and alike[0] not in position:
+                chosen.append(alike[0])
+        if len(chosen) == len(rotation):
+            return tuple(chosen)
+    return ()
+
+
+def sigma_columns(columns: ColumnNames, values: Sequence[str]) -> tuple[str, ...]:
+    """Columns with the standard deviation of each of the values; empty if not seen."""
+    for form in _SIGMA:
+        chosen = []
+        for value in values:
+            head, _, tail = value.rpartition("_")
+            inside = f"{head}_{form.format(tail)}" if head else form.format(tail)
+            spelt = (form.format(value), inside)
+            chosen += [name for name in dict.fromkeys(spelt) if name in columns.names][:1]
+        if len(chosen) == len(values) and not set(chosen) & set(values):
+            return tuple(chosen)
+    return ()
+
+
+def named_column(columns: ColumnNames, pattern: str) -> str | None:
+    """The only column whose name matches an expression."""
+    if columns.counted:
+        return None
+    names = [name for name in columns.names if re.search(pattern, name, re.IGNORECASE)]
+    return names[0] if len(names) == 1 else None
+
+
+def stated_unit(names: Sequence[str]) -> str | None:
+    """The unit that all names state, as the header writes it or behind an underscore."""
+    units = set()
+    for name in names:
+        bare, unit = split_unit(name)
+        suffix = _SUFFIX.fullmatch(name) if bare == name else None
+        units.add(suffix[2] if suffix else unit)
+    return units.pop() if len(units) == 1 else None
+
+
+def column_values(text: LogText, kind: FileKind, columns: Sequence[str | int]) -> Array:
+    """(N, C) numbers of columns in their own units, rows with empty fields left out.
+
+    Raises LogError if they are none.
+    """
+    wanted = quantities(columns, header_names(text))
+    selectors = list(dict.fromkeys(term.selector for q in wanted for term in q.terms))
+    rows: PoseRows = read_rows(text, kind, selectors, selectors)
+    values = np.stack([rows.numbers(quantity) for quantity in wanted], axis=1)
+    values = values[np.isfinite(values).all(axis=1)]
+    if not len(values):
+        raise LogError(f"{text.file}: no row has numbers in {', '.join(map(str, columns))}.")
+    return values
+
+
+def angle_unit(angles: Array) -> tuple[str, bool]:
+    """Unit of joint angles (N, J) [rad or deg] by their range, and whether there is no doubt."""
+    largest = float(np.abs(angles).max())
+    return ("deg", True) if largest > 4.0 * np.pi else ("rad", False)
+
+
+def length_unit(robot: Robot, q: Array, points: Array) -> str | None:
+    """Unit in which points (N, 3) spread as the robot's flange does at angles q (N, J) [rad].
+
+    None if the robot hardly moves, or none fits.
+    """
+    chosen = judged(len(q))
+    expected = spread_of(nominal_frames(robot, q[chosen]).tip.T)
+    spread = spread_of(points[chosen])
+    if expected < 0.05 or spread == 0.0:  # [m]
+        return None
+    ratios = {unit: abs(np.log(spread * scale / expected)) for unit, scale in METRES.items()}
+    best = min(ratios, key=ratios.__getitem__)
+    return best if ratios[best] < np.log(_SPREAD) else None
+
+
+def _bare(name: str) -> str:
+    """The name without its unit, as the header writes it or behind an underscore."""
+    bare = split_unit(name)[0]
+    suffix = _SUFFIX.fullmatch(name) if bare == name else None
+    return suffix[1] if suffix else bare

@@ -1,0 +1,214 @@
+"""Feasible poses: random axis angles, moved to where the instrument can measure, and screened.
+
+For a distance, the target has to stand at a drawn distance from the seat; for a socket, at the
+seat: damped Gauss-Newton steps of least norm from random angles bring it there. Everything else is
+a screen: axis box, distance, aim of seat and target, clearance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.chain import Frames, joint_screws
+from cell.errors import InputError
+from planning.pose_clearance import arm_of, smallest_distance, station_frames
+from planning.stations import Aim, PoseSetup, Station
+
+STEPS = 25  # Gauss-Newton steps towards a distance or a socket
+LONGEST_STEP = 0.3  # [rad] of an axis in one of them
+DAMPING = 1e-4  # [m^2] added to the squared lever: no axis runs away near a singular pose
+CLOSED = 1e-7  # [m] rest of the distance or position at which a pose counts as closed
+BATCH = 2000  # poses drawn at a time
+MOST_BATCHES = 60  # after which too few feasible poses are an error
+FIRST_BATCHES = 8  # without a feasible pose, after which none is expected
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Feasible poses of one plan."""
+
+    axes: Array  # (K, J) [rad] the controller's axis angles
+    station: NDArray[np.intp]  # (K,) of the setup
+
+    @property
+    def size(self) -> int:
+        return len(self.axes)
+
+    def part(self, selected: NDArray[np.intp] | NDArray[np.bool_]) -> Candidates:
+        """Some of the poses."""
+        return Candidates(self.axes[selected], self.station[selected])
+
+
+def joined(parts: list[Candidates]) -> Candidates:
+    """The poses of all parts."""
+    return Candidates(
+        np.concatenate([part.axes for part in parts]),
+        np.concatenate([part.station for part in parts]),
+    )
+
+
+@dataclass(eq=False)
+class Screen:
+    """Counts what every limit excluded, for the sentence of a request that allows too little."""
+
+    drawn: int = 0
+    excluded: dict[str, int] = field(default_factory=dict)
+    nearest: float = np.inf  # [m] smallest error of a drawn distance, or from a socket
+
+    def keep(self, limit: str, good: NDArray[np.bool_]) -> None:
+        """Add the poses that a limit excluded."""
+        self.excluded[limit] = self.excluded.get(limit, 0) + int((~good).sum())
+
+    @property
+    def sentence(self) -> str:
+        worst = max(self.excluded, key=lambda limit: self.excluded[limit])
+        each = ", ".join(f"{name} {count}" for name, count in self.excluded.items())
+        nearest = ""
+        if worst == "reach" and np.isfinite(self.nearest) and self.nearest > CLOSED:
+            nearest = f"; the target comes no closer than {self.nearest * 1e3:.3g} mm"
+        return f"of {self.drawn} drawn, excluded: {each}; the most by {worst}{nearest}"
+
+
+def random_candidates(setup: PoseSetup, count: int, rng: np.random.Generator) -> Candidates:
+    """Feasible poses, as many for each station. Raises InputError where there are too few."""
+    share = -(-count // len(setup.stations))
+    return joined([_of_station(setup, k, share, rng) for k in range(len(setup.stations))])
+
+
+def _of_station(setup: PoseSetup, index: int, count: int, rng: np.random.Generator) -> Candidates:
+    screen, parts, have = Screen(), list[Array](), 0
+    for batch in range(1, MOST_BATCHES + 1):
+        drawn = rng.uniform(setup.lower, setup.upper, (BATCH, setup.robot.joints))
+        axes = feasible(setup, index, drawn, rng, screen)[0]
+        parts.append(axes)
+        have += len(axes)
+        if have >= count or (batch >= FIRST_BATCHES and not have):
+            break
+    if have < min(count, setup.request.poses):
+        station = setup.stations[index]
+        raise InputError(
+            f"{setup.request.name}: only {have} poses of {setup.robot.name} can be measured from "
+            f"{station.seat} at {station.target}, fewer than the {setup.request.poses} of the plan "
+            f"({screen.sentence}). Move the seat, or widen that limit."
+        )
+    axes = np.concatenate(parts)[:count]
+    return Candidates(axes, np.full(len(axes), index, dtype=np.intp))
+
+
+def feasible(
+    setup: PoseSetup, index: int, axes: Array, rng: np.random.Generator, screen: Screen
+) -> tuple[Array, NDArray[np.intp]]:
+    """Poses that can be measured at a station, from where the search for them begins.
+
+    axes : (N, J) [rad] axis angles.
+    Returns axis angles (K, J) [rad], and from which of the N each comes (K,).
+    """
+    station = setup.stations[index]
+    screen.drawn += len(axes)
+    moved, distance = _closed(setup, station, axes, rng)
+    frames = station_frames(setup, station, moved)
+    if np.isfinite(distance).any():
+        length = np.linalg.norm(frames.tip - station.origin[:, None], axis=0)
+        screen.nearest = min(screen.nearest, float(np.abs(length - distance).min()))
+    masks = _masks(setup, station, moved, frames, distance)
+    good = np.ones(len(axes), dtype=bool)
+    for limit, mask in masks.items():
+        screen.keep(limit, mask | ~good)
+        good &= mask
+    rest = np.flatnonzero(good)
+    apart = clearance_at(setup, station, moved[rest])
+    clear = apart >= setup.request.limits.clearance_m
+    screen.keep("clearance_m", clear)
+    return moved[rest[clear]], rest[clear]
+
+
+def clearance_at(setup: PoseSetup, station: Station, axes: Array) -> Array:
+    """(N,) [m] smallest distance at axis angles (N, J) [rad], rod or beam included."""
+    frames = station_frames(setup, station, axes)
+    line = setup.instrument.measured != "socket"
+    return smallest_distance(setup, station, arm_of(setup, station), frames, line=line)
+
+
+def _masks(
+    setup: PoseSetup, station: Station, axes: Array, frames: Frames, distance: Array
+) -> dict[str, NDArray[np.bool_]]:
+    """(N,) whether poses keep each limit but that of clearance.
+
+    distance : (N,) [m] of the target from the seat that was drawn; NaN where none was.
+    """
+    rod = frames.tip - station.origin[:, None]
+    length = np.linalg.norm(rod, axis=0)
+    closed = np.isnan(distance) | (np.abs(length - distance) < CLOSED)
+    socket = setup.instrument.measured == "socket"
+    within = socket | ((length >= setup.shortest) & (length <= setup.longest))
+    line = frames.origin[-2] - station.origin[:, None] if socket else rod
+    masks = {
+        "reach": closed & within,
+        "axis range": ((axes >= setup.lower) & (axes <= setup.upper)).all(axis=1),
+        "aim of the seat": _aimed(station.seat_aim, line),
+    }
+    if not socket:
+        looks = np.einsum("ikn,in->kn", frames.rotation(-2), -rod)
+        masks["aim of the target"] = _aimed(station.target_aim, looks)
+    return masks
+
+
+def _aimed(aim: Aim | None, line: Array) -> NDArray[np.bool_]:
+    """(N,) whether lines (3, N) lie within an aim's cone."""
+    if aim is None:
+        return np.ones(line.shape[1], dtype=bool)
+    length = np.maximum(np.linalg.norm(line, axis=0), np.finfo(float).tiny)
+    return np.asarray(aim.axis @ line / length >= np.cos(aim.angle))
+
+
+def _closed(
+    setup: PoseSetup, station: Station, axes: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Axis angles (N, J) [rad] moved to drawn distances (N,) [m] of the target from the seat.
+
+    Those of an instrument that measures points or poses stay where they are, their distances NaN.
+    """
+    n, measured = len(axes), setup.instrument.measured
+    if measured not in ("length", "socket"):
+        return axes, np.full(n, np.nan)
+    distance = (
+        rng.uniform(setup.shortest, setup.longest, n) if measured == "length" else np.zeros(n)
+    )
+    axes = axes.copy()
+    open_ = np.arange(n)
+    for _ in range(STEPS):
+        frames = station_frames(setup, station, axes[open_])
+        error, rows = _closing(station, frames, distance[open_], measured == "socket")
+        still = np.abs(error).max(axis=1) > 0.1 * CLOSED
+        open_, error, rows = open_[still], error[still], rows[still]
+        if not open_.size:
+            break
+        levers = rows @ setup.robot.controller_to_joint.T
+        square = levers @ levers.transpose(0, 2, 1) + DAMPING * _far(error) * np.eye(error.shape[1])
+        step = np.einsum("nej,ne->nj", levers, np.linalg.solve(square, error[:, :, None])[:, :, 0])
+        step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
+        axes[open_] = np.clip(axes[open_] + step, setup.lower, setup.upper)
+    return axes, distance
+
+
+def _closing(
+    station: Station, frames: Frames, distance: Array, socket: bool
+) -> tuple[Array, Array]:
+    """What is left to the distance (N, 1) [m] or the socket (N, 3), and its levers (N, E, J)."""
+    rod = frames.tip - station.origin[:, None]
+    motion = joint_screws(frames)[:, :3]  # the last frame is that of the target
+    motion = motion[: frames.x_link.shape[0]]
+    if socket:
+        return -rod.T, motion.transpose(2, 1, 0)
+    length = np.maximum(np.linalg.norm(rod, axis=0), np.finfo(float).tiny)
+    along = np.einsum("in,jin->nj", rod / length, motion)
+    return (distance - length)[:, None], along[:, None]
+
+
+def _far(error: Array) -> Array:
+    """(N, 1, 1) share of the damping, which fades as the pose closes."""
+    return np.asarray(np.minimum(1.0, np.linalg.norm(error, axis=1) / 0.05)[:, None, None])

@@ -1,0 +1,198 @@
+"""What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
+
+The rows are those of an identification (ident.poses.model): seats, targets, DH parameters and sag
+with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors of
+the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
+joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
+gain over random poses was lost (docs/planning). With the unknowns
+in standard deviations of their priors, the information of a set of poses is `N = I + sum A_k' A_k`,
+A_k (E, P) the rows of pose k, and the mean square TCP error over the workspace is
+`trace(R' N^-1 R)`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.poses import PoseGroup, PoseTable
+from cell.robot_angles import controller_to_joints
+from cell.rotation import rotvec_from_matrix
+from ident.corrections.base import Correction
+from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.unit_weights import unit_weights
+from ident.estimator.gauss_newton import inverse
+from ident.poses.closure import Placement
+from ident.poses.fit import pose_equations
+from ident.poses.model import Discrepancy, PoseModel
+from ident.poses.unknowns import PoseUnknowns, pose_unknowns
+from ident.robot.accuracy import position_sigma, rigid_basis
+from ident.robot.identified_arm import IdentifiedArm
+from planning.feasible_poses import Candidates
+from planning.pose_clearance import station_frames
+from planning.stations import PoseSetup, Station
+
+# Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
+# the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
+ORDERS, AMPLITUDE = (1, 2, 3), 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """The model of a setup, and the workspace over which the TCP error counts."""
+
+    setup: PoseSetup
+    layout: PoseUnknowns
+    corrections: tuple[Correction, ...]
+    grid: Array  # (G, J) [rad] DH joint angles
+
+    def rows(self, poses: Candidates) -> Array:
+        """(K, E, P) whitened rows of poses, per standard deviation of each prior."""
+        layout, out = self.layout, np.zeros((0, 0, 0))
+        for k in np.unique(poses.station):
+            own = np.flatnonzero(poses.station == k)
+            group = expected_group(self.setup, self.setup.stations[k], poses.axes[own])
+            model = self._model((group,))
+            (point,) = model.evaluate(layout.mean)
+            weights = model.weights(point, self._discrepancy)
+            rows = model.jacobian(layout.mean, point, weights).transpose(2, 1, 0) * layout.sigma
+            if not out.size:
+                out = np.empty((poses.size, *rows.shape[1:]))
+            out[own] = rows
+        return out
+
+    @cached_property
+    def prior(self) -> Array:
+        """(P, P) information of priors and known distances, per their standard deviations."""
+        equations = pose_equations(self._model(()), self.layout.mean, self._discrepancy, ())
+        return equations.normal * np.outer(self.layout.sigma, self.layout.sigma)
+
+    @cached_property
+    def root(self) -> Array:
+        """(P, P) [m] root R of the weights; the base is aligned as in ident.robot.accuracy."""
+        positions, moves = self._tool
+        columns = moves.transpose(2, 1, 0).reshape(-1, self.layout.count)
+        basis = rigid_basis(positions)
+        columns = (columns - basis @ (basis.T @ columns)) * self.layout.sigma
+        triangle = np.asarray(np.linalg.qr(columns, mode="r"))
+        return np.asarray(triangle.T / np.sqrt(len(self.grid)))
+
+    def covariance(self, rows: Array) -> Array:
+        """(P, P) of the unknowns [m, rad, ...] after poses of whitened rows (K, E, P)."""
+        flat = rows.reshape(-1, self.layout.count)
+        return inverse(self.prior + flat.T @ flat) * np.outer(self.layout.sigma, self.layout.sigma)
+
+    def tcp_sigma(self, rows: Array) -> Array:
+        """(G,) [m] predicted standard deviation of the first target over the workspace.
+
+        rows : (K, E, P) whitened rows of the poses that are measured.
+        """
+        positions, moves = self._tool
+        return position_sigma(positions, moves, self.covariance(rows))
+
+    def catalogue_sigma(self) -> Array:
+        """(G,) [m] likewise of the nominal robot, its target known exactly."""
+        positions, moves = self._tool
+        machine = self.layout.machine
+        variance = np.diag(self.layout.sigma[machine] ** 2)
+        return position_sigma(positions, moves[machine], variance)
+
+    @cached_property
+    def _tool(self) -> tuple[Array, Array]:
+        """(G, 3) [m] the first target over the grid; (P, 3, G) its change per unknown."""
+        layout, setup = self.layout, self.setup
+        target = setup.stations[0].target
+        arm = _nominal_arm(setup, layout, self.corrections)
+        each = arm.jacobian(self.grid)
+        machine, first = layout.machine, layout.targets[target].start
+        count = machine.stop - machine.start
+        moves = np.zeros((layout.count, 3, len(self.grid)))
+        moves[machine], moves[first : first + 3] = each[:count], each[count : count + 3]
+        return arm.tool(self.grid), moves
+
+    @property
+    def _discrepancy(self) -> Discrepancy:
+        request = self.setup.request
+        rotation = request.unexplained_rad if self.setup.instrument.measured == "pose" else 0.0
+        return Discrepancy(request.unexplained_m, rotation)
+
+    def _model(self, groups: tuple[PoseGroup, ...]) -> PoseModel:
+        setup = self.setup
+        table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
+        return PoseModel(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
+
+
+def information_of(setup: PoseSetup) -> Information:
+    """The model of a setup at its nominal robot, seats and targets."""
+    middle = 0.5 * (setup.lower + setup.upper)[None]
+    groups = tuple(expected_group(setup, station, middle) for station in setup.stations)
+    table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
+    seats = {s.seat: Placement(np.eye(3), s.origin) for s in setup.stations}
+    targets = {s.target: Placement(np.eye(3), s.point) for s in setup.stations}
+    corrections = (unit_weights(setup.robot), smooth_joint_errors(setup.robot))
+    layout = pose_unknowns(table, setup.chain, seats, targets, corrections)
+    return Information(setup, layout, corrections, setup.grid)
+
+
+def smooth_joint_errors(robot: Robot) -> Correction:
+    """Errors of the lowest orders of every joint."""
+    orders = [(joint, order) for joint in range(robot.joints) for order in ORDERS]
+    correction = joint_harmonics(orders)
+    waves = len(correction.coefficients) // len(orders)
+    sigmas = [AMPLITUDE / np.sqrt(order) for _, order in orders for _ in range(waves)]
+    expected = tuple(
+        replace(coefficient, sigma=float(sigma))
+        for coefficient, sigma in zip(correction.coefficients, sigmas, strict=True)
+    )
+    return replace(correction, coefficients=expected)
+
+
+def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
+    """What the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
+    frames = station_frames(setup, station, axes)
+    rod = frames.tip - station.origin[:, None]
+    measured = setup.instrument.measured
+    if measured == "length":
+        values = np.linalg.norm(rod, axis=0)[:, None]
+    elif measured == "socket":
+        values = np.zeros((len(axes), 0))
+    elif measured == "point":
+        values = rod.T
+    else:
+        values = np.concatenate((rod, rotvec_from_matrix(frames.rotation()))).T
+    return PoseGroup(
+        measured=measured,
+        seat=station.seat,
+        target=station.target,
+        q=controller_to_joints(setup.robot, axes),
+        values=values,
+        sigma=setup.instrument.sigma(values),
+        rows=np.arange(1, len(axes) + 1),
+        file="plan",
+    )
+
+
+def _nominal_arm(
+    setup: PoseSetup, layout: PoseUnknowns, corrections: tuple[Correction, ...]
+) -> IdentifiedArm:
+    """The nominal robot in the form that has the derivatives of a target."""
+    station = setup.stations[0]
+    return IdentifiedArm(
+        robot=setup.robot,
+        chain=setup.chain,
+        corrections=corrections,
+        values=layout.mean[layout.coefficients],
+        target=Placement(np.eye(3), station.point),
+        seat=Placement(np.eye(3), station.origin),
+        seat_turns=False,
+        parameters=layout.parameters,
+        covariance=np.zeros((layout.count, layout.count)),
+        discrepancy=0.0,
+        factor=1.0,
+        lower=np.full(setup.robot.joints, -np.inf),
+        upper=np.full(setup.robot.joints, np.inf),
+    )

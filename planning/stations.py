@@ -1,0 +1,140 @@
+"""What stands in the cell of a request: robot, instrument, seats, targets and axis limits, in SI.
+
+A station is a seat with a target: one placement of the instrument that measures one ball or
+reflector on the flange. Poses are planned in the controller's axis angles, since limits apply to
+them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import Chain
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.geometry import nominal_chain
+from cell.instrument import Instrument
+from cell.load import load_instrument, load_robot
+from cell.pose_file import known_distances
+from cell.poses import KnownDistance
+from planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
+from planning.workspace import check_axes, workspace_grid
+
+TURN = 2.0 * np.pi  # [rad] an axis that turns further is planned over half a turn to either side
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """A direction and the largest angle from it; None where any direction will do."""
+
+    axis: Array  # (3,) unit vector
+    angle: float  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """A seat and a target."""
+
+    seat: str
+    target: str
+    origin: Array  # (3,) [m] of the seat, robot base frame
+    point: Array  # (3,) [m] of the target, flange frame
+    seat_aim: Aim | None  # base frame
+    target_aim: Aim | None  # flange frame
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSetup:
+    """A request with its descriptions read and checked."""
+
+    request: PosePlanRequest
+    robot: Robot
+    chain: Chain  # nominal
+    instrument: Instrument
+    stations: tuple[Station, ...]
+    distances: tuple[KnownDistance, ...]
+    lower: Array  # (J,) [rad] axis angles within which poses are planned
+    upper: Array  # (J,) [rad]
+    shortest: float  # [m] distance of a target from its seat; 0 for sockets
+    longest: float  # [m]
+    grid: Array  # (G, J) [rad] DH joint angles over which the TCP error counts
+
+
+def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
+    """The cell of a request; relative_to : folder of the request's file.
+
+    Raises DescriptionError for a wrong description, InputError for limits that allow nothing
+    or a workspace that the robot does not have.
+    """
+    robot = load_robot(request.robot, relative_to=relative_to)
+    instrument = load_instrument(request.instrument, relative_to=relative_to)
+    lower, upper = _axis_box(request, robot)
+    limits, stroke = request.limits, instrument.upper - instrument.lower
+    margin = limits.stroke_margin_share * stroke if instrument.measured == "length" else 0.0
+    return PoseSetup(
+        request=request,
+        robot=robot,
+        chain=nominal_chain(robot),
+        instrument=instrument,
+        stations=tuple(_station(s, t) for s in request.seats for t in request.targets),
+        distances=known_distances(
+            request.distances, instrument, (seat.name for seat in request.seats)
+        ),
+        lower=lower,
+        upper=upper,
+        shortest=instrument.lower + margin,
+        longest=instrument.upper - margin,
+        grid=workspace_grid(robot, request.workspace),
+    )
+
+
+def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
+    """Lowest and highest axis angles (J,) [rad]."""
+    limits = request.limits
+    margin = np.radians(limits.axis_margin_deg)
+    lower, upper = robot.axis_lower + margin, robot.axis_upper - margin
+    wide = upper - lower > TURN
+    lower = np.where(wide, np.maximum(lower, -0.5 * TURN), lower)
+    upper = np.where(wide, np.minimum(upper, 0.5 * TURN), upper)
+    for key, values in (
+        ("axis_lower_deg", limits.axis_lower_deg),
+        ("axis_upper_deg", limits.axis_upper_deg),
+    ):
+        if values is None:
+            continue
+        check_axes(f"limits.{key}", values, robot)
+        if key == "axis_lower_deg":
+            lower = np.maximum(robot.axis_lower + margin, np.radians(values))
+        else:
+            upper = np.minimum(robot.axis_upper - margin, np.radians(values))
+    empty = np.flatnonzero(lower >= upper)
+    if empty.size:
+        axis = int(empty[0])
+        raise InputError(
+            f"{request.name}: limits leave axis {axis + 1} nothing between "
+            f"{np.degrees(lower[axis]):.4g} and {np.degrees(upper[axis]):.4g} deg. Widen "
+            "axis_lower_deg and axis_upper_deg, or reduce axis_margin_deg."
+        )
+    return lower, upper
+
+
+def _station(seat: SeatEntry, target: TargetEntry) -> Station:
+    return Station(
+        seat=seat.name,
+        target=target.name,
+        origin=np.array(seat.position_m),
+        point=np.array(target.position_m),
+        seat_aim=_aim(seat),
+        target_aim=_aim(target),
+    )
+
+
+def _aim(part: SeatEntry | TargetEntry) -> Aim | None:
+    if part.axis is None:
+        return None
+    axis = np.array(part.axis)
+    return Aim(axis / np.linalg.norm(axis), np.radians(part.cone_deg))
