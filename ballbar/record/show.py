@@ -16,7 +16,7 @@ from rich.markup import escape
 from acquisition.live.egm_source import LOOPBACK, EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import Memory, PlcSource
-from acquisition.live.session import LiveRecording
+from acquisition.live.recorder import LiveRecording
 from acquisition.live.source import Source
 from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
 from ballbar.watch.beside import WatchBeside

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition.live.egm_source import LOOPBACK
-from acquisition.live.recorder import POLL
-from acquisition.live.session import LiveRecording
+from acquisition.live.recorder import POLL, LiveRecording
 from ballbar.record.show import RecordOptions, record
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.terminal import err
