@@ -13,6 +13,7 @@ from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.terminal import PlainConsole
 from cell.files import write_yaml
 from cell.strict_yaml import load_model, load_yaml
+from planning.request import PlanRequest, load_request
 from sim.path_files import LissajousFile
 
 SEARCH = 10.0  # [s] of the search for the second path: the same search as of `plan`, shorter
@@ -40,16 +41,10 @@ def plan_second_path(scenario: Scenario, folder: Path, result: Path, named: Path
     """
     plan, said = folder / PLAN, PlainConsole(file=io.StringIO())
     write_yaml(folder / REQUEST, request_data(scenario, named))
+    request = load_request(folder / REQUEST)
+    assert isinstance(request, PlanRequest)
     feasible = plan_path(
-        folder / REQUEST,
-        folder=plan,
-        path=None,
-        position=None,
-        seconds=SEARCH,
-        what_if=(),
-        after=[result],
-        out=said,
-        err=said,
+        request, folder / REQUEST, folder=plan, seconds=SEARCH, after=[result], out=said, err=said
     )
     planned = load_yaml(plan / "plan.yaml").data
     if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on
