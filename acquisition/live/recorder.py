@@ -172,12 +172,12 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RecorderError:
         where = self._file.path if self._file is not None else self._folder.path
-        kept = ""
+        readable = ""
         if self._file is not None:
-            kept = f"{self._file.records} whole records are in it and can be read. "
+            readable = f"{self._file.records} whole records are in it and can be read. "
         reason = error.strerror or error
         remedy = "Make room or record to another disk."
-        return RecorderError(f"{where}: cannot be written: {reason}. {kept}{remedy}")
+        return RecorderError(f"{where}: cannot be written: {reason}. {readable}{remedy}")
 
 
 class LiveRecording:
