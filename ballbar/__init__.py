@@ -26,9 +26,9 @@ _PUBLIC = {
     "ident.held_out": "HeldOut held_out",
     "cell.poses": "PoseGroup PoseTable",
     "acquisition.poses.reading": "read_poses",
-    "ident.poses.identify": "PoseOptions identify_poses",
-    "ident.poses.result": "PoseIdentification",
-    "ident.poses.verification": "Verification verify",
+    "ident.identify_poses": "PoseOptions identify_poses",
+    "ident.pose_result": "PoseIdentification",
+    "ident.pose_verification": "Verification verify",
     "ident.robot.identified_arm": "IdentifiedArm",
     "ident.robot.identified_kinematics": "IdentifiedKinematics JointSolutions",
     "ident.robot.tool_covariance": "PositionUncertainty",
@@ -85,13 +85,13 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ident.held_out import held_out as held_out
     from ident.identify import identify as identify
     from ident.identify import identify_together as identify_together
+    from ident.identify_poses import PoseOptions as PoseOptions
+    from ident.identify_poses import identify_poses as identify_poses
     from ident.options import FitOptions as FitOptions
     from ident.options import Listener as Listener
-    from ident.poses.identify import PoseOptions as PoseOptions
-    from ident.poses.identify import identify_poses as identify_poses
-    from ident.poses.result import PoseIdentification as PoseIdentification
-    from ident.poses.verification import Verification as Verification
-    from ident.poses.verification import verify as verify
+    from ident.pose_result import PoseIdentification as PoseIdentification
+    from ident.pose_verification import Verification as Verification
+    from ident.pose_verification import verify as verify
     from ident.recording_fit import Logs as Logs
     from ident.result import Identification as Identification
     from ident.robot.accuracy import TcpError as TcpError

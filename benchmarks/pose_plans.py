@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.poses.identify import PoseOptions, identify_poses
+from ident.identify_poses import PoseOptions, identify_poses
 from planning.poses.candidates import Candidates, random_candidates
 from planning.poses.plan import PosePlan, pose_plan
 from planning.poses.request import SCHEMA, PosePlanRequest

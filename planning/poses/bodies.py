@@ -16,8 +16,8 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import Frames, forward
+from cell.placement import Placement, target_frames
 from cell.robot_angles import controller_to_joints
-from ident.poses.closure import Placement, target_frames
 from planning.poses.setup import Setup, Station
 
 # Radii as shares of the chain's length. planning.clearance has 0.14 of the upper arm for the arm
