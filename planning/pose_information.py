@@ -1,6 +1,6 @@
 """What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
 
-The rows are those of an identification (ident.poses.model): seats, targets, DH parameters and sag
+The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and sag
 with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors of
 the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
 joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
@@ -35,9 +35,9 @@ from ident.estimator.robust_fit import equations_at
 from ident.estimator.unknowns import Unknowns, still_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
-from planning.poses.bodies import station_frames
-from planning.poses.candidates import Candidates
-from planning.poses.setup import Setup, Station
+from planning.feasible_poses import Candidates
+from planning.pose_clearance import station_frames
+from planning.stations import PoseSetup, Station
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
@@ -48,7 +48,7 @@ ORDERS, AMPLITUDE = (1, 2, 3), 1e-4
 class Information:
     """The model of a setup, and the workspace over which the TCP error counts."""
 
-    setup: Setup
+    setup: PoseSetup
     layout: Unknowns
     corrections: tuple[Correction, ...]
     grid: Array  # (G, J) [rad] DH joint angles
@@ -130,7 +130,7 @@ class Information:
         return still_model(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
 
 
-def information_of(setup: Setup) -> Information:
+def information_of(setup: PoseSetup) -> Information:
     """The model of a setup at its nominal robot, seats and targets."""
     middle = 0.5 * (setup.lower + setup.upper)[None]
     groups = tuple(expected_group(setup, station, middle) for station in setup.stations)
@@ -155,7 +155,7 @@ def smooth_joint_errors(robot: Robot) -> Correction:
     return replace(correction, coefficients=expected)
 
 
-def expected_group(setup: Setup, station: Station, axes: Array) -> PoseGroup:
+def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
     """What the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
     frames = station_frames(setup, station, axes)
     rod = frames.tip - station.origin[:, None]
@@ -181,7 +181,7 @@ def expected_group(setup: Setup, station: Station, axes: Array) -> PoseGroup:
 
 
 def _nominal_arm(
-    setup: Setup, layout: Unknowns, corrections: tuple[Correction, ...]
+    setup: PoseSetup, layout: Unknowns, corrections: tuple[Correction, ...]
 ) -> IdentifiedArm:
     """The nominal robot in the form that has the derivatives of a target."""
     station = setup.stations[0]
