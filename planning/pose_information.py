@@ -1,7 +1,7 @@
 """What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
 
 The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
-sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors of
+The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
 the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
 joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
 gain over random poses was lost (docs/planning). With the unknowns
@@ -36,8 +36,7 @@ from ident.estimator.unknowns import Unknowns, still_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
-from planning.pose_clearance import station_frames
-from planning.stations import PoseSetup, Station
+from planning.stations import PoseSetup, Station, station_frames
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
