@@ -33,8 +33,7 @@ from ident.poses.unknowns import PoseUnknowns, pose_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
-from planning.pose_clearance import station_frames
-from planning.stations import PoseSetup, Station
+from planning.stations import PoseSetup, Station, station_frames
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
