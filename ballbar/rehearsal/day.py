@@ -42,6 +42,7 @@ from cell.statistics import rms
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
+from ident.verification import RecordingVerification
 from planning.request import PlanRequest, load_request
 from sim.path_files import LissajousFile
 from sim.plant.held_robot import HeldRobot, pose_distance
@@ -168,6 +169,7 @@ def rehearse(
     together = _identified(day, RESULT, ("path1", "path2"), truth)
     held = _corrected(day)
     data, comparison = together
+    result = data.identification
     _verified(day, data)
     return Rehearsal(
         scenario=scenario,
@@ -175,7 +177,7 @@ def rehearse(
         fault=fault,
         stages=tuple(day.stages),
         limits=(
-            *tcp_limits(data.identification, comparison, scenario.accept),
+            *tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept),
             *corrected_limits(held.after, scenario.accept),
         ),
         paths=day.paths,
@@ -441,6 +443,7 @@ def _verified(day: _Day, data: RunData) -> None:
     folder = day.recording("path3")
     if scenario.cell.instrument is None:
         outcome, _ = verify_folder(day.folder / RESULT, folder)
+        assert isinstance(outcome, RecordingVerification)  # the robot moved
         name, met, ratio = "verify with path3", bool(outcome.holds), outcome.innovation
         sentence = outcome.sentence
     else:
