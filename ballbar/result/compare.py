@@ -23,9 +23,9 @@ from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, mirrored, nominal_chain, parameter_named, parameter_table
 from cell.statistics import rms
+from ident.estimator.unknowns import arm_parameters
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
-from ident.poses.result import PoseIdentification
-from ident.poses.unknowns import robot_parameters
+from ident.pose_result import PoseIdentification
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.identified_arm import IdentifiedArm
@@ -332,4 +332,4 @@ def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float
         row = parameter_named(name).row
         d[row] += d[row + 1] - nominal.d[row + 1]
     values = {"d": d, "a": chain.a, "alpha": chain.alpha, "theta": chain.theta, "beta": chain.beta}
-    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in robot_parameters(robot)}
+    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in arm_parameters(robot)}
