@@ -17,11 +17,11 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ballbar.robot_file.urdf_chain import UrdfChain
 from cell.arrays import Array
 from cell.chain import Chain, forward, row_placements
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.urdf import UrdfChain
 
 SAME = 2e-5  # [m, rad] between the file's geometry and that of the nominal robot: its digits
 EXACT = 1e-9  # [m] of the new chain against the identified one

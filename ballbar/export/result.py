@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.export.links import joined_link
 from ballbar.result.calibration import (
     Calibration,
     ParameterEntry,
@@ -21,7 +20,7 @@ from ballbar.result.calibration import (
     load_calibration,
 )
 from ballbar.result.pose_calibration import PoseCalibration, load_pose_calibration
-from cell.bodies import carried_bodies, link_bodies
+from cell.bodies import carried_bodies, joined_link, link_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError

@@ -12,12 +12,13 @@ import numpy as np
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
 from ballbar.export.result import AnyResult, notes
 from ballbar.export.tables import number
+from ballbar.robot_file.urdf import UrdfJoint
+from ballbar.robot_file.urdf_chain import UrdfChain
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.errors import InputError
 from cell.foreign_text import comment
 from cell.rotation import roll_pitch_yaw
-from cell.urdf import UrdfChain, UrdfJoint
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _ALPHA = (0.5, 0.0, 0.0, 0.5, -0.5, 0.0)  # [pi rad] twists of every arm of UR
@@ -65,10 +66,6 @@ def ur_chain(origins: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> Urdf
             xyz=xyz,
             rpy=rpy,
             axis=(0.0, 0.0, 1.0),
-            lower=None,
-            upper=None,
-            speed=None,
-            mimics=None,
         )
         for i, (xyz, rpy) in enumerate(origins)
     )

@@ -25,11 +25,12 @@ from ballbar.export.into_urdf import into_file
 from ballbar.export.result import PoseResult, load_result
 from ballbar.export.ur_kinematics import LINKS, ur_chain
 from ballbar.result.compare_pose_results import ParameterDifference, compare_pose_results
+from ballbar.robot_file.urdf import parse_urdf
+from ballbar.robot_file.urdf_chain import chain_between
 from cell.arrays import Array
 from cell.chain import forward
 from cell.errors import DescriptionError, InputError
 from cell.geometry import nominal_chain
-from cell.urdf import chain_between, parse_urdf
 from ident.robot.inverse_calibration import corrected_arm_targets
 from tests.helpers.command_line import ballbar
 from tests.helpers.dh_tables import along_table, table
