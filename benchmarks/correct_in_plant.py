@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.joint_targets import read_targets
+from ballbar.compensation.targets_file import read_targets
 from ballbar.export.result import load_result
 from ballbar.rehearsal.day import CORRECTED, GIVEN, RESULT, SIMULATED
 from ballbar.scenario import load_scenario

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
-from ballbar.export.result import AnyResult
+from ballbar.export.result import Result, numbers
 from ballbar.robot_file.urdf import TURNING, joint_of, joints_in, linked, xml_tree
 from ballbar.robot_file.urdf_chain import UrdfChain
 from cell.arrays import Array
@@ -35,7 +35,7 @@ class ChangedFile:
     error: float  # [m] largest, of the chain as read back against the identified one
 
 
-def into_file(result: AnyResult, file: Path, joints: Sequence[str] = ()) -> ChangedFile:
+def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> ChangedFile:
     """A URDF or xacro with joint origins of the identified geometry, all else as it was.
 
     joints : turning joints from base to tip; by default the only chain of as many as the robot has.
@@ -71,7 +71,7 @@ def into_file(result: AnyResult, file: Path, joints: Sequence[str] = ()) -> Chan
     )
 
 
-def changed_lines(changed: ChangedFile, result: AnyResult) -> list[str]:
+def changed_lines(changed: ChangedFile, result: Result) -> list[str]:
     """Lines of text: how far every origin moved, and what the file does not hold."""
     each = [
         f"  {name}: {shift * 1e3:.3f} mm, {turn * 1e3:.3f} mrad"
@@ -163,7 +163,7 @@ def _edit(
 ) -> tuple[int, int, bytes]:
     """Place of a joint's origin in the text, and the tag that goes there; pose : (4, 4) [m]."""
     values = {"xyz": pose[:3, 3], "rpy": roll_pitch_yaw(pose[:3, :3])}
-    texts = {key: " ".join(repr(float(v) + 0.0) for v in value) for key, value in values.items()}
+    texts = {key: numbers(value) for key, value in values.items()}
     origin = joint.find("origin")
     if origin is None:
         _, end = places[joint]

@@ -16,8 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.joint_targets import axis_columns, read_targets
-from ballbar.compensation.targets_file import correct_file, write_corrected
+from ballbar.compensation.targets_file import (
+    axis_columns,
+    correct_file,
+    read_targets,
+    write_corrected,
+)
 from ballbar.export.result import Result, load_result
 from ballbar.outputs import Progress, write_outputs
 from ballbar.plan.show import plan_path
@@ -351,7 +355,7 @@ def _corrected(day: _Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
-    if not isinstance(result, Result):
+    if not result.calibration.of_logs:
         raise FailureError(f"{day.folder / RESULT}: is no result of recordings")
     given, written = day.folder / GIVEN, day.folder / CORRECTED
     _write_targets(given, result)
@@ -400,7 +404,8 @@ def _correctable(result: Result, q: Array) -> Array:
 
     Targets are refused for one reason at a time, so those that are left are tried again.
     """
-    robot, nominal = result.calibration.unloaded_robot(result.cell), result.calibration.nominal
+    calibration = result.calibration
+    robot, nominal = calibration.unloaded_robot(calibration.cell()), calibration.nominal
     while True:
         try:
             corrected_targets(robot, nominal, q)
