@@ -19,7 +19,7 @@ from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.foreign_text import comment, one_line
 from cell.geometry import Parameter, parameter_table
-from ident.poses.closure import Placement
+from cell.placement import Placement
 
 EFFECTS = {
     "joint_compliance": "compliance of the gears under the robot's own weight",

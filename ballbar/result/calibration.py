@@ -22,13 +22,13 @@ from cell.errors import DescriptionError, InputError
 from cell.geometry import Geometry, nominal_chain, parameter_table
 from cell.load import load_measured_cell, load_robot
 from cell.payload import Payload, with_payload
+from cell.placement import Placement
 from cell.strict_yaml import YamlDocument, check_schema, load_yaml, parse_model
 from ident.corrections import as_in_result
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
 from ident.estimator.noise import ExcessNoise
-from ident.poses.closure import Placement
-from ident.poses.identify import JointErrors
-from ident.poses.unknowns import robot_parameters
+from ident.estimator.unknowns import arm_parameters
+from ident.identify_poses import JointErrors
 from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, unloaded_robot
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.identified_kinematics import (
@@ -78,7 +78,7 @@ class Calibration:
         if self.of_logs:
             return self.geometry.robot
         rows = {f.name: getattr(self.nominal_chain, f.name).copy() for f in fields(Chain)}
-        for p in robot_parameters(self.robot):
+        for p in arm_parameters(self.robot):
             rows[p.kind][p.row] = self.file.parameters[p.name].value
         return Chain(**rows)
 
@@ -329,7 +329,7 @@ def _check_robot(calibration: Calibration, document: YamlDocument) -> None:
             f"{calibration.path}: ranges of {len(file.ranges)} joints, robot {file.robot} has "
             f"{robot.joints}. Was the robot's file changed since?"
         )
-    expected = {p.name for p in robot_parameters(robot)}
+    expected = {p.name for p in arm_parameters(robot)}
     for name in sorted(expected.symmetric_difference(file.parameters)):
         what = "missing" if name in expected else "no parameter that still poses tell"
         raise DescriptionError(

@@ -41,14 +41,14 @@ from ballbar.result.recording_entries import (
 from ballbar.result.run_data import FittedRecording, RunData
 from cell.arrays import Array
 from cell.geometry import Geometry
+from cell.placement import Placement
 from cell.rotation import rotvec_from_matrix
 from cell.schema import Strict
 from cell.statistics import rms
 from ident.corrections.base import Coefficient
+from ident.estimator.fit import Fit
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut
-from ident.poses.closure import Placement
-from ident.poses.fit import PoseFit
 from ident.signals.step_fault import StepFault
 from ident.tracker import TrackerCheck
 
@@ -116,8 +116,7 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
                 sigma=sigma[name] if gain[name] > KNOWN else None,
                 identified=gain[name] > KNOWN,
             )
-            for i, name in enumerate(layout.names)
-            if layout.geometry.start <= i < layout.geometry.stop
+            for i, name in enumerate(layout.names[: layout.shared.size])
         },
         corrections=_corrections_of_poses(fit),
         orders=()
@@ -144,11 +143,11 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
         recordings=tuple(
             _entry(
                 GroupEntry,
-                point.group,
-                poses=point.group.size,
+                point.still,
+                poses=point.still.size,
                 position_rms_m=float(np.sqrt((point.closure.error[:3] ** 2).sum(axis=0).mean())),
             )
-            for point in fit.equations.points
+            for point in fit.linear.evaluations
         ),
         cross_validation=CrossValidationEntry.model_construct(
             mean_m=validation.mean,
@@ -165,7 +164,7 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
             poses=result.table.size,
             tcp_sigma_at_poses_m=float(result.sigma_at_poses.mean()),
             tcp_sigma_mean_m=float(result.tcp_sigma.mean()),
-            discrepancy_m=fit.discrepancy.position,
+            discrepancy_m=fit.excess.position,
             residual_mean_m=result.residual_means[0],
             nominal_mean_m=result.residual_means[1],
         ),
@@ -205,7 +204,7 @@ def _parameters(
     }
 
 
-def _corrections_of_poses(fit: PoseFit) -> dict[str, dict[str, CoefficientEntry]]:
+def _corrections_of_poses(fit: Fit) -> dict[str, dict[str, CoefficientEntry]]:
     layout = fit.model.unknowns
     places = count(layout.coefficients.start)
 
@@ -233,7 +232,7 @@ def _ranges(lower: Array, upper: Array) -> tuple[RangeEntry, ...]:
     )
 
 
-def _placement(fit: PoseFit, place: Placement, name: str, part: slice) -> PlacementEntry:
+def _placement(fit: Fit, place: Placement, name: str, part: slice) -> PlacementEntry:
     deviations = np.sqrt(np.diag(fit.covariance)[part][:3])
     turn = rotvec_from_matrix(place.rotation[:, :, None])[:, 0]
     return PlacementEntry.model_construct(

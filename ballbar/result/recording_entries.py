@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
 
 from ballbar.result.machine_entries import ParameterEntry, Positive
+from cell.placement import Placement
 from cell.rotation import matrix_from_rotvec
 from cell.schema import Strict
-from ident.poses.closure import Placement
 
 LOGS: Final = "logs"  # a kind of recordings
 POSES: Final = "poses"
@@ -145,7 +145,7 @@ class GroupEntry(Strict):
     """Poses of one seat and one target."""
 
     file: str
-    measured: Literal["length", "point", "pose", "socket"]
+    measured: str
     seat: str
     target: str
     poses: int
