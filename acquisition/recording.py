@@ -65,6 +65,7 @@ from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
+from cell.file_units import METRES
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
@@ -81,7 +82,6 @@ from cell.recording import (
 from cell.rigid_fit import nominal_frames
 from cell.selectors import require
 
-METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
 # Rows of one log that a fit takes, for its memory: two hours at 250 Hz. Of eight hours at 248 Hz
 # every fourth remains, 62 Hz, of a motion below 3 Hz.

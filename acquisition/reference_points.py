@@ -1,7 +1,7 @@
 """Poses in the mean frame of their seat, whose motion reference points show.
 
 All rows of a seat, of whichever file, define it together; points are numbered in the order of
-their columns. What stands in successive rows alike, as for several targets at one pose, is one
+their columns. Equal readings in successive rows, as for several targets at one pose, are one
 measurement of the points. A row without any has its frame from the measurements around it.
 """
 
@@ -24,7 +24,7 @@ _FEWEST = 3  # points, and measurements of each
 _FAR = 0.02  # [m] further than an instrument drifts or is jolted
 _WIDTH = 0.02  # of the length of the points: width across it, below which they are on a line
 _RIGID = 20.0  # times the declared sigma: points that scatter further are no fixed points
-_SCATTER = 2.0  # likewise: reported
+_SCATTER = 2.0  # times the declared sigma: reported
 _DISTURBED = 8.0  # deviations of a reading of which a quarter of the weight is left
 
 
@@ -39,7 +39,12 @@ def steadied(files: Sequence[FilePoses]) -> list[FilePoses]:
         seat = _seat(name, files)
         _refuse_unfit(seat)
         fit, knocks = fit_with_knocks(seat.readings, seat.sigma, seat.elapsed)
-        _refuse_loose(seat, fit)
+        if fit.scale > _RIGID:
+            raise LogError(
+                f"{seat.lines[0][0]}: the reference points of seat {name} do not keep their "
+                f"distances: they scatter by {_scatter(seat, fit)}. Name x y z of each point, in "
+                "the same order in every table, or correct sigma_m."
+            )
         points = np.array([files[k].values[i, :3] for k, i in seat.rows])
         added = fit.sigma(points, seat.measurement)
         findings = _findings(seat, fit, knocks, points, added)
@@ -157,16 +162,6 @@ def _refuse_unfit(seat: _Seat) -> None:
         )
 
 
-def _refuse_loose(seat: _Seat, fit: ReferenceFit) -> None:
-    """Raises LogError for points that do not keep their distances."""
-    if fit.scale > _RIGID:
-        raise LogError(
-            f"{seat.lines[0][0]}: the reference points of seat {seat.name} do not keep their "
-            f"distances: they scatter by {_scatter(seat, fit)}. Name x y z of each point, in the "
-            "same order in every table, or correct sigma_m."
-        )
-
-
 def _scatter(seat: _Seat, fit: ReferenceFit) -> str:
     declared = float(np.nanmedian(seat.sigma)) * 1e3
     return f"{fit.scale * declared:.3g} mm, declared {declared:.3g} mm"
@@ -181,13 +176,15 @@ def _findings(
     """
     file, _ = seat.lines[0]
     at = seat.measurement
-    shift = points - fit.steady(points, at)
-    turn = fit.motion[at, 3:]
     read = np.isfinite(fit.length).any(axis=1)
+    shift, turn = (  # [mm, mrad] largest distance from the first one
+        float(np.linalg.norm(motion - motion[0], axis=1).max()) * 1e3
+        for motion in (points - fit.steady(points, at), fit.motion[at, 3:])
+    )
     sentence = (
-        f"seat {seat.name} moved by up to {_farthest(shift) * 1e3:.3f} mm (targets) and "
-        f"{_farthest(turn) * 1e3:.3f} mrad against {len(seat.numbers)} reference points, read in "
-        f"{int(read.sum())} measurements, which scatter by {_scatter(seat, fit)}; corrected, to "
+        f"seat {seat.name} moved by up to {shift:.3f} mm (targets) and {turn:.3f} mrad against "
+        f"{len(seat.numbers)} reference points, read in {int(read.sum())} measurements, which "
+        f"scatter by {_scatter(seat, fit)}; corrected, to "
         f"{float(np.median(np.linalg.norm(added[:, :3], axis=1))) * 1e3:.2g} mm."
     )
     findings = [finding("moving seat", "warning", file, sentence, count=1)]
@@ -211,8 +208,3 @@ def _findings(
             finding("disturbed reference point", "repaired", own, sentence, lines=lines)
         )
     return tuple(findings)
-
-
-def _farthest(motion: Array) -> float:
-    """Largest distance of a motion (N, 3) from the first one."""
-    return float(np.linalg.norm(motion - motion[0], axis=1).max())

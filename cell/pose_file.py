@@ -15,14 +15,13 @@ from pydantic import Field, model_validator
 
 from cell.description_files import Positive
 from cell.errors import DescriptionError
+from cell.file_units import AngleUnit, LengthUnit
 from cell.instrument import Instrument
 from cell.poses import KnownDistance
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 
-LengthUnit = Literal["m", "cm", "mm", "um", "inch"]
-AngleUnit = Literal["rad", "deg"]
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
 # Angles turned about moving axes (XYZ) or fixed ones (xyz), as scipy's Rotation.from_euler has it.
 Rotation = Annotated[
@@ -85,6 +84,11 @@ class ValueColumns(Strict):
         "angle from the zenith) and distance.",
     )
     offset_m: float = Field(default=0.0, description="Added to every measured length.")
+
+    @property
+    def quaternions(self) -> bool:
+        """Whether the rotation is a quaternion, of four columns without unit."""
+        return self.rotation is not None and self.rotation.startswith("quat")
 
 
 class Sigma(Strict):

@@ -199,7 +199,7 @@ def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None
     from scipy.ndimage import median_filter  # noqa: PLC0415  slow to import, and rarely needed
 
     usual = median_filter(axes, size=(OUTLIER_ROWS, 1), mode="nearest")
-    far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t, usual)
+    far, fast = excess(robot, axes) > FAR, _overspeed(robot, t, usual)
     if far.any(axis=1).sum() > max(1.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(far)[0])
         lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
@@ -295,13 +295,13 @@ def _others_that_fit(robot: Robot, angles: RobotAngles) -> list[Reading]:
 
 def _fits(robot: Robot, t: Array, axes: Array) -> bool:
     """Whether axis angles (N, J) [rad] at t (N,) [s] stay about within limits and speeds."""
-    far = _excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))) > FAR
+    far = excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))) > FAR
     return not (far.any() or _overspeed(robot, t, axes).any())
 
 
 def within_reach(angles: RobotAngles) -> bool:
     """Whether no axis angle is far beyond its limits."""
-    return not (_excess(angles.robot, angles.extremes()) > FAR).any()
+    return not (excess(angles.robot, angles.extremes()) > FAR).any()
 
 
 def axis_speed_limits(robot: Robot) -> Array:
@@ -409,7 +409,7 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
 def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
     """The table with a finding for each axis a little beyond its limits."""
     robot, valid = angles.robot, usable(table.flags)
-    for axis in np.flatnonzero(_excess(robot, angles.extremes()).any(axis=0)):
+    for axis in np.flatnonzero(excess(robot, angles.extremes()).any(axis=0)):
         angle, lower, upper = angles.axis(int(axis)), robot.axis_lower[axis], robot.axis_upper[axis]
         rows = np.flatnonzero(valid & ((angle < lower - BEYOND) | (angle > upper + BEYOND)))
         if not rows.size:
@@ -422,7 +422,7 @@ def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
     return table
 
 
-def _excess(robot: Robot, axes: Array) -> Array:
+def excess(robot: Robot, axes: Array) -> Array:
     """(N, J) how far axes (N, J) [rad] are beyond their limits, as a fraction of the range."""
     span = robot.axis_upper - robot.axis_lower
     beyond = np.maximum(axes - robot.axis_upper, robot.axis_lower - axes)

@@ -20,11 +20,10 @@ import yaml
 
 from acquisition.declared_columns import AXES_OF
 from acquisition.faults.nominal_robot import orientations
-from acquisition.faults.table_angles import joint_angles
+from acquisition.faults.robot_angles import Reading
 from acquisition.formats.table_file import FileKind, pose_text
-from acquisition.measured_values import METRES
+from acquisition.pose_rows import pose_stamps
 from acquisition.pose_tables import PoseImport, import_poses
-from acquisition.pose_times import pose_stamps
 from acquisition.table.quantities import read_rows
 from acquisition.table.text import LogText
 from ballbar.recordings.new_seats import KEYS, RAW, Name, checked_name, named_places
@@ -46,10 +45,11 @@ from ballbar.recordings.questions import Ask, answer
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError, LogError
+from cell.file_units import METRES, AngleUnit, LengthUnit
 from cell.files import copied_description, new_folder, write_whole
 from cell.instrument import Instrument
 from cell.load import instrument_names, load_instrument, load_robot, robot_names
-from cell.pose_file import AngleUnit, JointColumns, LengthUnit, PoseTime
+from cell.pose_file import PoseTime
 from cell.poses import COLUMNS
 
 T = TypeVar("T")
@@ -311,7 +311,8 @@ def _values(
         ", ".join(seen[0]) if seen else None,
         _either(table.names(count), table.names(7)) if measured == "pose" else table.names(count),
     )
-    q = joint_angles(robot, JointColumns(), *_joint_values(table, robot, joints))
+    logged, angle_unit = _joint_values(table, robot, joints)
+    q = Reading("axes", angle_unit).joints(robot, logged)
     values: dict[str, Any] = {"columns": columns}
     values["unit"] = _length_unit(table, robot, q, columns, answers)
     if measured == "pose":

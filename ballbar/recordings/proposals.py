@@ -13,7 +13,6 @@ import numpy as np
 
 from acquisition.faults.nominal_robot import judged, spread_of
 from acquisition.formats.table_file import FileKind
-from acquisition.measured_values import METRES
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE
 from acquisition.table.quantities import PoseRows, header_names, quantities, read_rows, split_unit
@@ -21,6 +20,7 @@ from acquisition.table.text import LogText
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError
+from cell.file_units import METRES
 from cell.rigid_fit import nominal_frames
 
 _SUFFIX = re.compile(r"(.+)_(mm|cm|um|deg|rad|m)")
@@ -189,7 +189,7 @@ def column_values(text: LogText, kind: FileKind, columns: Sequence[str | int]) -
     wanted = quantities(columns, header_names(text))
     selectors = list(dict.fromkeys(term.selector for q in wanted for term in q.terms))
     rows: PoseRows = read_rows(text, kind, selectors, selectors)
-    values = np.stack([rows.numbers(quantity) for quantity in wanted], axis=1)
+    values = rows.numbers(wanted)
     values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
         raise LogError(f"{text.file}: no row has numbers in {', '.join(map(str, columns))}.")
