@@ -15,7 +15,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from ballbar.commands import recordings
-from ballbar.recordings.new_seats import labels
+from ballbar.recordings.seat_questions import labels
 from tests.helpers import own_poses, real_robots
 from tests.helpers.command_line import ballbar
 from tests.helpers.own_poses import Array

@@ -11,7 +11,7 @@ import yaml
 
 from acquisition.recording import read_recording
 from ballbar.commands import recordings
-from ballbar.recordings.new_dialect import counted
+from ballbar.recordings.dialect_questions import counted
 from tests.helpers.command_line import ballbar
 from tests.helpers.device_logs import BAR_T, ROBOT_T, bar_lines, robot_lines
 

@@ -1,7 +1,7 @@
 """Which seat and which target each of several files of still poses belongs to.
 
 Files are taken one after the other. What one shares with those before it is shown by its poses and
-values (`pose_relations`); what it does not share is named by its path. Of sockets each file is a
+values (`file_relations`); what it does not share is named by its path. Of sockets each file is a
 seat, and the ball is one target. Where files show nothing there is no proposal, so `--yes` refuses.
 """
 
@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import PurePosixPath
 
-from ballbar.recordings.pair_of_files import MeasuredFile
-from ballbar.recordings.pose_relations import Relation, relation
+from ballbar.recordings.file_relations import MeasuredFile, Relation, relation
 from ballbar.recordings.questions import Ask, answer
 from cell.errors import InputError
 from cell.foreign_text import is_printable, one_line

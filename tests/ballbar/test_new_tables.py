@@ -166,7 +166,7 @@ def test_without_header_the_columns_are_counted(tmp_path: Path) -> None:
         (["--yes"], "which robot?"),
         ([*SAID, "--values", "x,y"], "'x,y': 2 columns, expected 3"),
         ([*SAID, "--values", "x,y,q"], "column q missing"),
-        ([*SAID, "--joint-unit", "grad"], "'grad' is none of rad, deg."),
+        ([*SAID, "--joint-unit", "grad"], "'grad': expected rad or deg."),
         (["--robot", "ur4", *SAID[2:]], "unknown robot 'ur4'"),
         ([*SAID, "--value-unit", "m"], "Write `unit: mm` under values"),
     ],
