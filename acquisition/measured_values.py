@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from acquisition.report import Finding, finding
+from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.errors import LogError
@@ -96,7 +96,7 @@ def refuse_quaternions(declared: ValueColumns, rows: PoseRows, raw: Array) -> No
     wrong = np.flatnonzero(np.abs(norm - 1.0) > 0.01)
     if declared.quaternions and wrong.size:
         raise LogError(
-            f"{rows.location(int(wrong[0]))}: the quaternion has length {norm[wrong[0]]:.4g}, "
+            f"{rows.location(wrong[0])}: the quaternion has length {norm[wrong[0]]:.4g}, "
             "expected 1. Name the four columns of the quaternion, in the order of "
             f"{declared.rotation}."
         )
@@ -119,14 +119,12 @@ def with_sigma_of_instrument(
     Raises LogError for a negative one.
     """
     if (sigma < 0.0).any():
-        row = int(np.argwhere(sigma < 0.0)[0][0])
+        row = np.argwhere(sigma < 0.0)[0][0]
         raise LogError(
             f"{rows.location(row)}: a standard deviation is negative. Name the columns of the "
             "deviations under sigma."
         )
     zero = (sigma == 0.0).any(axis=1)
-    if not zero.any():
-        return sigma, ()
     sentence = f"a standard deviation is 0; that of {instrument.name} is taken for the pose."
-    entry = finding("sigma 0", "repaired", rows.file, sentence, lines=rows.line[zero])
-    return np.where(zero[:, None], instrument.sigma(values), sigma), (entry,)
+    stated = np.where(zero[:, None], instrument.sigma(values), sigma)
+    return stated, rows.remark("sigma 0", sentence, zero, "repaired")

@@ -43,7 +43,7 @@ from acquisition.measured_values import (
     refuse_quaternions,
     with_sigma_of_instrument,
 )
-from acquisition.report import FileSummary, Finding, finding
+from acquisition.report import FileSummary, Finding
 from acquisition.table.quantities import PoseRows, Quantity, read_rows
 from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
 from cell.arrays import Array
@@ -51,7 +51,7 @@ from cell.dialect import TimeForm
 from cell.errors import DescriptionError, LogError
 from cell.file_units import METRES, RADIANS
 from cell.pose_file import NamedColumn, PoseTime
-from cell.poses import Measured
+from cell.poses import PoseGroup
 from cell.schema_errors import nearest
 
 _DIGITS = re.compile(r"(\d{4})(\d\d)(\d\d)(\d\d)(\d\d)(\d\d)(\.\d+)?")  # 20200714163904
@@ -63,17 +63,12 @@ _NEEDED: tuple[Part, ...] = ("joints", "values", "sigma")  # numbers that a row 
 class FilePoses:
     """The poses of one file."""
 
-    measured: Measured
-    rows: PoseRows
-    q: Array  # (N, J) [rad]
-    values: Array  # (N, M) [m, rad]
-    sigma: Array  # (N, M) [m, rad]; (N, 3) [m] of a socket
-    reference: Array  # (N, K, 3) [m] reference points; NaN where one was not read
-    reference_sigma: Array  # (N, K) [m] of each coordinate
+    group: PoseGroup  # as if all were of one seat and target, and without time
     seat: tuple[str, ...]
     target: tuple[str, ...]
     stamps: NDArray[np.int64] | None  # (N,) [ns]
-    temperature: Array | None  # (N,) [deg C]
+    reference: Array  # (N, K, 3) [m] reference points; NaN where one was not read
+    reference_sigma: Array  # (N, K) [m] of each coordinate
     summaries: tuple[FileSummary, ...]
     findings: tuple[Finding, ...]
 
@@ -132,17 +127,16 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
     refuse_other_unit(context.robot, declared.joints, numbers.reading, joint_rows, logged)
     poses = _poses(context, columns, numbers.take(complete))
     sources = (rows,) if joint_rows is rows else (joint_rows, rows)
-    findings = [entry for source in sources for entry in source.findings]
-    if not complete.all():
-        empty = [
-            quantity.written
-            for part in _NEEDED
-            for quantity, values in zip(quantities[part], numbers.parts[part].T, strict=True)
-            if np.isnan(values).any()
-        ]
-        shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
-        sentence = f"no number in {shown}; row left out."
-        findings.append(_repair("empty field", rows, sentence, ~complete))
+    empty = [
+        quantity.written
+        for part in _NEEDED
+        for quantity, values in zip(quantities[part], numbers.parts[part].T, strict=True)
+        if np.isnan(values).any()
+    ]
+    shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
+    left_out = rows.remark(
+        "empty field", f"no number in {shown}; row left out.", ~complete, "repaired"
+    )
     summaries = tuple(
         FileSummary(
             file=source.file,
@@ -157,6 +151,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         )
         for source in sources
     )
+    findings = (*(entry for source in sources for entry in source.findings), *left_out)
     return replace(poses, summaries=summaries, findings=(*findings, *poses.findings))
 
 
@@ -165,11 +160,6 @@ def _joint_file(context: TableContext, file: str) -> tuple[PoseRows, tuple[Quant
     text, kind = pose_text(context.path.parent / file, file)
     joints = joint_columns(context, text, kind)
     return read_rows(text, kind, selectors_of(joints), selectors_of(joints)), joints
-
-
-def _repair(kind: str, rows: PoseRows, sentence: str, chosen: NDArray[np.bool_]) -> Finding:
-    """What was left out of the chosen rows (N,)."""
-    return finding(kind, "repaired", rows.file, sentence, lines=rows.line[chosen])
 
 
 def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> FilePoses:
@@ -194,22 +184,27 @@ def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> F
         findings += entries
     if warmth := columns.parts["temperature"]:
         temperature = rows.numbers(warmth)[:, 0]
-        if (missing := np.isnan(temperature)).any():
-            sentence = f"no number in {warmth[0].written}; the temperatures of the file are"
-            findings.append(_repair("temperature not used", rows, f"{sentence} not used.", missing))
-            temperature = None
+        sentence = f"no number in {warmth[0].written}; the temperatures of the file are not used."
+        missing = np.isnan(temperature)
+        findings += rows.remark("temperature not used", sentence, missing, "repaired")
+        temperature = None if missing.any() else temperature
     return FilePoses(
-        measured=context.instrument.measured,
-        rows=rows,
-        q=q,
-        values=values,
-        sigma=sigma,
-        reference=reference,
-        reference_sigma=_reference_sigma(context, reference),
+        PoseGroup(
+            measured=context.instrument.measured,
+            seat="",
+            target="",
+            q=q,
+            values=values,
+            sigma=sigma,
+            rows=rows.line,
+            file=rows.file,
+            temperature=temperature,
+        ),
         seat=seats,
         target=_labels(rows, declared.target, columns.labels.get("target")),
         stamps=stamps,
-        temperature=temperature,
+        reference=reference,
+        reference_sigma=_reference_sigma(context, reference),
         summaries=(),
         findings=tuple(findings),
     )
@@ -312,16 +307,16 @@ def pose_stamps(
     Raises LogError for a stamp that is not of the form of the others.
     """
     cells = rows.text(selector)
-    empty = np.array([not cell for cell in cells])
-    if empty.any():
+    if not all(cells):
+        empty = np.array([not cell for cell in cells])
         sentence = "empty stamps; the times are not used."
-        return None, (_repair("time not used", rows, sentence, empty),)
+        return None, rows.remark("time not used", sentence, empty, "repaired")
     # A spreadsheet that shows 14 digits as 2.02E+13 has cut date and time to the month; numbers in
     # exponent form that tell most poses apart are whole.
     cut = np.array([bool(_EXPONENT.fullmatch(cell)) for cell in cells])
     if cut.any() and len(set(cells)) <= 0.5 * len(cells):
         sentence = f"{cells[int(cut.argmax())]}: cut by a spreadsheet; the times are not used."
-        return None, (_repair("time not used", rows, sentence, cut),)
+        return None, rows.remark("time not used", sentence, cut, "repaired")
     if all(map(_DIGITS.fullmatch, cells)) and time.form is None:
         cells = [_DIGITS.sub(r"\1-\2-\3 \4:\5:\6\7", cell) for cell in cells]
     column = TimeCells(rows.file, selector, cells, rows.line)

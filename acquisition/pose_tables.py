@@ -10,7 +10,7 @@ is an error with file and line; what is merely odd is a finding.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -89,18 +89,9 @@ def _groups(poses: FilePoses, start: int) -> Iterator[PoseGroup]:
     start : [ns] earliest stamp of all files.
     """
     pairs = list(zip(poses.seat, poses.target, strict=True))
-    time = None if poses.stamps is None else (poses.stamps - start) * 1e-9
+    group = poses.group
+    if poses.stamps is not None:
+        group = replace(group, time=np.asarray((poses.stamps - start) * 1e-9, dtype=np.float64))
     for seat, target in dict.fromkeys(pairs):
         chosen = np.array([pair == (seat, target) for pair in pairs], dtype=bool)
-        yield PoseGroup(
-            measured=poses.measured,
-            seat=seat,
-            target=target,
-            q=poses.q[chosen],
-            values=poses.values[chosen],
-            sigma=poses.sigma[chosen],
-            rows=poses.rows.line[chosen],
-            file=poses.rows.file,
-            time=None if time is None else time[chosen],
-            temperature=None if poses.temperature is None else poses.temperature[chosen],
-        )
+        yield replace(group.part(chosen), seat=seat, target=target)

@@ -45,13 +45,13 @@ def steadied(files: Sequence[FilePoses]) -> list[FilePoses]:
                 f"distances: they scatter by {_scatter(seat, fit)}. Name x y z of each point, in "
                 "the same order in every table, or correct sigma_m."
             )
-        points = np.array([files[k].values[i, :3] for k, i in seat.rows])
+        points = np.array([files[k].group.values[i, :3] for k, i in seat.rows])
         added = fit.sigma(points, seat.measurement)
         findings = _findings(seat, fit, knocks, points, added)
         numbers = np.array(seat.rows)
         for k in np.unique(numbers[:, 0]).tolist():
             own = np.flatnonzero(numbers[:, 0] == k)
-            entries = tuple(e for e in findings if e.file == files[k].rows.file)
+            entries = tuple(e for e in findings if e.file == files[k].group.file)
             moved = _corrected(out[k], numbers[own, 1], fit, seat.measurement[own])
             out[k] = replace(moved, findings=(*moved.findings, *entries))
     return out
@@ -61,13 +61,14 @@ def _corrected(
     poses: FilePoses, rows: NDArray[np.intp], fit: ReferenceFit, at: NDArray[np.intp]
 ) -> FilePoses:
     """The poses with some rows (N,) in the mean frame of their seat; at : (N,) measurements."""
-    values, sigma, width = poses.values.copy(), poses.sigma.copy(), poses.values.shape[1]
+    values, sigma = poses.group.values.copy(), poses.group.sigma.copy()
+    width = values.shape[1]
     sigma[rows] = np.hypot(sigma[rows], fit.sigma(values[rows, :3], at)[:, :width])
     values[rows, :3] = fit.steady(values[rows, :3], at)
     if width == 6:
         back = Rotation.from_matrix(fit.rotation(at)).inv()
         values[rows, 3:] = (back * Rotation.from_rotvec(values[rows, 3:])).as_rotvec()
-    return replace(poses, values=values, sigma=sigma)
+    return replace(poses, group=replace(poses.group, values=values, sigma=sigma))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +91,10 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
     rows = [
         (k, i)
         for k, poses in enumerate(files)
-        if poses.values.shape[1] >= 3
+        if poses.group.values.shape[1] >= 3
         for i in np.flatnonzero(np.array(poses.seat) == name).tolist()
     ]
-    counts = {files[k].reference.shape[1]: files[k].rows.file for k, _ in rows}
+    counts = {files[k].reference.shape[1]: files[k].group.file for k, _ in rows}
     counts.pop(0, None)
     (count, file), *others = counts.items()
     if others:
@@ -128,7 +129,7 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
     floor = 1e-3 * elapsed.mean() or 1.0
     return _Seat(
         name=name,
-        lines=tuple((files[k].rows.file, int(files[k].rows.line[i])) for k, i in rows),
+        lines=tuple((files[k].group.file, int(files[k].group.rows[i])) for k, i in rows),
         rows=tuple(rows),
         measurement=np.cumsum(new) - 1,
         first=first,

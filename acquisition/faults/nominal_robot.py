@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.measured_values import rotation
-from acquisition.report import Finding, finding
+from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.chain import Frames
@@ -92,12 +92,8 @@ def check_positions(
     findings = _off_nominal(robot, rows, nominal_frames(robot, q[chosen][within]), few[within])
     if findings:
         _refuse_two_seats(robot, rows, q, points)
-    off = _off_middle(points) >= limit
-    if off.any():
-        sentence = "the point lies further from the others than the robot reaches."
-        entry = finding("point out of reach", "warning", rows.file, sentence, lines=rows.line[off])
-        return (entry, *findings)
-    return findings
+    sentence = "the point lies further from the others than the robot reaches."
+    return (*rows.remark("point out of reach", sentence, _off_middle(points) >= limit), *findings)
 
 
 def _refuse_two_seats(robot: Robot, rows: PoseRows, q: Array, points: Array) -> None:
@@ -173,7 +169,7 @@ def _off_nominal(
         f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: "
         "another robot, another order of the joints, or angles of another kind?"
     )
-    return (finding("far from the nominal robot", "warning", rows.file, sentence, count=1),)
+    return rows.remark("far from the nominal robot", sentence)
 
 
 def better_as_rad(robot: Robot, as_deg: Array, as_rad: Array, points: Array) -> bool:
@@ -265,7 +261,7 @@ def check_rotations(
         f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of the flange of the "
         f"catalogue robot {robot.name}: another convention, or another robot?"
     )
-    return (finding("rotations off the nominal robot", "warning", rows.file, sentence, count=1),)
+    return rows.remark("rotations off the nominal robot", sentence)
 
 
 def check_lengths(
@@ -282,12 +278,9 @@ def check_lengths(
             f"{rows.file}: lengths of {middle:.4g} m (median, read as {unit}); {instrument.name} "
             f"measures {lower:g} to {upper:g} m. {_other_unit(middle, instrument.nominal, unit)}"
         )
-    outside = ((values < lower) | (values > upper)).any(axis=1)
-    if not outside.any():
-        return ()
+    outside = np.asarray(((values < lower) | (values > upper)).any(axis=1))
     sentence = f"outside the range of {instrument.name}, {lower:g} to {upper:g} m."
-    lines = rows.line[outside]
-    return (finding("length outside the range", "warning", rows.file, sentence, lines=lines),)
+    return rows.remark("length outside the range", sentence, outside)
 
 
 def _other_unit(measured: float, expected: float, unit: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from acquisition.faults.robot_angles import FAR, Reading, excess
-from acquisition.report import Finding, finding
+from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.descriptions import Robot
@@ -90,48 +90,40 @@ def limit_findings(robot: Robot, rows: PoseRows, q: Array) -> tuple[Finding, ...
     """Poses whose joint angles q (N, J) [rad] put an axis beyond its limits by more than 1 deg."""
     axes = joints_to_axes(robot, q)
     over = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
-    beyond = (over > _BEYOND).any(axis=1)
-    if not beyond.any():
-        return ()
     axis = int(over.max(axis=0).argmax())
     sentence = (
         f"axis {axis + 1} of {robot.name} lies up to {np.rad2deg(over[:, axis].max()):.3g} deg "
         "beyond its limits."
     )
-    lines = rows.line[beyond]
-    return (finding("beyond axis limits", "warning", rows.file, sentence, lines=lines),)
+    return rows.remark("beyond axis limits", sentence, (over > _BEYOND).any(axis=1))
 
 
 def angle_findings(rows: PoseRows, logged: Array, unit: AngleUnit) -> tuple[Finding, ...]:
     """Findings about logged angles (N, J) in `unit`: axes on a grid, axes that never move."""
-    entries = list[tuple[str, str]]()
+    findings = list[Finding]()
     still = np.ptp(logged, axis=0) * RADIANS[unit] < _STANDS
     if still.all() and len(logged) > 1:
         sentence = "no axis moves over the whole table. Are these the columns of the angles?"
-        entries.append(("joints stand still", sentence))
+        findings += rows.remark("joints stand still", sentence)
     elif still.any() and len(logged) > 1:
-        entries.append(
-            ("axis stands still", f"{_axes(np.flatnonzero(still).tolist())} never moves.")
-        )
+        axes = _axes(np.flatnonzero(still).tolist())
+        findings += rows.remark("axis stands still", f"{axes} never moves.")
     steps: dict[tuple[float, AngleUnit], list[int]] = {}
     for axis in np.flatnonzero(~still).tolist():
         if (step := _grid(logged[:, axis], unit)) is not None:
             steps.setdefault(step, []).append(axis)
-    for (size, of_unit), axes in steps.items():
-        sentence = f"all angles of {_axes(axes)} are whole multiples of {size:g} {of_unit}."
-        entries.append(("angles on a grid", sentence))
-    return tuple(finding(kind, "warning", rows.file, s, count=1) for kind, s in entries)
+    for (size, of_unit), rounded in steps.items():
+        sentence = f"all angles of {_axes(rounded)} are whole multiples of {size:g} {of_unit}."
+        findings += rows.remark("angles on a grid", sentence)
+    return tuple(findings)
 
 
 def repeated(rows: PoseRows, q: Array) -> tuple[Finding, ...]:
     """A finding about poses of q (N, J) [rad] that the table has before."""
-    pairs = cKDTree(q).query_pairs(_SAME, output_type="ndarray")
-    again = np.unique(pairs.max(axis=1))
-    if not again.size:
-        return ()
+    again = np.zeros(len(q), dtype=bool)
+    again[cKDTree(q).query_pairs(_SAME, output_type="ndarray").max(axis=1)] = True
     sentence = "the joint angles of a row before; keep such rows on one side of a split."
-    lines = rows.line[again]
-    return (finding("repeated pose", "warning", rows.file, sentence, lines=lines),)
+    return rows.remark("repeated pose", sentence, again)
 
 
 def _grid(angles: Array, unit: AngleUnit) -> tuple[float, AngleUnit] | None:
