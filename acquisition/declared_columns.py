@@ -1,4 +1,4 @@
-"""What poses.yaml declares of one table: checked against its instrument, as columns and units."""
+"""Declarations of poses.yaml about one table: checked, and turned into columns and units."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class TableContext:
 
 @dataclass(frozen=True, eq=False)
 class TableColumns:
-    """What the rows of a file hold, as poses.yaml declares it."""
+    """The columns of a file that poses.yaml declares, by what they hold."""
 
     parts: dict[Part, tuple[Quantity, ...]]  # no joints where they stand in a file of their own
     labels: dict[str, str]  # selectors of seat, target and time, as far as they are columns

@@ -19,7 +19,7 @@ _STEP = 1e-5  # [rad] of the central difference; its error is of the order of 1e
 
 @dataclass(frozen=True)
 class ValueConversion:
-    """What raw columns of values mean, and the units of the lengths and angles among them."""
+    """Meaning of raw columns of values, and units of the lengths and angles among them."""
 
     declared: ValueColumns
     length: float  # [m]

@@ -22,16 +22,15 @@ from acquisition.declared_columns import (
     value_units,
 )
 from acquisition.faults.nominal_robot import (
-    better_as_rad,
     check_lengths,
     check_positions,
     check_rotations,
     orientations,
+    refuse_radians,
 )
 from acquisition.faults.robot_angles import Reading
 from acquisition.faults.table_angles import (
     angle_findings,
-    fits,
     limit_findings,
     refuse_other_unit,
     repeated,
@@ -101,7 +100,10 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
     needed = selectors_of(quantities["joints"] or quantities["values"])
     rows = joint_rows = read_rows(text, kind, columns.selectors, needed)
     if joint_files:
-        joint_rows, quantities["joints"] = _joint_file(context, joint_files[index])
+        text, kind = pose_text(context.path.parent / joint_files[index], joint_files[index])
+        quantities["joints"] = joint_columns(context, text, kind)
+        names = selectors_of(quantities["joints"])
+        joint_rows = read_rows(text, kind, names, names)
         if rows.size != joint_rows.size:
             raise LogError(
                 f"{rows.file} has {rows.size} rows, {joint_rows.file} has {joint_rows.size}: they "
@@ -155,13 +157,6 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
     return replace(poses, summaries=summaries, findings=(*findings, *poses.findings))
 
 
-def _joint_file(context: TableContext, file: str) -> tuple[PoseRows, tuple[Quantity, ...]]:
-    """The rows of a file that holds the joint angles alone."""
-    text, kind = pose_text(context.path.parent / file, file)
-    joints = joint_columns(context, text, kind)
-    return read_rows(text, kind, selectors_of(joints), selectors_of(joints)), joints
-
-
 def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> FilePoses:
     """The complete rows in SI units, checked against the robot and the instrument."""
     rows, robot, declared = numbers.rows, context.robot, context.declared
@@ -174,8 +169,8 @@ def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> F
     ]
     values, sigma, entries = _measured(context, columns, numbers)
     findings += entries
-    reference = _reference(context, columns, numbers)
-    _refuse_radians(context, numbers, q, values)
+    reference, reference_sigma = _reference(context, columns, numbers)
+    refuse_radians(robot, rows, numbers.reading, logged, values)
     seats = _labels(rows, declared.seat, columns.labels.get("seat"))
     findings += _value_findings(context, columns, numbers, seats, q, values)
     stamps, temperature = None, None
@@ -204,14 +199,14 @@ def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> F
         target=_labels(rows, declared.target, columns.labels.get("target")),
         stamps=stamps,
         reference=reference,
-        reference_sigma=_reference_sigma(context, reference),
+        reference_sigma=reference_sigma,
         summaries=(),
         findings=tuple(findings),
     )
 
 
 def _conversion(context: TableContext, columns: Sequence[Quantity]) -> ValueConversion:
-    """What columns of measured values, or of a reference point, mean."""
+    """Conversion to SI of columns of measured values, or of one reference point."""
     declared = context.declared.values
     if declared is None:
         raise ValueError("a table without values")
@@ -239,22 +234,20 @@ def _measured(
     return values, constant_sigma(constants, instrument, rows.size), ()
 
 
-def _reference(context: TableContext, columns: TableColumns, numbers: _Numbers) -> Array:
-    """(N, K, 3) [m] the reference points, in the unit and the form of the values."""
+def _reference(
+    context: TableContext, columns: TableColumns, numbers: _Numbers
+) -> tuple[Array, Array]:
+    """Reference points (N, K, 3) [m], in the unit and form of the values, and sigma (N, K) [m]."""
     quantities, raw = columns.parts["reference"], numbers.parts["reference"]
     points = np.zeros((numbers.rows.size, len(quantities) // 3, 3))
     for k in range(points.shape[1]):
-        own = slice(3 * k, 3 * k + 3)
-        points[:, k] = _conversion(context, quantities[own]).position(raw[:, own])
-    return points
-
-
-def _reference_sigma(context: TableContext, reference: Array) -> Array:
-    """(N, K) [m] of each coordinate of reference points (N, K, 3) [m]."""
+        xyz = slice(3 * k, 3 * k + 3)
+        points[:, k] = _conversion(context, quantities[xyz]).position(raw[:, xyz])
     stated = context.declared.reference
     if stated is None or stated.sigma_m is not None:
-        return np.full(reference.shape[:2], stated.sigma_m if stated else np.nan)
-    return context.instrument.sigma(reference.reshape(-1, 3))[:, 0].reshape(reference.shape[:2])
+        return points, np.full(points.shape[:2], stated.sigma_m if stated else np.nan)
+    sigma = context.instrument.sigma(points.reshape(-1, 3))[:, 0]
+    return points, sigma.reshape(points.shape[:2])
 
 
 def _value_findings(
@@ -280,23 +273,6 @@ def _value_findings(
         expected, raw = orientations(robot, q, points), numbers.parts["values"][:, 3:]
         findings += check_rotations(robot, rows, expected, declared, raw, RADIANS[angle])
     return tuple(findings)
-
-
-def _refuse_radians(context: TableContext, numbers: _Numbers, q: Array, values: Array) -> None:
-    """Raises LogError if angles declared as degrees, q (N, J) [rad], are radians by all that shows.
-
-    values : (N, M) [m, rad].
-    """
-    robot, logged = context.robot, numbers.parts["joints"]
-    largest, as_rad = float(np.abs(logged).max()), replace(numbers.reading, unit="rad")
-    if numbers.reading == as_rad or largest > 2.0 * np.pi or not fits(robot, as_rad, logged):
-        return
-    if values.shape[1] < 3 or better_as_rad(robot, q, as_rad.joints(robot, logged), values[:, :3]):
-        raise LogError(
-            f"{numbers.rows.file}: no joint angle exceeds {largest:.4g}, so that as "
-            "degrees the robot would hardly move. Radians? Write `unit: rad` under joints in "
-            "poses.yaml."
-        )
 
 
 def pose_stamps(

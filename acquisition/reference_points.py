@@ -115,8 +115,8 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
             readings[n], sigma[n] = files[k].reference[i], files[k].reference_sigma[i]
     new = np.ones(len(rows), dtype=bool)
     empty = np.isnan(readings)
-    alike = (readings[1:] == readings[:-1]) | (empty[1:] & empty[:-1])
-    new[1:] = ~alike.all(axis=(1, 2)) | empty[1:].all(axis=(1, 2))
+    equal = (readings[1:] == readings[:-1]) | (empty[1:] & empty[:-1])
+    new[1:] = ~equal.all(axis=(1, 2)) | empty[1:].all(axis=(1, 2))
     first = np.flatnonzero(new)
     often = np.flatnonzero((~empty[first].any(axis=2)).sum(axis=0) >= _FEWEST)
     if often.size < _FEWEST:

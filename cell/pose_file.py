@@ -63,7 +63,7 @@ class JointColumns(Strict):
 
 
 class ValueColumns(Strict):
-    """What the instrument measured of each pose: a length, x y z, or x y z and a rotation."""
+    """Measured values of each pose: a length, x y z, or x y z and a rotation."""
 
     columns: tuple[Column, ...] = Field(
         min_length=1, max_length=7, description='A difference is written as "x_t - x_dif".'

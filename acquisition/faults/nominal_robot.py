@@ -6,13 +6,15 @@ or angles turned about other axes. A little wrong is the identifier's matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.faults.robot_angles import Reading
+from acquisition.faults.table_angles import fits
 from acquisition.measured_values import rotation
 from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
@@ -172,16 +174,27 @@ def _off_nominal(
     return rows.remark("far from the nominal robot", sentence)
 
 
-def better_as_rad(robot: Robot, as_deg: Array, as_rad: Array, points: Array) -> bool:
-    """Whether joint angles read as rad put the robot nearer to points (N, 3) [m] than as degrees.
+def refuse_radians(
+    robot: Robot, rows: PoseRows, reading: Reading, logged: Array, values: Array
+) -> None:
+    """Raises LogError if logged angles (N, J), read as degrees, are radians by all that shows.
 
-    as_deg, as_rad : (N, J) [rad].
+    values : (N, M) [m, rad]. Their positions, if there are any, have to fit the robot better so.
     """
-    chosen = judged(len(points))
-    degrees, radians = (
-        rigid_fit(nominal_frames(robot, q[chosen]), points[chosen]).rms for q in (as_deg, as_rad)
-    )
-    return radians < degrees
+    largest, as_rad = float(np.abs(logged).max()), replace(reading, unit="rad")
+    if reading == as_rad or largest > 2.0 * np.pi or not fits(robot, as_rad, logged):
+        return
+    if values.shape[1] >= 3:
+        chosen = judged(len(values))
+        degrees, radians = (
+            rigid_fit(nominal_frames(robot, q[chosen]), values[chosen, :3]).rms
+            for q in (reading.joints(robot, logged), as_rad.joints(robot, logged))
+        )
+    if values.shape[1] < 3 or radians < degrees:
+        raise LogError(
+            f"{rows.file}: no joint angle exceeds {largest:.4g}, so that as degrees the robot "
+            "would hardly move. Radians? Write `unit: rad` under joints in poses.yaml."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +231,7 @@ class Orientations:
 
 
 def orientations(robot: Robot, q: Array, points: Array) -> Orientations | None:
-    """What the flange's rotations should be at q (N, J) [rad], by the measured points (N, 3) [m].
+    """Expected rotations of the flange at q (N, J) [rad], by the measured points (N, 3) [m].
 
     None if the points are few, on a line, or not those of the robot.
     """

@@ -158,7 +158,7 @@ def header_names(text: LogText) -> set[str]:
 
 
 def quantities(columns: Iterable[int | str], names: Collection[str]) -> tuple[Quantity, ...]:
-    """What columns of poses.yaml mean in a file with these names.
+    """The quantities that columns of poses.yaml mean in a file with these names.
 
     Raises DescriptionError for a selector that cannot be one.
     """

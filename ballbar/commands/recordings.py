@@ -171,8 +171,7 @@ def _reasons(path: Path, *, poses: bool) -> list[str]:
 def _read(path: Path, *, poses: bool) -> tuple[Recording | PoseImport, CoarseAlignment | None]:
     """A recording and the coarse offset of its clocks, or still poses."""
     from acquisition.pose_tables import import_poses
-    from ballbar.recordings.check import aligned
-    from ballbar.recordings.read_with_causes import read_with_causes
+    from ballbar.recordings.read_with_causes import aligned, read_with_causes
 
     with progress_bar() as progress:
         if poses:

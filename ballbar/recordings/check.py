@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.alignment import CoarseAlignment, coarse_alignment
+from acquisition.alignment import CoarseAlignment
 from acquisition.dwells import find_dwells
 from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
@@ -17,7 +17,6 @@ from acquisition.report import Finding, ImportReport, report_lines
 from ballbar.units import MM, MS
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.load import load_measured_cell
 from cell.logs import segment_starts
 from cell.pose_file import PosesFile
 from cell.poses import PoseGroup
@@ -95,25 +94,8 @@ def import_reports(recordings: Mapping[str, Recording]) -> str:
 
 
 def repairs(report: ImportReport) -> list[Finding]:
-    """What was changed or left out while reading."""
+    """Findings about rows that were changed or left out while reading."""
     return [finding for finding in report.findings if finding.severity == "repaired"]
-
-
-def aligned(recording: Recording, folder: Path) -> CoarseAlignment | None:
-    """The coarse clock offset, None without encoders.
-
-    folder : of the recording, for the descriptions that it names.
-
-    Raises LogError if the logs do not belong together.
-    """
-    if recording.length_log is not None:
-        from ballbar.recordings.length_clock import length_alignment  # noqa: PLC0415  slow
-
-        named = recording.description
-        cell = load_measured_cell(named.robot, named.measured_by, named.plate, relative_to=folder)
-        return length_alignment(recording, cell)
-    bar = recording.ballbar_log
-    return None if bar is None else coarse_alignment(recording.robot_log, bar)
 
 
 def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[tuple[int, int]]]]:

@@ -1,4 +1,4 @@
-"""What two files of still poses share, their seat and their target, by what they show.
+"""Whether two files of still poses share their seat and their target, by what they show.
 
 With the position x_i and rotation F_i of the flange, a seat (R, o) and a target t on the flange,
 the residual of a measured point m_i is `x_i + F_i t - (R m_i + o)`, that of a length L_i is
@@ -37,7 +37,7 @@ from ident.poses.steps import LARGEST
 _MARKS = 0.1 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _REPEATED = 5.0e-4  # [m] of two measurements of one pose: repeatability, backlash, warming up
 _ROBOT = 1.0e-3  # of the reach: what a catalogue robot leaves, at least; UR5 0.5e-3, UR10 0.6e-3
-_SIGMAS = 4.0  # of the instrument, likewise
+_SIGMAS = 4.0  # of the instrument: what its noise leaves
 # [m per m and rad] from the start: holds what differences, or an axis that stands, leave open.
 _HELD = 1.0e-6
 _FEWEST = 10  # poses: fewer fit many seats and targets
@@ -191,17 +191,13 @@ class FilePair:
             x[free] = least_squares(
                 stacked, x[free], loss=loss, f_scale=self.tolerance, x_scale="jac", max_nfev=50
             ).x
-        return PairFit(max(map(_median_distance, residuals(x))), *placed(x))
-
-
-def _median_distance(residual: Array) -> float:
-    """[m] median over poses of residuals (K, N, 3 or 1) [m]."""
-    return float(np.median(np.sqrt((residual**2).sum(axis=2).mean(axis=0))))
+        misfits = (np.sqrt((part**2).sum(axis=2).mean(axis=0)) for part in residuals(x))  # [m]
+        return PairFit(max(float(np.median(misfit)) for misfit in misfits), *placed(x))
 
 
 @dataclass(frozen=True)
 class Relation:
-    """What two files share."""
+    """Seat and target of two files: shared or not."""
 
     shared: tuple[bool | None, bool | None]  # seat, target; None where they do not show it
     reason: str  # about the second file
@@ -210,7 +206,7 @@ class Relation:
 def relation(
     a: MeasuredFile, b: MeasuredFile, known: tuple[bool | None, bool | None] = (None, None)
 ) -> Relation:
-    """What two files share.
+    """Whether two files share their seat and their target.
 
     known : whether they share the seat, and the target, as far as that is known.
     """
@@ -287,7 +283,7 @@ def _equal_angles(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp
 
 
 def _reason(pair: FilePair, hypothesis: Hypothesis, fit: PairFit) -> str:
-    """What two files show of the hypothesis that fits."""
+    """Sentence on what two files show of the hypothesis that fits."""
     a, left = pair.a.name, f"{max(fit.misfit * MM, 0.01):.2g} mm"
     apart = _length(fit.apart)
     moved = _length(fit.moved)

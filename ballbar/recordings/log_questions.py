@@ -1,4 +1,4 @@
-"""What `ballbar new` asks about two logs: the content of recording.yaml, and of new dialects.
+"""Questions of `ballbar new` about two logs: the content of recording.yaml and of new dialects.
 
 What the files show is proposed, and the user confirms it at the prompt or by an option; what they
 cannot show is asked for.
@@ -61,7 +61,7 @@ class LogDescription:
 def log_description(
     robot_log: LogPreview, bar_log: LogPreview, answers: Answers, ask: Ask
 ) -> LogDescription:
-    """What the answers and the files say; raises InputError for an answer that is missing."""
+    """The description that answers and files give; raises InputError where an answer is missing."""
     if answers.ballbar and answers.instrument:
         raise InputError("give either --ballbar or --instrument: one of them made the second log.")
 
@@ -165,7 +165,7 @@ def _refuse_unfit(dialect: Dialect, log: LogPreview) -> None:
 
 
 def _meaning(dialect: Dialect, log: LogPreview) -> str:
-    """What a dialect takes a log for, as the part of a sentence."""
+    """Meaning of a log by a dialect, as the part of a sentence."""
     if dialect.source == "robot":
         what = f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
     else:

@@ -1,4 +1,4 @@
-"""What a log shows before a dialect is known: its container, columns and first values."""
+"""Preview of a log before a dialect is known: its container, columns and first values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHOWN = 2000  # rows, from the first, that are looked at
 
 @dataclass(frozen=True)
 class LogPreview:
-    """What a log shows."""
+    """Container, columns and first values of a log."""
 
     name: str
     container: Container

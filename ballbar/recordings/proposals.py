@@ -1,4 +1,4 @@
-"""What the head of a table shows of its columns: joint angles, measured values, units, sigma.
+"""Meaning of a table's columns by its head: joint angles, measured values, units, sigma.
 
 Proposals for the person who describes the table; nothing here is used when it is read.
 """

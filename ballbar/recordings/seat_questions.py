@@ -152,14 +152,14 @@ def _place(
 def _relation(
     earlier: Sequence[MeasuredFile], own: Sequence[MeasuredFile], given: Sequence[Name | None]
 ) -> Relation:
-    """What a file shares with an earlier one, by the parts of both that are most alike.
+    """Whether a file shares seat and target with an earlier one, by the parts with most in common.
 
     A file has several parts where a column names their seats or targets.
     """
 
     def shared(pair: tuple[MeasuredFile, MeasuredFile]) -> tuple[bool | None, bool | None]:
-        alike = [getattr(pair[0].group, key) == getattr(pair[1].group, key) for key in KEYS]
-        seat, target = (a if known else None for a, known in zip(alike, given, strict=True))
+        equal = [getattr(pair[0].group, key) == getattr(pair[1].group, key) for key in KEYS]
+        seat, target = (e if known else None for e, known in zip(equal, given, strict=True))
         return seat, target
 
     def size(pair: tuple[MeasuredFile, MeasuredFile]) -> tuple[int, int]:

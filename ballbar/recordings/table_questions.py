@@ -1,4 +1,4 @@
-"""What `ballbar new` asks about a table of still poses: the content of poses.yaml.
+"""Questions of `ballbar new` about a table of still poses: the content of poses.yaml.
 
 What names and numbers of the table show is taken and printed: columns of the joint angles, of the
 measured values and of their deviations, units, the convention of rotations. What they do not show
