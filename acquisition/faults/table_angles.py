@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from acquisition.faults.robot_angles import FAR, Reading, excess
+from acquisition.faults.other_angles import FAR
+from acquisition.faults.robot_angles import Reading, excess
 from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array

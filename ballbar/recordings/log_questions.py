@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
-from acquisition.sources import force_layout, robot_layout
+from acquisition.sources import layout_of
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
 from acquisition.times import TIME_FORMS, recognised, words
@@ -153,10 +153,8 @@ def _refuse_unfit(dialect: Dialect, log: LogPreview) -> None:
     shown = _shown_form(dialect, log)
     if shown in ("date", "iec-time") and shown not in dialect.time.possible:
         raise InputError(f"the time stamps of {log.name} are {words(shown)}, not of that dialect.")
-    if dialect.source == "robot":
-        read_header(text, robot_layout(source, dialect))
-    elif dialect.source == "force":
-        read_header(text, force_layout(source, dialect))
+    if dialect.source in {"robot", "force"}:
+        read_header(text, layout_of(source, dialect))
     else:
         halves = set(dialect.time.halves or ()) if dialect.source != "length" else set[str]()
         stamped = bool(halves) and halves <= set(log.columns)

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.alignment import CoarseAlignment, coarse_alignment
-from acquisition.faults.robot_angles import OtherAnglesError, RobotAngles
+from acquisition.faults.other_angles import OtherAnglesError
+from acquisition.faults.robot_angles import RobotAngles
 from acquisition.recording import Recording, read_ballbar, read_recording
 from cell.clock import Clock
 from cell.descriptions import Cell
