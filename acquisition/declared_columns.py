@@ -59,7 +59,7 @@ class TableColumns:
 
 def selectors_of(columns: Iterable[Quantity]) -> list[str]:
     """The columns of which quantities are formed."""
-    return [term.selector for quantity in columns for term in quantity.terms]
+    return [selector for quantity in columns for _, selector in quantity.terms]
 
 
 def check_declared(context: TableContext) -> None:
@@ -164,7 +164,7 @@ def joint_columns(context: TableContext, text: LogText, kind: FileKind) -> tuple
         )
     joints = quantities(named, header_names(text))
     selected = [joint.terms for joint in joints]
-    if twice := [terms[0].selector for terms in selected if selected.count(terms) > 1]:
+    if twice := [terms[0][1] for terms in selected if selected.count(terms) > 1]:
         raise context.wrong("joints.columns", f"{twice[0]} stands there twice.")
     return joints
 

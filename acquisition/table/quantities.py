@@ -48,19 +48,11 @@ REMEDIES = Remedies(
 
 
 @dataclass(frozen=True)
-class Term:
-    """A column with the sign with which it enters a number."""
-
-    sign: float
-    selector: str
-
-
-@dataclass(frozen=True)
 class Quantity:
     """One number of each pose: a column, or the difference or sum of two."""
 
     written: str  # as poses.yaml has it
-    terms: tuple[Term, ...]
+    terms: tuple[tuple[float, str], ...]  # sign and selector of each column
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +98,7 @@ class PoseRows:
         """
         values = np.zeros((self.size, len(quantities)))
         for k, quantity in enumerate(quantities):
-            terms = [term.sign * self._column(term.selector) for term in quantity.terms]
+            terms = [sign * self._column(selector) for sign, selector in quantity.terms]
             values[:, k] = np.sum(terms, axis=0)
         return values
 
@@ -167,11 +159,11 @@ def quantities(columns: Iterable[int | str], names: Collection[str]) -> tuple[Qu
         written, whole = str(column), selector(column, names)
         parts = _TERMS.fullmatch(written)
         if parts is None or whole in names:
-            found.append(Quantity(written, (Term(1.0, whole),)))
+            found.append(Quantity(written, ((1.0, whole),)))
             continue
         first, second = (selector(name.strip(), names) for name in (parts[1], parts[3]))
         sign = 1.0 if parts[2] == "+" else -1.0
-        found.append(Quantity(written, (Term(1.0, first), Term(sign, second))))
+        found.append(Quantity(written, ((1.0, first), (sign, second))))
     return tuple(found)
 
 
@@ -208,7 +200,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 def unit_stated(quantity: Quantity) -> str | None:
     """The unit that the header states behind the names; None if it states none."""
-    names = [term.selector for term in quantity.terms]
+    names = [name for _, name in quantity.terms]
     units = {unit for name in names for bare, unit in [split_unit(name)] if bare != name}
     return units.pop() if len(units) == 1 else None
 

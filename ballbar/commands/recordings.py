@@ -215,7 +215,7 @@ def align(
     Channels of both logs are compared with gain and zero of each pair free, so units and directions
     do not matter. Exits with 1 if no clock offset makes them agree, or several do.
     """
-    from ballbar.recordings.align import align_data, align_lines, aligned_logs, parsed_pairs
+    from ballbar.recordings.align import align_data, align_lines, aligned_logs
 
     with progress_bar() as progress:
         progress("reading and aligning the logs")
@@ -223,7 +223,7 @@ def align(
             (log_a, log_b),
             sources=(source_a, source_b),
             times=(time_a, time_b),
-            pairs=parsed_pairs(channel or ()),
+            channels=channel or (),
         )
     if as_json:
         say_json(align_data(*result))

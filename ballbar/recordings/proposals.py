@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.declared_columns import selectors_of
 from acquisition.faults.nominal_robot import judged, spread_of
 from acquisition.formats.table_file import FileKind
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
@@ -185,7 +186,7 @@ def column_values(text: LogText, kind: FileKind, columns: Sequence[str | int]) -
     Raises LogError if they are none.
     """
     chosen = quantities(columns, header_names(text))
-    selectors = list(dict.fromkeys(term.selector for q in chosen for term in q.terms))
+    selectors = list(dict.fromkeys(selectors_of(chosen)))
     values = read_rows(text, kind, selectors, selectors).numbers(chosen)
     values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
