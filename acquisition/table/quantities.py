@@ -154,17 +154,17 @@ def quantities(columns: Iterable[int | str], names: Collection[str]) -> tuple[Qu
 
     Raises DescriptionError for a selector that cannot be one.
     """
-    found = list[Quantity]()
+    meanings = list[Quantity]()
     for column in columns:
         written, whole = str(column), selector(column, names)
         parts = _TERMS.fullmatch(written)
         if parts is None or whole in names:
-            found.append(Quantity(written, ((1.0, whole),)))
+            meanings.append(Quantity(written, ((1.0, whole),)))
             continue
         first, second = (selector(name.strip(), names) for name in (parts[1], parts[3]))
         sign = 1.0 if parts[2] == "+" else -1.0
-        found.append(Quantity(written, ((1.0, first), (sign, second))))
-    return tuple(found)
+        meanings.append(Quantity(written, ((1.0, first), (sign, second))))
+    return tuple(meanings)
 
 
 def selector(column: int | str, names: Collection[str]) -> str:
