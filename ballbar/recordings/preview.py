@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.formats.registry import container_of
-from acquisition.table.fields import split_fields
-from acquisition.table.preview import HEAD, column_names, likely_separator
+from acquisition.table.fields import HEAD, column_names, likely_separator, split_fields
 from acquisition.table.text import LogText, read_filled, text_of
 from cell.arrays import Array
 from cell.dialect import Container
