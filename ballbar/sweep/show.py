@@ -21,8 +21,8 @@ from rich.progress import (
 from rich.table import Table
 
 from ballbar.sweep.plan import Plan
-from ballbar.sweep.run import Outcome
 from ballbar.sweep.run import Progress as RunProgress
+from ballbar.sweep.run import SweepOutcome
 from ballbar.sweep.summary import (
     MAIN_RESULTS,
     MAX_POINTS,
@@ -60,7 +60,7 @@ def run_bar(console: Console, plan: Plan) -> Iterator[RunProgress]:
             bar.stop()
 
 
-def say_outcome(out: Console, outcome: Outcome) -> bool:
+def say_outcome(out: Console, outcome: SweepOutcome) -> bool:
     """Prints the outcome of a sweep. Returns whether it is finished and any run succeeded."""
     folder, runs = outcome.folder, outcome.folder.plan.runs
     if not outcome.finished:
@@ -85,7 +85,7 @@ def say_outcome(out: Console, outcome: Outcome) -> bool:
     return failures.count < runs
 
 
-def _say_grid(out: Console, outcome: Outcome) -> None:
+def _say_grid(out: Console, outcome: SweepOutcome) -> None:
     plan = outcome.folder.plan
     points = list(grid_points(outcome.folder.table, plan))
     keys = grid_keys(plan)
