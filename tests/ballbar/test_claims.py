@@ -19,7 +19,7 @@ from ballbar.claims.kinds import OF_RUNS, Check, Measure
 from ballbar.claims.plots import plot_svg
 from ballbar.claims.run import Judged, Topic, judge_all, topics
 from ballbar.claims.show import write_page
-from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
+from ballbar.claims.table import ClaimEvidence, identifiability_evidence, runs_evidence
 from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import check_points, load_sweep
@@ -64,7 +64,7 @@ TABLE = pd.DataFrame(
         for seed in (0, 1, 2)
     ]
 )
-EVIDENCE = Evidence(TABLE)
+EVIDENCE = ClaimEvidence(TABLE)
 
 
 def check(kind: str, **given: object) -> Check:
@@ -200,11 +200,11 @@ def test_a_check_holds_within_its_limits_and_breaks_beyond(
 
 
 def test_a_step_the_other_way_is_accepted_only_within_the_tolerance() -> None:
-    falling = Evidence(pd.DataFrame({"x": [1, 2, 3], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
+    falling = ClaimEvidence(pd.DataFrame({"x": [1, 2, 3], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
     given = {"over": "x", "direction": "falling"}
     assert not judge(check("monotonic", **given), falling).met
     assert judge(check("monotonic", **given, tolerance=0.1), falling).met
-    rising = Evidence(pd.DataFrame({"x": [3, 2, 1], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
+    rising = ClaimEvidence(pd.DataFrame({"x": [3, 2, 1], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
     assert not judge(check("monotonic", over="x", direction="rising"), rising).met
     assert judge(check("monotonic", over="x", direction="rising", tolerance=0.1), rising).met
 
@@ -278,7 +278,7 @@ APART: dict[str, Any] = {"first": {"label": "a"}, "second": {"label": "b"}}
 
 
 def test_recordings_are_apart_by_their_identified_errors_over_the_size_of_these() -> None:
-    evidence = Evidence(RECORDED)
+    evidence = ClaimEvidence(RECORDED)
     both = judge(check("apart", **APART, at_most=1.0), evidence)
     assert both.met
     assert both.result == "it: 0.0952 to 1 times their size"
@@ -287,13 +287,13 @@ def test_recordings_are_apart_by_their_identified_errors_over_the_size_of_these(
     length = {"rows": {"identify.cost": "length"}}
     assert judge(check("apart", **APART, **length, at_least=0.9), evidence).met
     with pytest.raises(InputError, match="need one run each of the same values and seeds"):
-        judge(check("apart", **APART, at_most=1.0), Evidence(RECORDED.iloc[:3]))
+        judge(check("apart", **APART, at_most=1.0), ClaimEvidence(RECORDED.iloc[:3]))
     with pytest.raises(ValueError, match="either at_least or at_most"):
         check("apart", **APART)
 
 
 def test_bars_are_of_each_parameter_or_of_each_group() -> None:
-    evidence: dict[ParameterSet, Evidence] = {"core": Evidence(RECORDED)}
+    evidence: dict[ParameterSet, ClaimEvidence] = {"core": ClaimEvidence(RECORDED)}
     rows: dict[str, Any] = {"identify.cost": "length"}
     plot = IdentifiedPlot(kind="identified", title="C_l", rows=rows, lines="label")
     drawn = plot_svg(plot, evidence).decode()
@@ -342,14 +342,14 @@ def test_the_size_of_a_run_is_the_largest_of_its_keys(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def identifiable() -> Evidence:
+def identifiable() -> ClaimEvidence:
     return identifiability_evidence(SCENARIOS / "irb2400.yaml")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("table", ["3.2", "3.3", "3.4", "3.5", "sec. 3.3"])
 def test_a_printed_table_is_equal_but_for_what_the_file_states(
-    table: str, identifiable: Evidence
+    table: str, identifiable: ClaimEvidence
 ) -> None:
     shipped = [
         check
@@ -692,7 +692,7 @@ def test_every_check_of_runs_can_fail_and_can_be_met(quickly: list[Judged]) -> N
                 outcomes = set()
                 for name in sets * 200:
                     table = scaled(result.evidence[name].table, rng)
-                    outcomes.add(judge(check, Evidence(table)).met)
+                    outcomes.add(judge(check, ClaimEvidence(table)).met)
                     if len(outcomes) == 2:
                         break
                 assert len(outcomes) == 2, (result.topic.name, i, key, j)

@@ -29,7 +29,7 @@ from ballbar.sweep.file import Changes, Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
-from ballbar.sweep.run import Outcome, SweepError
+from ballbar.sweep.run import SweepError, SweepOutcome
 from ballbar.sweep.summary import failures_of, grid_points
 from ballbar.sweep.table import chunk_bytes, write_table
 from ballbar.sweep.workers import processes
@@ -490,7 +490,7 @@ def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Pa
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, Outcome]:
+def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, SweepOutcome]:
     """A sweep computed without a break in this process."""
     folder = tmp_path_factory.mktemp("reference")
     sweep = loaded(folder, GRID.replace("count: 5", "count: 40"))
@@ -499,7 +499,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, Ou
 
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
-    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+    reference: tuple[LoadedSweep, SweepOutcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
     heard: list[str] = []
@@ -528,7 +528,7 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
 
 @pytest.mark.slow
 def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(
-    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+    reference: tuple[LoadedSweep, SweepOutcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
 
@@ -541,7 +541,7 @@ def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(
     assert table_bytes(swept(sweep, tmp_path / "out", inline)) == table_bytes(whole)
 
 
-def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, Outcome]) -> None:
+def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, SweepOutcome]) -> None:
     sweep, whole = reference
     written = whole.folder.table.stat().st_mtime_ns
     again = swept(sweep, whole.folder.path, inline, sweep_work.path_text)
@@ -550,7 +550,7 @@ def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, Outcome
 
 
 def test_a_torn_chunk_is_named_and_only_its_runs_are_repeated(
-    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+    reference: tuple[LoadedSweep, SweepOutcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
     plan = sweep.plan
