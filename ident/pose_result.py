@@ -11,18 +11,13 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.poses import PoseTable
 from cell.statistics import chi_square_quantile
+from ident.cross_validation import LEVEL, CrossValidation, mahalanobis, position_rows, spread_of
+from ident.estimator.fit import Fit
+from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.order_search import OrderSearch
-from ident.poses.cross_validation import (
-    LEVEL,
-    CrossValidation,
-    mahalanobis,
-    position_rows,
-    spread_of,
-)
-from ident.poses.findings import Findings, scale_of
-from ident.poses.fit import PoseFit
-from ident.poses.steps import renamed
-from ident.poses.verdict import judge_poses
+from ident.findings import Findings, scale_of
+from ident.moved_seats import renamed
+from ident.pose_verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
 from ident.verdict import Verdict
 
@@ -32,8 +27,8 @@ class PoseIdentification:
     """A robot identified from a table of still poses."""
 
     table: PoseTable
-    fit: PoseFit
-    nominal: PoseFit  # seats and targets fitted to the robot as its file has it
+    fit: Fit
+    nominal: Fit  # seats and targets fitted to the robot as its file has it
     search: OrderSearch | None  # None where joint errors were not searched
     cross_validation: CrossValidation
     findings: Findings
@@ -99,7 +94,7 @@ class PoseIdentification:
 
         Robot base frame; along the rod where lengths were measured.
         """
-        points = replace(self.fit.model, table=self._renamed(table)).evaluate(self.fit.x)
+        points = replace(self.fit.model, table=self._renamed(table)).at_rest(self.fit.x)
         return np.concatenate([point.closure.error[:3].T for point in points])
 
     def within(self, table: PoseTable) -> NDArray[np.bool_]:
@@ -107,9 +102,10 @@ class PoseIdentification:
         validation = self.cross_validation
         model = replace(self.fit.model, table=self._renamed(table))
         out = []
-        for point in model.evaluate(self.fit.x):
+        for k, point in enumerate(model.at_rest(self.fit.x)):
             rows = position_rows(point)
-            spread = spread_of(model.jacobian(self.fit.x, point, rows), self.fit.covariance)
+            moves = whole_jacobian(model, self.fit.x, k, point, rows)
+            spread = spread_of(moves, self.fit.covariance)
             square = mahalanobis(rows(point.closure.error), spread, validation.sigma**2)
             out.append(square <= validation.factor * chi_square_quantile(LEVEL, len(rows.matrix)))
         return np.concatenate(out)
@@ -137,7 +133,7 @@ class PoseIdentification:
         q = self.table.q
         return IdentifiedArm(
             robot=self.table.robot,
-            chain=layout.robot(fit.x),
+            chain=layout.bare(fit.x).robot,
             corrections=fit.model.corrections,
             values=fit.x[layout.coefficients],
             target=layout.target(fit.x, name),
@@ -153,8 +149,8 @@ class PoseIdentification:
         )
 
 
-def position_errors(fit: PoseFit) -> Array:
+def position_errors(fit: Fit) -> Array:
     """(N,) [m] distance of every measurement of a fit from its model."""
     return np.concatenate(
-        [np.linalg.norm(point.closure.error[:3], axis=0) for point in fit.equations.points]
+        [np.linalg.norm(point.closure.error[:3], axis=0) for point in fit.linear.evaluations]
     )

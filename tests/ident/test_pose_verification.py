@@ -14,11 +14,11 @@ from scipy.stats import chi2
 
 from cell.arrays import Array
 from cell.errors import InputError
+from cell.placement import Placement
 from cell.poses import PoseTable
-from ident.poses.closure import Placement
-from ident.poses.fit import fit_unweighted
-from ident.poses.identify import PoseOptions, identify_poses
-from ident.poses.verification import FALSE_ALARMS, Verification, limit_of, verify
+from ident.estimator.robust_fit import fit_unweighted
+from ident.identify_poses import PoseOptions, identify_poses
+from ident.pose_verification import FALSE_ALARMS, Verification, limit_of, verify
 from ident.robot.identified_arm import IdentifiedArm
 from tests.helpers.drawn_pose_tables import (
     SEAT,

@@ -13,16 +13,16 @@ from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.corrections.unit_weights import PRIOR as SAG_PRIOR
-from ident.poses.cross_validation import PLACES, cross_validated, places_of, with_folds
-from ident.poses.findings import findings_of, lengths_of
-from ident.poses.fit import GROSS, HUBER, fit_poses, robust_weights
-from ident.poses.held_out import PoseHeldOut, held_out_poses
-from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding, sag
-from ident.poses.result import PoseIdentification, position_errors
-from ident.poses.start import PoseStartError, start_of_poses
-from ident.poses.verdict import judge_poses
+from ident.cross_validation import PLACES, cross_validated, places_of, with_folds
+from ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
+from ident.findings import findings_of, lengths_of
+from ident.held_out_poses import PoseHeldOut, held_out_poses
+from ident.identify_poses import JointErrors, PoseOptions, identify_poses, linearised, rounding, sag
+from ident.pose_result import PoseIdentification, position_errors
+from ident.pose_verdict import judge_poses
 from ident.robot.accuracy import position_error
 from ident.robot.identified_arm import range_sentence
+from ident.start.placements import PoseStartError, start_of_poses
 from ident.verdict import Status
 from tests.helpers.still_poses import (
     SEAT,
@@ -68,7 +68,7 @@ def test_a_seven_axis_robot_is_identified_from_sockets_alone() -> None:
     result = identify_poses(socket_table(true, count=12), PLAIN)
     assert result.verdict.acceptable
     before = position_error(
-        result.nominal.model.evaluate(result.nominal.x)[0].target.tip.T,
+        result.nominal.model.at_rest(result.nominal.x)[0].target_closure.robot.tip.T,
         true.positions(result.table.groups[0].q),
     ).mean
     assert result.cross_validation.mean < 0.3 * result.residual_nominal.mean()
@@ -141,7 +141,7 @@ def test_outliers_are_named_and_do_not_spoil_the_robot() -> None:
     assert "3 poses far from the model" in result.verdict.warnings[0]
     assert "table.csv:7" in result.verdict.warnings[0]
     assert tcp_error(result, true) < 1.5e-5
-    weights = robust_weights(result.fit.equations)[0]
+    weights = robust_weights(result.fit.linear)[0]
     far = lengths_of(result.fit)
     assert (weights[far > 1.2 * GROSS] == 0.0).all()
     assert (weights[far < 0.8 * HUBER] == 1.0).all()
@@ -374,10 +374,12 @@ def test_the_linearised_model_is_that_of_the_fit() -> None:
     result = identify_poses(table_of(true_robot("ur5"), count=60), PLAIN)
     model = linearised(result.fit)
     gram = model.jacobian.reshape(len(model.jacobian), -1)
-    assert np.allclose(gram @ gram.T + model.prior_normal, result.fit.equations.normal)
+    normal = result.fit.linear.normal  # to rounding at its size
+    off = np.abs(gram @ gram.T + model.prior_normal - normal).max()
+    assert off < 1e-12 * np.abs(normal).max()
     gradient = gram @ model.residual.reshape(-1) + model.prior_gradient
-    assert np.allclose(gradient, result.fit.equations.gradient)
-    again = fit_poses(result.fit.model, result.fit.x, result.fit.discrepancy)
+    assert np.allclose(gradient, result.fit.linear.gradient)
+    again = fit_robustly(result.fit.model, result.fit.x, result.fit.excess)
     assert np.allclose(position_errors(again), result.residual, atol=2e-6)
     assert findings_of(again).outliers.size == 0
 

@@ -11,7 +11,7 @@ import pytest
 from acquisition.pose_tables import read_poses
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
-from ident.poses.identify import PoseOptions, identify_poses
+from ident.identify_poses import PoseOptions, identify_poses
 from ident.verdict import Status
 from tests.helpers import real_robots
 

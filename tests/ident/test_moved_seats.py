@@ -9,11 +9,11 @@ import pytest
 
 from cell.arrays import Array
 from cell.errors import InputError
+from cell.placement import Placement
 from cell.poses import Measured, PoseTable
-from ident.poses.closure import Placement
-from ident.poses.held_out import held_out_poses
-from ident.poses.identify import PoseOptions, identify_poses
-from ident.poses.steps import instants, renamed
+from ident.held_out_poses import held_out_poses
+from ident.identify_poses import PoseOptions, identify_poses
+from ident.moved_seats import instants, renamed
 from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot
 
 PLAIN = PoseOptions(search=False)

@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.errors import FailureError
+from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
-from ident.poses.closure import Placement
 
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out

@@ -27,16 +27,18 @@ from cell.arrays import Array
 from cell.chain import joint_screws
 from cell.errors import InputError
 from cell.geometry import parameter_named
+from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
 from cell.statistics import chi_square_quantile
-from ident.poses.closure import Placement
-from ident.poses.cross_validation import LEVEL
-from ident.poses.fit import PoseEquations, fit_unweighted
-from ident.poses.held_out import held_layout
-from ident.poses.model import Discrepancy, PoseModel
-from ident.poses.start import start_of_poses
-from ident.poses.unknowns import PoseUnknowns
+from ident.cross_validation import LEVEL
+from ident.estimator.fit import Fit
+from ident.estimator.model import still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.robust_fit import fit_unweighted
+from ident.estimator.unknowns import Unknowns
+from ident.held_out_poses import held_layout
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
+from ident.start.placements import start_of_poses
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged robot that call it changed
 LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be stated
@@ -172,13 +174,14 @@ class _Check:
     known: dict[str, Placement]
     sigma: float  # [m] of a pose, along each axis
 
-    def fit(self, table: PoseTable) -> tuple[PoseModel, PoseEquations]:
+    def fit(self, table: PoseTable) -> Fit:
         """Seats and unknown targets of a table, every pose counting in full."""
         start = start_of_poses(table, self.arm.chain)
         layout = held_layout(self.arm, table, start, self.known)
-        model = PoseModel(table, layout, self.arm.corrections, np.zeros(self.arm.robot.joints))
-        exact = replace(model, table=_without_noise(table))
-        return exact, fit_unweighted(exact, layout.mean.copy(), Discrepancy(self.sigma, 1.0))
+        exact = _without_noise(table)
+        model = still_model(exact, layout, self.arm.corrections, np.zeros(self.arm.robot.joints))
+        excess = ExcessNoise(position=self.sigma, rotation=1.0)
+        return fit_unweighted(model, layout.mean.copy(), excess)
 
 
 def verify(
@@ -199,18 +202,21 @@ def verify(
     declared = max((float(g.sigma[:, :3].max()) for g in part.groups), default=0.0)
     check = _Check(arm, dict(targets), max(arm.discrepancy, declared))
     _check_enough(part, check)
-    model, equations = check.fit(part)
-    freedom = _freedom(part, model.unknowns, check)
+    fit = check.fit(part)
+    equations = fit.linear
+    freedom = _freedom(part, fit.model.unknowns, check)
     limit = limit_of(freedom, arm.factor)
     square = equations.cost
     causes: tuple[Cause, ...] = ()
     named: tuple[Cause, ...] = ()
     if square > limit:
         counting = [name for name, counts in zip(names, inside, strict=True) if counts]
-        causes = _causes(check, part, model, equations, counting)
+        causes = _causes(check, part, fit, counting)
         named = _clear(causes, square, freedom, arm.factor)
-    blind = _blind(check, model, equations)
-    error = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in equations.points])
+    blind = _blind(check, fit)
+    error = np.concatenate(
+        [np.linalg.norm(p.closure.error[:3], axis=0) for p in equations.evaluations]
+    )
     coordinates = equations.equations
     return Verification(
         name=table.name,
@@ -245,7 +251,7 @@ def limit_of(freedom: int, factor: float) -> float:
     return limit * freedom * widened / known
 
 
-def _blind(check: _Check, model: PoseModel, equations: PoseEquations) -> dict[int, float]:
+def _blind(check: _Check, fit: Fit) -> dict[int, float]:
     """Axes, from 1, and the size [rad] up to which these poses hide a change of their zero.
 
     Those of them that would move the target by more than UNSEEN. The first and the last axis are
@@ -256,29 +262,26 @@ def _blind(check: _Check, model: PoseModel, equations: PoseEquations) -> dict[in
     by_axis = np.einsum("aj,jcn->acn", arm.robot.controller_to_joint, moved)
     levers = np.sqrt((by_axis**2).sum(axis=1).mean(axis=1))
     for axis in range(2, arm.robot.joints):
-        columns = _columns(model, equations, "axis", str(axis))
-        cause = _linear(model, equations, columns, "axis", str(axis))
+        cause = _linear(fit, _columns(fit, "axis", str(axis)), "axis", str(axis))
         size = np.inf if cause is None else SEEN * float(cause.sigma[0])
         if size * levers[axis - 1] > UNSEEN:
             out[axis] = size
     return out
 
 
-def _causes(
-    check: _Check, table: PoseTable, model: PoseModel, equations: PoseEquations, names: list[str]
-) -> tuple[Cause, ...]:
+def _causes(check: _Check, table: PoseTable, fit: Fit, names: list[str]) -> tuple[Cause, ...]:
     """Single causes, best first, by linearised equations; then the best of each kind exactly."""
     axes = [("axis", str(j + 1)) for j in range(check.arm.robot.joints)]
     known = [("target", name) for name in table.targets if name in check.known]
     measured = any(group.values.shape[1] for group in table.groups)
     scale = [("scale", "")] if measured else []
-    others = [("geometry", p.name) for p in model.unknowns.parameters if p.kind != "theta"]
+    others = [("geometry", p.name) for p in fit.model.unknowns.parameters if p.kind != "theta"]
     causes = []
     for kind, name in (*axes, *known, *scale, *others):
-        first = _linear(model, equations, _columns(model, equations, kind, name), kind, name)
+        first = _linear(fit, _columns(fit, kind, name), kind, name)
         if first is not None:
             causes.append(_refined(check, table, first))
-    causes += _single_poses(model, equations, names)
+    causes += _single_poses(fit, names)
     return tuple(sorted(causes, key=_priced))
 
 
@@ -294,10 +297,9 @@ def _refined(check: _Check, table: PoseTable, first: Cause) -> Cause:
     for _ in range(ROUNDS):
         size = size + cause.size
         changed, again = _applied(check, table, replace(first, size=size))
-        model, equations = again.fit(changed)
-        best = equations.cost
-        columns = _columns(model, equations, first.kind, first.name)
-        step = _linear(model, equations, columns, first.kind, first.name)
+        fit = again.fit(changed)
+        best = fit.linear.cost
+        step = _linear(fit, _columns(fit, first.kind, first.name), first.kind, first.name)
         if step is None or best - step.square < 0.01:
             break
         cause = step
@@ -326,42 +328,43 @@ def _applied(check: _Check, table: PoseTable, cause: Cause) -> tuple[PoseTable, 
     return replace(table, groups=tuple(groups)), check
 
 
-def _columns(model: PoseModel, equations: PoseEquations, kind: str, name: str) -> list[Array]:
+def _columns(fit: Fit, kind: str, name: str) -> list[Array]:
     """(K, E, N) of every group: change of the whitened residual per unit of a cause."""
-    out = []
-    triples = zip(equations.points, equations.weights, equations.jacobians, strict=True)
+    out, layout = [], fit.model.unknowns
+    triples = zip(fit.linear.evaluations, fit.linear.weights, fit.jacobians, strict=True)
     for point, weights, jacobian in triples:
-        group, n = point.group, point.group.size
+        group, n = point.still, point.still.size
         if kind == "axis":
-            shares = model.table.robot.controller_to_joint[int(name) - 1]
-            out.append(weights(np.einsum("j,jcn->cn", shares, point.joint_columns)[None]))
+            shares = fit.model.poses.robot.controller_to_joint[int(name) - 1]
+            out.append(
+                weights(np.einsum("j,jcn->cn", shares, point.target_closure.joint_columns)[None])
+            )
         elif kind == "geometry":
-            at = model.unknowns.names.index(name)
+            at = layout.names.index(name)
             out.append(jacobian[at : at + 1])
         elif kind == "target":
-            own = jacobian[model.unknowns.targets[name]][:3]
+            own = jacobian[layout.targets[name]][:3]
             out.append(own if group.target == name else np.zeros((3, *own.shape[1:])))
         else:
             moved = np.zeros((1, 6, n))
-            moved[0, :3] = point.closure.measured - point.seat.origin[:, None]
-            if group.measured == "socket":
+            moved[0, :3] = (
+                point.target_closure.sight.point - point.target_closure.seat.origin[:, None]
+            )
+            if not group.kind.scales:
                 moved[:] = 0.0
             out.append(weights(moved))
     return out
 
 
-def _linear(
-    model: PoseModel, equations: PoseEquations, columns: list[Array], kind: str, name: str
-) -> Cause | None:
+def _linear(fit: Fit, columns: list[Array], kind: str, name: str) -> Cause | None:
     """A cause by one step of least squares; None where the poses cannot tell it from the seats."""
-    free = np.flatnonzero(model.unknowns.sigma > 0.5)
+    equations = fit.linear
+    free = np.flatnonzero(fit.model.unknowns.sigma > 0.5)
     normal = equations.normal[np.ix_(free, free)]
     count = len(columns[0])
     cross, own = np.zeros((count, free.size)), np.zeros((count, count))
     right = np.zeros(count)
-    for column, jacobian, residual in zip(
-        columns, equations.jacobians, equations.residuals, strict=True
-    ):
+    for column, jacobian, residual in zip(columns, fit.jacobians, equations.residuals, strict=True):
         flat = column.reshape(count, -1)
         cross += flat @ jacobian[free].reshape(free.size, -1).T
         own += flat @ flat.T
@@ -377,19 +380,19 @@ def _linear(
     return Cause(kind, name, size, np.sqrt(np.diag(covariance)), square)
 
 
-def _single_poses(model: PoseModel, equations: PoseEquations, names: list[str]) -> list[Cause]:
+def _single_poses(fit: Fit, names: list[str]) -> list[Cause]:
     """Each pose by itself: what the others leave when it does not count."""
-    causes, first = [], 0
-    for k, point in enumerate(equations.points):
+    causes, first, equations = [], 0, fit.linear
+    for k, point in enumerate(equations.evaluations):
         rows = len(equations.weights[k].matrix)
-        for i in range(point.group.size):
+        for i in range(point.still.size):
             columns = [np.zeros((rows, *residual.shape)) for residual in equations.residuals]
             columns[k][np.arange(rows), np.arange(rows), i] = 1.0
-            cause = _linear(model, equations, columns, "pose", names[first + i])
+            cause = _linear(fit, columns, "pose", names[first + i])
             if cause is not None:
                 length = float(np.linalg.norm(point.closure.error[:3, i]))
                 causes.append(replace(cause, size=np.full(rows, length / np.sqrt(rows))))
-        first += point.group.size
+        first += point.still.size
     return causes
 
 
@@ -433,7 +436,7 @@ def _without_noise(table: PoseTable) -> PoseTable:
     return replace(table, groups=groups)
 
 
-def _freedom(table: PoseTable, layout: PoseUnknowns, check: _Check) -> int:
+def _freedom(table: PoseTable, layout: Unknowns, check: _Check) -> int:
     places = [part for name, part in layout.targets.items() if name not in check.known]
     places += list(layout.seats.values())
     unknowns = sum(int(part.stop - part.start) for part in places)
@@ -441,11 +444,11 @@ def _freedom(table: PoseTable, layout: PoseUnknowns, check: _Check) -> int:
 
 
 def _coordinates(table: PoseTable) -> int:
-    return sum((1 if g.measured == "length" else 3) * g.size for g in table.groups)
+    return sum(g.kind.directions * g.size for g in table.groups)
 
 
 def _check_enough(table: PoseTable, check: _Check) -> None:
-    framed = {g.seat for g in table.groups if g.measured == "point"}
+    framed = {g.seat for g in table.groups if g.kind.seat_turns}
     unknowns = sum(6 if seat in framed else 3 for seat in table.seats)
     unknowns += 3 * sum(target not in check.known for target in table.targets)
     least = unknowns + LEAST_FREEDOM

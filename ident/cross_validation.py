@@ -28,16 +28,17 @@ from scipy.sparse.csgraph import connected_components
 from cell.arrays import Array
 from cell.poses import PoseTable
 from cell.statistics import chi_square_quantile
+from ident.estimator.fit import Fit
+from ident.estimator.model import Evaluation
+from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.regions import pose_regions
 from ident.estimator.uncertainty import inflation_factors
 from ident.estimator.whitening import Whitening
-from ident.poses.fit import PoseFit
-from ident.poses.model import GroupPoint
 
 LEVEL = 0.95
 # Share of the variance of joint errors that the rods of one, two, or three and more seats show
 # beside what the fit takes up. Measured on the tables of a UR5 and a UR10 with their points turned
-# into lengths, and on drawn robots (tests/ident/poses/test_length_regions.py).
+# into lengths, and on drawn robots (tests/ident/test_length_regions.py).
 SEEN = {1: 0.2, 2: 0.6, 3: 0.8}
 # Least factor of the regions of points where rods alone judge: joint errors differ from place to
 # place, and the rods do not show by how much.
@@ -77,9 +78,9 @@ class CrossValidation:
         return float(np.quantile(self.error[self.counting], LEVEL))
 
 
-def cross_validated(fit: PoseFit) -> CrossValidation:
+def cross_validated(fit: Fit) -> CrossValidation:
     """Errors of every pose with its region, or its place, left out of the fit: the worse."""
-    table = fit.model.table
+    table = fit.model.poses
     validations = [with_folds(fit, REGIONS, pose_regions(table.q))]
     places = places_of(fit)
     if len(set(places.values())) > 1:
@@ -90,19 +91,19 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
 
 def only_lengths(table: PoseTable) -> bool:
     """Whether rods alone measured the poses of a table."""
-    return all(group.measured == "length" for group in table.groups)
+    return all(group.kind.directions < 3 for group in table.groups)
 
 
-def at_one_place(fit: PoseFit) -> bool:
+def at_one_place(fit: Fit) -> bool:
     """Whether the robot reached for sockets of one place, or rods measured it from one.
 
     Points and poses are seen over the whole workspace from wherever the instrument stands.
     """
-    local = all(group.measured in ("length", "socket") for group in fit.model.table.groups)
+    local = all(group.kind.local for group in fit.model.poses.groups)
     return local and len(set(places_of(fit).values())) == 1
 
 
-def places_of(fit: PoseFit) -> dict[str, int]:
+def places_of(fit: Fit) -> dict[str, int]:
     """Number, from 0, of the place in the cell at which each seat stands.
 
     Seats near each other, or at a known distance as two sockets of one fixture are, are one place.
@@ -111,21 +112,23 @@ def places_of(fit: PoseFit) -> dict[str, int]:
     seats = list(layout.seats)
     origins = np.stack([layout.seat(fit.x, name).origin for name in seats])
     linked = np.linalg.norm(origins[:, None] - origins, axis=2) < SAME_PLACE
-    for known in fit.model.table.distances:
+    for known in fit.model.poses.distances:
         linked[seats.index(known.seats[0]), seats.index(known.seats[1])] = True
     return dict(zip(seats, connected_components(linked, directed=False)[1].tolist(), strict=True))
 
 
-def with_folds(fit: PoseFit, left_out: str, fold: NDArray[np.intp]) -> CrossValidation:
+def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidation:
     """Cross-validation by a linear refit without each fold; fold : (N,) number of each pose's."""
-    equations, model, table = fit.equations, fit.model, fit.model.table
+    equations, model, table = fit.linear, fit.model, fit.model.poses
     ends = np.cumsum([g.size for g in table.groups])[:-1]
-    rows = [position_rows(point) for point in equations.points]
+    rows = [position_rows(point) for point in equations.evaluations]
     moves = [
-        model.jacobian(equations.x, point, row)
-        for point, row in zip(equations.points, rows, strict=True)
+        whole_jacobian(model, equations.x, k, point, row)
+        for k, (point, row) in enumerate(zip(equations.evaluations, rows, strict=True))
     ]
-    rests = [row(point.closure.error) for point, row in zip(equations.points, rows, strict=True)]
+    rests = [
+        row(point.closure.error) for point, row in zip(equations.evaluations, rows, strict=True)
+    ]
     for number in np.unique(fold):
         held = np.split(fold == number, ends)
         step = _without(fit, held)
@@ -154,16 +157,16 @@ def with_folds(fit: PoseFit, left_out: str, fold: NDArray[np.intp]) -> CrossVali
     )
 
 
-def _without(fit: PoseFit, held: Sequence[NDArray[np.bool_]]) -> Array:
+def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
     """(P,) change of the unknowns by a linear refit without poses, (N,) of each group.
 
     Seats and targets that nothing else measured are fitted to the poses that were left out: where
     an instrument stands is always found anew.
     """
-    equations, layout, table = fit.equations, fit.model.unknowns, fit.model.table
+    equations, layout, table = fit.linear, fit.model.unknowns, fit.model.poses
     normal, gradient = equations.normal.copy(), equations.gradient.copy()
     own_normal, own_gradient = np.zeros_like(normal), np.zeros_like(gradient)
-    for jacobian, residual, k in zip(equations.jacobians, equations.residuals, held, strict=True):
+    for jacobian, residual, k in zip(fit.jacobians, equations.residuals, held, strict=True):
         own = jacobian[:, :, k].reshape(layout.count, -1)
         own_normal += own @ own.T
         own_gradient += own @ residual[:, k].reshape(-1)
@@ -182,31 +185,31 @@ def _without(fit: PoseFit, held: Sequence[NDArray[np.bool_]]) -> Array:
     return np.asarray(step)
 
 
-def _joint_sigma(fit: PoseFit) -> float:
+def _joint_sigma(fit: Fit) -> float:
     """[rad] joint errors that explain what the model leaves over along the rods, noise aside.
 
     What two deviations of an estimated noise allow is not counted.
     """
-    points = fit.equations.points
-    along = [position_rows(point)(point.joint_columns)[:, 0] for point in points]
+    points = fit.linear.evaluations
+    along = [position_rows(point)(point.target_closure.joint_columns)[:, 0] for point in points]
     lever = float((np.concatenate(along, axis=1) ** 2).sum(axis=0).mean())  # [m^2]
-    noise = float((np.concatenate([p.group.sigma for p in points]) ** 2).mean())
-    chance = 2.0 * np.sqrt(2.0 / fit.model.table.size) * noise
+    noise = float((np.concatenate([p.still.sigma for p in points]) ** 2).mean())
+    chance = 2.0 * np.sqrt(2.0 / fit.model.poses.size) * noise
     seen = SEEN[min(len(fit.model.unknowns.seats), max(SEEN))]
-    return float(np.sqrt(max(fit.discrepancy.position**2 - chance, 0.0) / (seen * lever)))
+    return float(np.sqrt(max(fit.excess.position**2 - chance, 0.0) / (seen * lever)))
 
 
-def robust_covariance(fit: PoseFit) -> Array:
+def robust_covariance(fit: Fit) -> Array:
     """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
 
     Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space.
     """
-    equations, layout = fit.equations, fit.model.unknowns
-    blocks = pose_regions(fit.model.table.q, BLOCKS)
+    equations, layout = fit.linear, fit.model.unknowns
+    blocks = pose_regions(fit.model.poses.q, BLOCKS)
     scores = np.concatenate(
         [
             np.einsum("pen,en->pn", jacobian, residual)
-            for jacobian, residual in zip(equations.jacobians, equations.residuals, strict=True)
+            for jacobian, residual in zip(fit.jacobians, equations.residuals, strict=True)
         ],
         axis=1,
     )
@@ -218,13 +221,12 @@ def robust_covariance(fit: PoseFit) -> Array:
     return np.asarray(0.5 * (robust + robust.T))
 
 
-def position_rows(point: GroupPoint) -> Whitening:
+def position_rows(point: Evaluation) -> Whitening:
     """Rows that take the position out of a loop-closure error [m]; along the rod of lengths."""
-    n = point.group.size
-    if point.group.measured == "length":
-        rod = point.closure.measured - point.seat.origin[:, None]
-        matrix = np.zeros((1, 6, n))
-        matrix[0, :3] = rod / np.linalg.norm(rod, axis=0)
+    n = point.samples.size
+    if point.still.kind.directions < 3:
+        sensed = point.target_closure.sight.directions
+        matrix = np.concatenate((sensed, np.zeros_like(sensed)), axis=1)
     else:
         matrix = np.repeat(np.eye(6)[:3, :, None], n, axis=2)
     none = np.zeros((0, 6, n))

@@ -15,7 +15,7 @@ from acquisition.pose_tables import read_poses
 from cell.chain import Chain, forward
 from cell.load import load_robot
 from cell.poses import PoseTable
-from ident.poses.identify import identify_poses
+from ident.identify_poses import identify_poses
 from tests.helpers.own_poses import OwnArm, irb120, length_poses, panda, socket_poses, written
 
 SIGMA = 5e-5  # [m] of lengths, and of the play of sockets

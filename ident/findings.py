@@ -18,9 +18,10 @@ from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
-from ident.poses.fit import PoseFit, median_scale, whitened_lengths
-from ident.poses.steps import Step
-from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
+from ident.estimator.fit import Fit
+from ident.estimator.robust_fit import median_scale, whitened_lengths
+from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
+from ident.moved_seats import Step
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 # Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and
@@ -61,13 +62,13 @@ class Findings:
     steps: tuple[Step, ...] = ()  # of the table that was given; the fit has two names for each
 
 
-def lengths_of(fit: PoseFit) -> Array:
+def lengths_of(fit: Fit) -> Array:
     """(N,) each pose's whitened residual over the median-based scale of all, at least WIDE."""
-    lengths = whitened_lengths(fit.equations)
+    lengths = whitened_lengths(fit.linear)
     return np.concatenate(lengths) / max(median_scale(lengths), WIDE)
 
 
-def findings_of(fit: PoseFit) -> Findings:
+def findings_of(fit: Fit) -> Findings:
     """What a fit shows of its poses."""
     lengths = lengths_of(fit)
     unsettled = _unsettled(fit, lengths)
@@ -75,15 +76,15 @@ def findings_of(fit: PoseFit) -> Findings:
     return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit))
 
 
-def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
+def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
     """Poses whose residual lies along the last move, more than one of them and in one direction."""
     candidates: list[int] = []
     signs: list[float] = []
     first = 0
     for point, weights, move in zip(
-        fit.equations.points, fit.equations.weights, _last_moves(fit), strict=True
+        fit.linear.evaluations, fit.linear.weights, _last_moves(fit), strict=True
     ):
-        n = point.group.size
+        n = point.still.size
         residual = weights(point.closure.error)
         if len(residual) >= 3 and n > 1:
             along = weights(move)
@@ -101,12 +102,12 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
 
 
-def _last_moves(fit: PoseFit) -> list[Array]:
+def _last_moves(fit: Fit) -> list[Array]:
     """(6, N) of every group: change of the error for the whole last move of the robot."""
-    groups = [point.group for point in fit.equations.points]
+    groups = [point.still for point in fit.linear.evaluations]
     return [
-        np.asarray(np.einsum("jcn,nj->cn", point.joint_columns, moved))
-        for point, moved in zip(fit.equations.points, last_moves(groups), strict=True)
+        np.asarray(np.einsum("jcn,nj->cn", point.target_closure.joint_columns, moved))
+        for point, moved in zip(fit.linear.evaluations, last_moves(groups), strict=True)
     ]
 
 
@@ -132,17 +133,17 @@ def last_moves(groups: Sequence[PoseGroup]) -> list[Array]:
     return moves
 
 
-def _unfinished(fit: PoseFit) -> float:
+def _unfinished(fit: Fit) -> float:
     """Share of the last move by which all angles were read early; 0 where chance explains it.
 
     A score test of one unknown that turns every pose by that share, as the orders are tested.
     """
-    equations, moves = fit.equations, _last_moves(fit)
+    equations, moves = fit.linear, _last_moves(fit)
     columns = [
         weights(move) * robust
         for move, weights, robust in zip(moves, equations.weights, equations.robust, strict=True)
     ]
-    parts = list(zip(equations.jacobians, equations.residuals, columns, strict=True))
+    parts = list(zip(fit.jacobians, equations.residuals, columns, strict=True))
     gram = sum(
         jacobian.reshape(len(jacobian), -1) @ column.reshape(-1) for jacobian, _, column in parts
     )
@@ -162,13 +163,13 @@ def _unfinished(fit: PoseFit) -> float:
     return share if effect > LEAST_EFFECT * _error_of_one(fit) else 0.0
 
 
-def _error_of_one(fit: PoseFit) -> float:
+def _error_of_one(fit: Fit) -> float:
     """[m] error of one measurement along an axis: declared noise and what is unexplained."""
-    noise = np.concatenate([g.sigma[:, :3].reshape(-1) for g in fit.model.table.groups])
-    return float(np.hypot(fit.discrepancy.position, np.median(noise)))
+    noise = np.concatenate([g.sigma[:, :3].reshape(-1) for g in fit.model.poses.groups])
+    return float(np.hypot(fit.excess.position, np.median(noise)))
 
 
-def scale_of(fit: PoseFit) -> tuple[float, float] | None:
+def scale_of(fit: Fit) -> tuple[float, float] | None:
     """Scale of all measured values against the catalogue's lengths, and its standard deviation.
 
     The robot's parameters take up a scale at the cost of their priors alone, so it is the priors as
@@ -176,27 +177,29 @@ def scale_of(fit: PoseFit) -> tuple[float, float] | None:
     own error would pass for scale. None where chance explains it, or where it is too small to
     matter.
     """
-    equations, layout = fit.equations, fit.model.unknowns
-    declared = np.array([LENGTH_PRIOR if p.is_length else ANGLE_PRIOR for p in layout.parameters])
+    equations, layout = fit.linear, fit.model.unknowns
+    declared = np.array(
+        [STILL_LENGTH_PRIOR if p.is_length else STILL_ANGLE_PRIOR for p in layout.parameters]
+    )
     sigma = layout.sigma.copy()
-    sigma[layout.geometry] = declared
+    sigma[layout.geometric] = declared
     prior = np.diag(sigma**-2.0 - layout.sigma**-2.0)
     normal = equations.normal + prior
     gradient = equations.gradient + prior @ (equations.x - layout.mean)
     cross, own, slope = np.zeros(layout.count), 0.0, 0.0
     for point, weights, robust, jacobian, residual in zip(
-        equations.points,
+        equations.evaluations,
         equations.weights,
         equations.robust,
-        equations.jacobians,
+        fit.jacobians,
         equations.residuals,
         strict=True,
     ):
-        if point.group.measured == "socket":
+        if not point.still.kind.scales:
             continue
-        moved = np.zeros((6, point.group.size))
-        predicted = point.closure.measured - point.closure.error[:3]
-        moved[:3] = predicted - point.seat.origin[:, None]
+        moved = np.zeros((6, point.still.size))
+        predicted = point.target_closure.sight.point - point.closure.error[:3]
+        moved[:3] = predicted - point.target_closure.seat.origin[:, None]
         column = weights(moved) * robust
         cross += jacobian.reshape(layout.count, -1) @ column.reshape(-1)
         own += float((column * column).sum())
@@ -210,23 +213,23 @@ def scale_of(fit: PoseFit) -> tuple[float, float] | None:
     return (-size, deviation) if abs(size) > max(SCALE * deviation, LEAST_SCALE) else None
 
 
-def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
+def _drifts(fit: Fit) -> tuple[Drift, ...]:
     """Seats that move in proportion to time, where times are given."""
-    seats = {g.seat for g in fit.model.table.groups if g.time is not None}
+    seats = {g.seat for g in fit.model.poses.groups if g.time is not None}
     drifts = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
     return tuple(drift for drift in drifts if drift is not None)
 
 
-def _drift(fit: PoseFit, seat: str) -> Drift | None:
+def _drift(fit: Fit, seat: str) -> Drift | None:
     """The drift of a seat if the score of its shifts, and of its turns where they are seen, is
     beyond chance, and the drift large enough to matter.
     """
-    equations, layout = fit.equations, fit.model.unknowns
+    equations, layout = fit.linear, fit.model.unknowns
     part = layout.seats[seat]
     size = part.stop - part.start
-    every = zip(equations.points, equations.jacobians, equations.residuals, strict=True)
-    own = [each for each in every if each[0].group.seat == seat and each[0].group.time is not None]
-    times = [np.asarray(point.group.time) for point, _, _ in own]
+    every = zip(equations.evaluations, fit.jacobians, equations.residuals, strict=True)
+    own = [each for each in every if each[0].still.seat == seat and each[0].still.time is not None]
+    times = [np.asarray(point.still.time) for point, _, _ in own]
     first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
     if span <= 0.0:
         return None
@@ -247,7 +250,9 @@ def _drift(fit: PoseFit, seat: str) -> Drift | None:
         return None
     change = np.zeros(6)
     change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-    arm = np.concatenate([p.closure.measured.T - p.seat.origin for p, _, _ in own])
+    arm = np.concatenate(
+        [p.target_closure.sight.point.T - p.target_closure.seat.origin for p, _, _ in own]
+    )
     moved = float(np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1).mean())
     if moved <= np.sqrt(3.0) * LEAST_EFFECT * _error_of_one(fit):
         return None

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.poses import PoseGroup, PoseTable
+from ident.cross_validation import at_one_place, only_lengths
 from ident.estimator.regions import distinct_poses
-from ident.poses.cross_validation import at_one_place, only_lengths
-from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
+from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.verdict import Status, Verdict
 
 if TYPE_CHECKING:
-    from ident.poses.result import PoseIdentification
+    from ident.pose_result import PoseIdentification
 
 STRANGE = 3e-3  # [m] cross-validated: industrial robots, identified, stay below 0.5 mm
 PULL = 5.0  # prior deviations: a joint's offset set wrongly, or another robot
@@ -170,11 +170,9 @@ def _warnings(result: PoseIdentification) -> list[str]:
 def _of_parameters(result: PoseIdentification) -> list[str]:
     layout, x = result.fit.model.unknowns, result.fit.x
     far = []
-    for parameter, i in zip(
-        layout.parameters, range(layout.geometry.start, layout.geometry.stop), strict=True
-    ):
+    for i, parameter in enumerate(layout.parameters):
         off = float(x[i] - layout.mean[i])
-        if abs(off) > PULL * (LENGTH_PRIOR if parameter.is_length else ANGLE_PRIOR):
+        if abs(off) > PULL * (STILL_LENGTH_PRIOR if parameter.is_length else STILL_ANGLE_PRIOR):
             unit = "mm" if parameter.is_length else "mrad"
             far.append(f"{parameter.name} {off * 1e3:+.2f} {unit}")
     if not far:

@@ -12,8 +12,8 @@ from acquisition.pose_tables import read_poses
 from cell.arrays import Array
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
-from ident.poses.identify import PoseOptions, identify_poses
-from ident.poses.result import PoseIdentification
+from ident.identify_poses import PoseOptions, identify_poses
+from ident.pose_result import PoseIdentification
 from ident.robot.identified_arm import IdentifiedArm
 from tests.helpers import real_robots
 from tests.helpers.still_poses import TrueRobot, angles, group, table_of, true_robot

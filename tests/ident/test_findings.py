@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cell.poses import PoseGroup, PoseTable
-from ident.poses.findings import LEAST_SCALE, last_moves
-from ident.poses.identify import PoseOptions, identify_poses
-from ident.poses.result import PoseIdentification
+from ident.findings import LEAST_SCALE, last_moves
+from ident.identify_poses import PoseOptions, identify_poses
+from ident.pose_result import PoseIdentification
 from tests.helpers.still_poses import angles, table_of, true_robot
 
 Q = np.array([[0.0, 0.0], [0.1, 0.2], [0.4, 0.1]])  # three poses [rad]

@@ -7,7 +7,7 @@ moved within the table, once more with two in its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,22 +16,22 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import nominal_chain
+from cell.geometry import nominal_chain, robot_geometry
+from cell.placement import Placement
 from cell.poses import PoseTable
 from ident.corrections.base import Coefficient, Correction
 from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
 from ident.corrections.unit_weights import unit_weights
+from ident.cross_validation import cross_validated, robust_covariance
+from ident.estimator.fit import Fit
+from ident.estimator.model import still_model
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
 from ident.estimator.regions import distinct_poses, pose_regions
-from ident.poses.closure import Placement
-from ident.poses.cross_validation import cross_validated, robust_covariance
-from ident.poses.findings import Findings, findings_of
-from ident.poses.fit import PoseFit, fit_poses
-from ident.poses.model import PoseModel
-from ident.poses.result import PoseIdentification
-from ident.poses.start import PoseStart, start_of_poses
-from ident.poses.steps import (
+from ident.estimator.robust_fit import fit_robustly, stacked
+from ident.estimator.unknowns import HELD, Unknowns, still_unknowns
+from ident.findings import Findings, findings_of
+from ident.moved_seats import (
     MOST,
     Step,
     confirms,
@@ -41,7 +41,8 @@ from ident.poses.steps import (
     split,
     step_of,
 )
-from ident.poses.unknowns import HELD, PoseUnknowns, pose_unknowns
+from ident.pose_result import PoseIdentification
+from ident.start.placements import PoseStart, start_of_poses
 from ident.verdict import Status
 
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
@@ -100,15 +101,17 @@ def _identified(
     table: PoseTable, start: PoseStart, options: PoseOptions, progress: Progress
 ) -> PoseIdentification:
     """A robot from a table whose seats and targets stay where they are."""
-    chain = nominal_chain(table.robot)
+    nominal_robot = robot_geometry(table.robot)
     noise = rounding(table.q) / np.sqrt(12.0)
     fixed = [*sag(table.robot), *_learned(options)]
-    layout = pose_unknowns(table, chain, start.seats, start.targets, fixed)
+    layout = still_unknowns(
+        table.robot, nominal_robot, table.groups, start.seats, start.targets, fixed
+    )
     _check_enough(table, layout)
-    model = PoseModel(table, layout, tuple(fixed), noise)
-    nominal = fit_poses(replace(model, unknowns=layout.held()), layout.mean.copy())
+    model = still_model(table, layout, fixed, noise)
+    nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
     progress("fitting geometry and sag")
-    fit = fit_poses(model, nominal.x, nominal.discrepancy)
+    fit = fit_robustly(model, nominal.x, nominal.excess)
     fit, findings = _without_unsettled(fit)
     search = None
     if options.search:
@@ -144,40 +147,29 @@ def rounding(q: Array) -> Array:
     return np.deg2rad(np.where(commanded, 0.0, out))
 
 
-def linearised(fit: PoseFit) -> LinearModel:
+def linearised(fit: Fit) -> LinearModel:
     """A fit at its estimate, as the search for joint errors takes it."""
-    equations, model, robot = fit.equations, fit.model, fit.model.table.robot
-    rows = max(len(residual) for residual in equations.residuals)
+    equations, model, robot = fit.linear, fit.model, fit.model.poses.robot
     joints = [
-        weights(np.einsum("gj,jcn->gcn", robot.gear_to_joint, point.joint_columns)) * robust
+        weights(np.einsum("gj,jcn->gcn", robot.gear_to_joint, point.target_closure.joint_columns))
+        * robust
         for point, weights, robust in zip(
-            equations.points, equations.weights, equations.robust, strict=True
+            equations.evaluations, equations.weights, equations.robust, strict=True
         )
     ]
     layout = model.unknowns
     prior = np.diag(layout.sigma**-2.0)
-    step = -(-model.table.size // SEARCHED)
+    step = -(-model.poses.size // SEARCHED)
     return LinearModel(
-        jacobian=_stacked(equations.jacobians, rows)[..., ::step],
-        residual=_stacked(equations.residuals, rows)[..., ::step],
-        joints=_stacked(joints, rows)[..., ::step],
-        angles=(model.table.q @ robot.joint_to_gear).T[:, ::step],
+        jacobian=stacked(fit.jacobians)[..., ::step],
+        residual=stacked(equations.residuals)[..., ::step],
+        joints=stacked(joints)[..., ::step],
+        angles=(model.poses.q @ robot.joint_to_gear).T[:, ::step],
         prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
         prior_normal=prior,
-        regions=pose_regions(model.table.q)[::step],
-        groups=distinct_poses(model.table.q)[::step],
+        regions=pose_regions(model.poses.q)[::step],
+        groups=distinct_poses(model.poses.q)[::step],
     )
-
-
-def _stacked(parts: Sequence[Array], rows: int) -> Array:
-    """Arrays (..., E, N) of all groups beside each other; absent equations are zero."""
-    padded = [
-        np.concatenate(
-            (part, np.zeros((*part.shape[:-2], rows - part.shape[-2], part.shape[-1]))), axis=-2
-        )
-        for part in parts
-    ]
-    return np.concatenate(padded, axis=-1)
 
 
 def _learned(options: PoseOptions) -> list[Correction]:
@@ -192,37 +184,37 @@ def _learned(options: PoseOptions) -> list[Correction]:
     return [replace(correction, name="learned_harmonics", coefficients=held)]
 
 
-def _with_orders(fit: PoseFit, search: OrderSearch) -> PoseFit:
+def _with_orders(fit: Fit, search: OrderSearch) -> Fit:
     """Everything once more, with the joint errors that were found."""
     before, model = fit.model.unknowns, fit.model
     corrections = (*model.corrections, joint_harmonics(search.pairs))
     seats: dict[str, Placement] = {name: before.seat(fit.x, name) for name in before.seats}
     targets = {name: before.target(fit.x, name) for name in before.targets}
-    layout = pose_unknowns(model.table, before.chain, seats, targets, corrections)
+    table = model.poses
+    layout = still_unknowns(table.robot, before.fixed, table.groups, seats, targets, corrections)
     x = layout.mean.copy()
-    x[layout.geometry] = fit.x[before.geometry]
+    x[layout.geometric] = fit.x[before.geometric]
     first = layout.coefficients.start
     known = fit.x[before.coefficients]
     x[first : first + known.size] = known
-    return fit_poses(replace(model, unknowns=layout, corrections=corrections), x, fit.discrepancy)
+    return fit_robustly(replace(model, unknowns=layout, corrections=corrections), x, fit.excess)
 
 
-def _without_unsettled(fit: PoseFit) -> tuple[PoseFit, Findings]:
+def _without_unsettled(fit: Fit) -> tuple[Fit, Findings]:
     """The fit without the poses that were read before the robot stood still; and what it shows."""
     findings = findings_of(fit)
     if not findings.unsettled.size:
         return fit, findings
     left_out: NDArray[np.intp] = findings.unsettled
-    again = fit_poses(fit.model, fit.x, fit.discrepancy, left_out=left_out)
+    again = fit_robustly(fit.model, fit.x, fit.excess, left_out=left_out)
     after = findings_of(again)
     outliers = np.setdiff1d(after.outliers, left_out)
     return again, replace(after, outliers=outliers, unsettled=left_out)
 
 
-def _check_enough(table: PoseTable, layout: PoseUnknowns) -> None:
-    axes = {"length": 1, "point": 3, "pose": 6, "socket": 3}
-    equations = sum(axes[group.measured] * group.size for group in table.groups)
-    unknowns = layout.geometry.stop
+def _check_enough(table: PoseTable, layout: Unknowns) -> None:
+    equations = sum(group.kind.equations * group.size for group in table.groups)
+    unknowns = layout.count - (layout.coefficients.stop - layout.coefficients.start)
     if equations < unknowns:
         raise InputError(
             f"{table.name}: {table.size} poses give {equations} equations for {unknowns} unknowns "

@@ -10,17 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.geometry import nominal_chain
+from cell.geometry import geometry_of_chain, nominal_chain, parameter_table
+from cell.placement import Placement
 from cell.poses import PoseTable
-from ident.poses.closure import Placement
-from ident.poses.cross_validation import LEVEL, SAME_PLACE
-from ident.poses.fit import PoseFit, fit_poses
-from ident.poses.model import PoseModel
-from ident.poses.result import PoseIdentification, position_errors
-from ident.poses.start import PoseStart, start_of_poses
-from ident.poses.steps import other_sides
-from ident.poses.unknowns import PoseUnknowns, pose_unknowns
+from ident.cross_validation import LEVEL, SAME_PLACE
+from ident.estimator.fit import Fit
+from ident.estimator.model import still_model
+from ident.estimator.robust_fit import fit_robustly
+from ident.estimator.unknowns import Unknowns, still_unknowns
+from ident.moved_seats import other_sides
+from ident.pose_result import PoseIdentification, position_errors
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
+from ident.start.placements import PoseStart, start_of_poses
 
 WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
 
@@ -77,7 +78,7 @@ def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
     )
 
 
-def _elsewhere(result: PoseIdentification, held: PoseFit) -> bool:
+def _elsewhere(result: PoseIdentification, held: Fit) -> bool:
     """Whether a seat of a held-out table stands at another place than all that were fitted."""
     known, own = result.fit.model.unknowns, held.model.unknowns
     fitted = np.stack([known.seat(result.fit.x, name).origin for name in known.seats])
@@ -89,7 +90,7 @@ def _elsewhere(result: PoseIdentification, held: PoseFit) -> bool:
 
 def _as_it_stood(
     result: PoseIdentification, arm: IdentifiedArm, table: PoseTable
-) -> tuple[PoseFit, tuple[str, ...]]:
+) -> tuple[Fit, tuple[str, ...]]:
     """A table placed with each target on that side of its steps which fits better, and the names
     of the targets that are not on the side with most fitted poses.
     """
@@ -104,19 +105,22 @@ def _as_it_stood(
     return best, tuple(moved.values())
 
 
-def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> PoseFit:
+def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> Fit:
     """Seats of a table, and targets that are not known, fitted to a robot that is held."""
     layout = held_layout(arm, table, start_of_poses(table, arm.chain), known)
     noise = np.zeros(table.robot.joints)
-    return fit_poses(PoseModel(table, layout, arm.corrections, noise), layout.mean.copy())
+    return fit_robustly(still_model(table, layout, arm.corrections, noise), layout.mean.copy())
 
 
 def held_layout(
     arm: IdentifiedArm, table: PoseTable, start: PoseStart, known: dict[str, Placement]
-) -> PoseUnknowns:
+) -> Unknowns:
     """Unknowns of a table with the robot and the known targets held, seats free from `start`."""
     targets = start.targets | {name: known[name] for name in table.targets if name in known}
-    layout = pose_unknowns(table, arm.chain, start.seats, targets, arm.corrections)
+    geometry = geometry_of_chain(parameter_table(table.robot), arm.chain)
+    layout = still_unknowns(
+        table.robot, geometry, table.groups, start.seats, targets, arm.corrections
+    )
     mean = layout.mean.copy()
     mean[layout.coefficients] = arm.values
     return replace(layout, mean=mean).held(name for name in targets if name in known)

@@ -24,19 +24,21 @@ from scipy.spatial import cKDTree
 
 from cell.arrays import Array
 from cell.errors import InputError
+from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
+from ident.estimator.fit import Fit
+from ident.estimator.normal_equations import NormalEquations
 from ident.estimator.regions import distinct_poses
-from ident.poses.closure import Placement
-from ident.poses.fit import (
+from ident.estimator.robust_fit import (
     HUBER,
     TAILS,
-    PoseEquations,
-    PoseFit,
+    determined,
+    equations_at,
     median_scale,
-    pose_equations,
+    stacked,
     whitened_lengths,
 )
-from ident.poses.start import PoseStart
+from ident.start.placements import PoseStart
 
 # Score that a place has to exceed to be looked at. Chance reaches 30 in none of several hundred
 # clean tables, and the best place of a table without a step is of no use to the blocks anyway.
@@ -132,10 +134,11 @@ class _Place:
         return float(np.linalg.norm(self.shift))
 
 
-def step_of(fit: PoseFit) -> Step | None:
+def step_of(fit: Fit) -> Step | None:
     """The clearest step of a seat or a target; None where nothing shows one."""
-    equations = _bounded(fit)
-    jacobian, residual = _stacked(equations)
+    bounded = _bounded(fit)
+    equations = bounded.linear
+    jacobian, residual = stacked(bounded.jacobians), stacked(equations.residuals)
     places = [
         place
         for rows in _candidates(fit)
@@ -143,7 +146,7 @@ def step_of(fit: PoseFit) -> Step | None:
     ]
     for place in sorted(places, key=lambda place: place.score, reverse=True):
         if _predicts(fit, equations, jacobian, residual, place):
-            return _step(fit.model.table, place)
+            return _step(fit.model.poses, place)
     return None
 
 
@@ -161,7 +164,7 @@ def refuse_merged(table: PoseTable) -> None:
     """Raises InputError for equal poses of one seat and target whose values lie far apart."""
     pose = distinct_poses(table.q)
     of = np.split(pose, np.cumsum([group.size for group in table.groups])[:-1])
-    names = dict.fromkeys((g.seat, g.target) for g in table.groups if g.measured != "socket")
+    names = dict.fromkeys((g.seat, g.target) for g in table.groups if g.kind.columns)
     for seat, target in names:
         own = [
             (group, number)
@@ -182,7 +185,7 @@ def refuse_merged(table: PoseTable) -> None:
             )
 
 
-def confirms(before: PoseFit, after: PoseFit, candidate: Step, step: Step) -> bool:
+def confirms(before: Fit, after: Fit, candidate: Step, step: Step) -> bool:
     """Whether a fit with a step confirms it.
 
     before, after : without and with it. candidate, step : as it was found, and as it came out.
@@ -190,8 +193,8 @@ def confirms(before: PoseFit, after: PoseFit, candidate: Step, step: Step) -> bo
     not depend on what else is fitted; and the model leaves less over with it. Of one so large that
     the fit without it says little, the size is not compared.
     """
-    left = after.discrepancy.position
-    if left >= before.discrepancy.position:
+    left = after.excess.position
+    if left >= before.excess.position:
         return False
     if min(candidate.size, step.size) > LARGEST:
         return True
@@ -202,7 +205,7 @@ def confirms(before: PoseFit, after: PoseFit, candidate: Step, step: Step) -> bo
     )
 
 
-def split(fit: PoseFit, step: Step) -> tuple[PoseTable, PoseStart]:
+def split(fit: Fit, step: Step) -> tuple[PoseTable, PoseStart]:
     """The table with another name behind a step, and where seats and targets are by the fit."""
     layout = fit.model.unknowns
     seats = {name: layout.seat(fit.x, name) for name in layout.seats}
@@ -211,7 +214,7 @@ def split(fit: PoseFit, step: Step) -> tuple[PoseTable, PoseStart]:
     before = places[step.name]
     shift = -step.shift if step.before else step.shift
     places[step.other] = Placement(before.rotation, before.origin + shift)
-    return renamed(fit.model.table, [step]), PoseStart(seats, targets)
+    return renamed(fit.model.poses, [step]), PoseStart(seats, targets)
 
 
 def other_sides(steps: Sequence[Step], target: str) -> list[str]:
@@ -236,7 +239,7 @@ def renamed(table: PoseTable, steps: Sequence[Step]) -> PoseTable:
     return table
 
 
-def sized(fit: PoseFit, steps: Sequence[Step]) -> tuple[Step, ...]:
+def sized(fit: Fit, steps: Sequence[Step]) -> tuple[Step, ...]:
     """The steps with the shifts that a fit with all of them has."""
     layout, out = fit.model.unknowns, []
     for step in steps:
@@ -244,7 +247,7 @@ def sized(fit: PoseFit, steps: Sequence[Step]) -> tuple[Step, ...]:
         main, other = place(fit.x, step.name), place(fit.x, step.other)
         shift = other.origin - main.origin
         if step.kind == "seat" and step.other in layout.framed:
-            own = [g.values[:, :3] for g in fit.model.table.groups if g.seat == step.other]
+            own = [g.values[:, :3] for g in fit.model.poses.groups if g.seat == step.other]
             shift = shift + (other.rotation - main.rotation) @ np.concatenate(own).mean(axis=0)
         out.append(replace(step, shift=-shift if step.before else shift))
     return tuple(out)
@@ -295,21 +298,21 @@ def _filled(known: Array, end: float) -> Array:
     return np.asarray(np.where(unknown, base + after / (known.size + 1.0), known))
 
 
-def _bounded(fit: PoseFit) -> PoseEquations:
-    """The equations with Huber's weights for all poses, none left out."""
-    lengths = whitened_lengths(fit.equations)
+def _bounded(fit: Fit) -> Fit:
+    """The fit with Huber's weights for all poses, none left out."""
+    lengths = whitened_lengths(fit.linear)
     scale = max(1.0, median_scale(lengths))
     robust = [np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) for v in lengths]
-    return pose_equations(fit.model, fit.x, fit.discrepancy, robust)
+    return replace(fit, linear=equations_at(fit.model, fit.x, fit.excess, robust))
 
 
-def _candidates(fit: PoseFit) -> list[_Rows]:
+def _candidates(fit: Fit) -> list[_Rows]:
     """Seats and targets with enough poses, in the order of measurement.
 
     What moved is seen by something that stayed: a step of a seat needs a target with poses on
     either side of it, a step of a target a seat.
     """
-    table, layout = fit.model.table, fit.model.unknowns
+    table, layout = fit.model.poses, fit.model.unknowns
     instant = instants(table)
     order = np.argsort(instant, kind="stable")
     names = {
@@ -340,7 +343,7 @@ def _candidates(fit: PoseFit) -> list[_Rows]:
 
 
 def _best(
-    fit: PoseFit, equations: PoseEquations, jacobian: Array, residual: Array, rows: _Rows
+    fit: Fit, equations: NormalEquations, jacobian: Array, residual: Array, rows: _Rows
 ) -> _Place | None:
     """The place of one seat or target with the largest score, if it is worth a look.
 
@@ -366,7 +369,7 @@ def _best(
     )
     moved = solved[:, :, at] @ shift[at] + np.linalg.solve(normal, gradient)
     left = left - np.einsum("pen,p->en", jacobian, moved)
-    spare = max(left.size - _determined(fit), LEAST_SPARE * left.size)
+    spare = max(left.size - determined(fit.linear, fit.model.unknowns), LEAST_SPARE * left.size)
     score_at = float(gain[at]) * spare / float((left**2).sum()) - float(_cost_of_size(shift[at]))
     return _Place(rows, at, shift[at], score_at) if score_at > LIMIT else None
 
@@ -382,7 +385,7 @@ def _cost_of_size(shift: Array) -> Array:
 
 
 def _predicts(
-    fit: PoseFit, equations: PoseEquations, jacobian: Array, residual: Array, place: _Place
+    fit: Fit, equations: NormalEquations, jacobian: Array, residual: Array, place: _Place
 ) -> bool:
     """Whether a step predicts blocks of poses that were left out, on both sides of its place."""
     rows = place.rows
@@ -393,7 +396,7 @@ def _predicts(
     edge = int(np.searchsorted(when, rows.instant[place.at]))
     number = np.searchsorted(when, instant)  # of each pose's instant among those of the rows
     after = number >= edge
-    counting = _comparable(fit.model.table.q[chosen], after)
+    counting = _comparable(fit.model.poses.q[chosen], after)
     if min((counting & after).sum(), (counting & ~after).sum()) < LEAST:
         return False
     own = np.where(after, (number - edge) / (when.size - edge), number / edge)
@@ -417,7 +420,10 @@ def _predicts(
             tau = _correlation_time(rest)
         normal[-3:, -3:] += max(PRIOR, place.size) ** -2.0 * np.eye(3)
         left.append(_left_out(normal, gradient, every, residual, block, counting))
-    spare = max(counting.sum() * len(residual) - _determined(fit), LEAST_SPARE * residual.size)
+    spare = max(
+        counting.sum() * len(residual) - determined(fit.linear, fit.model.unknowns),
+        LEAST_SPARE * residual.size,
+    )
     none, step, *ramps = np.array(left) / (np.sum(left[1]) / spare)  # (2 BLOCKS,) each
     gain = none - step
     return bool(
@@ -509,14 +515,8 @@ def _step(table: PoseTable, place: _Place) -> Step:
     )
 
 
-def _determined(fit: PoseFit) -> float:
-    """How many unknowns the data determine, beside what the priors tell."""
-    inner, sigma = fit.equations.normal, fit.model.unknowns.sigma
-    return float(sigma.size - (np.diag(np.linalg.inv(inner)) / sigma**2).sum())
-
-
 def _with_columns(
-    equations: PoseEquations, jacobian: Array, more: Array, residual: Array
+    equations: NormalEquations, jacobian: Array, more: Array, residual: Array
 ) -> tuple[Array, Array]:
     """Normal matrix and gradient with more columns (K, E, N); jacobian (P, E, N) of their rows."""
     cross = np.einsum("pen,ken->pk", jacobian, more)
@@ -524,21 +524,6 @@ def _with_columns(
     own = own + RIDGE * np.trace(own) * np.eye(len(own))
     gradient = np.concatenate((equations.gradient, np.einsum("ken,en->k", more, residual)))
     return np.block([[equations.normal, cross], [cross.T, own]]), gradient
-
-
-def _stacked(equations: PoseEquations) -> tuple[Array, Array]:
-    """(P, E, N) Jacobian and (E, N) residual of all groups; absent equations are zero."""
-    rows = max(len(residual) for residual in equations.residuals)
-
-    def padded(part: Array) -> Array:
-        missing = [(0, 0)] * part.ndim
-        missing[-2] = (0, rows - part.shape[-2])
-        return np.pad(part, missing)
-
-    return (
-        np.concatenate([padded(part) for part in equations.jacobians], axis=-1),
-        np.concatenate([padded(part) for part in equations.residuals], axis=-1),
-    )
 
 
 def _from_behind(values: Array) -> Array:

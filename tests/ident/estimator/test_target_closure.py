@@ -7,26 +7,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.geometry import nominal_chain
+from cell.geometry import robot_geometry
+from cell.instruments import kind_named
 from cell.poses import PoseTable
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
+from ident.cross_validation import position_rows
+from ident.estimator.model import Model, still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import whole_jacobian
+from ident.estimator.target_closure import close_on_target
+from ident.estimator.unknowns import arm_parameters, still_unknowns
 from ident.estimator.whitening import Whitening
-from ident.poses.closure import close_pose_loop
-from ident.poses.cross_validation import position_rows
-from ident.poses.model import Discrepancy, PoseModel, sensor_columns
-from ident.poses.start import start_of_poses
-from ident.poses.unknowns import pose_unknowns, robot_parameters
+from ident.start.placements import start_of_poses
 from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
 
+LEFT_OVER = ExcessNoise(position=1e-4, rotation=1e-4)
 
-def model_of(table: PoseTable) -> PoseModel:
+
+def model_of(table: PoseTable) -> Model:
     """Geometry, sag and two joint errors."""
-    chain = nominal_chain(table.robot)
-    start = start_of_poses(table, chain)
-    corrections = (unit_weights(table.robot), joint_harmonics([(1, 3), (2, 17)]))
-    layout = pose_unknowns(table, chain, start.seats, start.targets, corrections)
-    return PoseModel(table, layout, corrections, np.zeros(table.robot.a.size))
+    nominal = robot_geometry(table.robot)
+    start = start_of_poses(table, nominal.robot)
+    chosen = (unit_weights(table.robot), joint_harmonics([(1, 3), (2, 17)]))
+    layout = still_unknowns(table.robot, nominal, table.groups, start.seats, start.targets, chosen)
+    return still_model(table, layout, chosen, np.zeros(table.robot.joints))
 
 
 @pytest.mark.slow
@@ -38,13 +43,14 @@ def test_jacobian_is_the_difference_of_the_whitened_residual(measured: str) -> N
     model = model_of(table)
     rng = np.random.default_rng(2)
     x = model.unknowns.mean + rng.normal(0.0, 2e-3, model.unknowns.count)
-    points = model.evaluate(x)
-    weights = [model.weights(p, Discrepancy(1e-4, 1e-4)) for p in points]
-    found = [model.jacobian(x, p, w) for p, w in zip(points, weights, strict=True)]
+    points = model.at_rest(x)
+    weights = [model.weights(x, p, LEFT_OVER) for p in points]
+    pairs = zip(points, weights, strict=True)
+    found = [whole_jacobian(model, x, k, *pair) for k, pair in enumerate(pairs)]
     step = 1e-6
     for i, name in enumerate(model.unknowns.names):
         ahead, behind = (
-            [w(p.closure.error) for p, w in zip(model.evaluate(at), weights, strict=True)]
+            [w(p.closure.error) for p, w in zip(model.at_rest(at), weights, strict=True)]
             for at in (x + step * np.eye(x.size)[i], x - step * np.eye(x.size)[i])
         )
         for jacobian, plus, minus in zip(found, ahead, behind, strict=True):
@@ -58,8 +64,8 @@ def test_a_joint_without_sensor_leaves_what_the_sensors_tell() -> None:
     true = true_robot("ur5")
     for measured, equations in (("length", 1), ("point", 3), ("pose", 6)):
         model = model_of(table_of(true, measured, count=60))  # type: ignore[arg-type]
-        point = model.evaluate(model.unknowns.mean)[0]
-        weights = model.weights(point, Discrepancy(1e-4, 1e-4))
+        x = model.unknowns.mean
+        weights = model.weights(x, model.at_rest(x)[0], LEFT_OVER)
         assert weights.matrix.shape == (equations, 6, 60)
 
 
@@ -67,14 +73,15 @@ def test_the_whitened_residual_of_a_length_is_its_own_error_over_its_sigma() -> 
     """Elimination of the universal and the ball joint leaves the direction along the rod."""
     table = table_of(true_robot("ur5"), "length", count=50)
     model = model_of(table)
-    point = model.evaluate(model.unknowns.mean)[0]
-    weights: Whitening = model.weights(point, Discrepancy(0.0))
-    seat = model.unknowns.seat(model.unknowns.mean, point.group.seat)
-    away = np.linalg.norm(point.target.tip - seat.origin[:, None], axis=0)
-    expected = (point.group.values[:, 0] - away) / np.hypot(2e-5, 1e-7)  # floor of the covariance
+    x = model.unknowns.mean
+    point = model.at_rest(x)[0]
+    weights: Whitening = model.weights(x, point, ExcessNoise())
+    seat = model.unknowns.seat(model.unknowns.mean, point.still.seat)
+    away = np.linalg.norm(point.target_closure.robot.tip - seat.origin[:, None], axis=0)
+    expected = (point.still.values[:, 0] - away) / np.hypot(2e-5, 1e-7)  # floor of the covariance
     assert np.allclose(np.abs(weights(point.closure.error)[0]), np.abs(expected), rtol=1e-6)
     along = position_rows(point)(point.closure.error)[0]
-    assert np.allclose(along, point.group.values[:, 0] - away, atol=1e-12)
+    assert np.allclose(along, point.still.values[:, 0] - away, atol=1e-12)
 
 
 def test_a_pose_closes_at_the_true_placements() -> None:
@@ -82,16 +89,16 @@ def test_a_pose_closes_at_the_true_placements() -> None:
     table = table_of(true, "pose", noise=0.0)
     group = table.groups[0]
     frames = true.frames(group.q, TARGET)
-    closure = close_pose_loop("pose", group.values, SEAT, frames)
+    closure = close_on_target(kind_named("pose"), group.values, SEAT, frames)
     assert np.abs(closure.error[:3]).max() < 1e-12
     assert np.abs(closure.error[3:]).max() < 1e-3  # white noise of 0.1 mrad on the orientation
 
 
 def test_parameters_that_seats_and_targets_can_take_over_stay_nominal() -> None:
-    names = {p.name for p in robot_parameters(table_of(true_robot("ur10")).robot)}
+    names = {p.name for p in arm_parameters(table_of(true_robot("ur10")).robot)}
     assert not names & {"rd1", "rtheta1", "ra6", "rd6", "rtheta6", "ralpha6", "rd3", "rd4"}
     assert {"rbeta2", "rbeta3", "rd2", "ralpha3"} <= names
-    panda = {p.name for p in robot_parameters(table_of(true_robot("panda")).robot)}
+    panda = {p.name for p in arm_parameters(table_of(true_robot("panda")).robot)}
     assert not any(name.startswith("rbeta") for name in panda)
     assert "ra7" not in panda
     assert "ra6" in panda
@@ -102,8 +109,9 @@ def test_rounded_angles_count_less() -> None:
     model = model_of(table_of(true_robot("ur5")))
     coarse = replace(model, angle_noise=np.full(6, 1e-3))
     for weigh, larger in ((model, False), (coarse, True)):
-        point = weigh.evaluate(weigh.unknowns.mean)[0]
-        residual = weigh.weights(point, Discrepancy(1e-5))(point.closure.error)
+        x = weigh.unknowns.mean
+        point = weigh.at_rest(x)[0]
+        residual = weigh.weights(x, point, ExcessNoise(position=1e-5))(point.closure.error)
         assert (np.abs(residual).mean() < 10.0) == larger
 
 
@@ -118,9 +126,10 @@ def test_noise_of_a_measured_value_moves_the_error_as_the_value_does(measured: s
 
     def error(values: np.ndarray) -> np.ndarray:
         changed = replace(alone, groups=(replace(group, values=values),))
-        return replace(model, table=changed).evaluate(x)[0].closure.error
+        return replace(model, table=changed).at_rest(x)[0].closure.error
 
-    columns = sensor_columns(replace(model, table=alone).evaluate(x)[0])
+    closure = replace(model, table=alone).at_rest(x)[0].target_closure
+    columns = closure.sensor_columns(group.sigma)
     assert len(columns) == {"length": 1, "point": 3, "pose": 6}[measured]
     for k in range(3 if measured == "pose" else len(columns)):
         step = 1e-6 * np.eye(group.values.shape[1])[k]
