@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,104 +63,49 @@ def plan_of(folder: Path, text: str) -> Plan:
 # -- what a file may say
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "words"),
-    [
-        (
-            "vary: {errors.joint_nose.sigma_rad: [1.0]}\nseeds: {count: 1}\n",
-            4,
-            "unknown key errors.joint_nose. Did you mean joint_noise?",
-        ),
-        (
-            "vary:\n  errors.joint_noise.sigma_rad:\n    - 1.0e-5\n    - -1.0\nseeds: {count: 1}\n",
-            7,
-            "sigma_rad = -1.0: expected 0 or more.",
-        ),
-        (
-            "vary: {identify.samples: [many]}\nseeds: {count: 1}\n",
-            4,
-            "identify.samples = 'many': expected a whole number",
-        ),
-        (
-            "change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n",
-            6,
-            "unknown key errors.joint_noise.sigma.",
-        ),
-        (
-            "change: {cell.robot.a: 1}\nseeds: {count: 1}\n",
-            4,
-            "cell.robot.a: the value 'irb2400' above a has no keys of its own",
-        ),
-        (
-            "together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n",
-            6,
-            "clocks.skew = 1.0: expected 0.002 or less",
-        ),
-        (
-            "vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n",
-            4,
-            "the list has no item 3; its 3 items count from 0",
-        ),
-        (
-            "draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\n"
-            "draws: 9\nseeds: {count: 1}\n",
-            5,
-            "expected 0 or more",
-        ),
-        (
-            "vary: {seed: [1, 2]}\nseeds: {count: 1}\n",
-            4,
-            "vary.seed: the seeds of the runs are given under seeds.",
-        ),
-        (
-            "vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n",
-            5,
-            "seeds.count = 0: expected 1 or more.",
-        ),
-        (
-            "vary: {clocks.skew: []}\nseeds: {count: 1}\n",
-            4,
-            "vary.clocks.skew: expected at least 1 items",
-        ),
-        (
-            "draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n",
-            4,
-            "the number of draws is missing: add `draws: N`",
-        ),
-        ("draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"),
-        (
-            "draw: {clocks.skew: {log_uniform: [0, 1e-4]}}\ndraws: 3\nseeds: {count: 1}\n",
-            4,
-            "both bounds of log_uniform must be above 0",
-        ),
-        (
-            "draw: {clocks.skew: {uniform: [1, 0]}}\ndraws: 3\nseeds: {count: 1}\n",
-            4,
-            "the first bound must be below the second",
-        ),
-        (
-            "draw: {clocks.skew: {uniform: [0, 1], normal: [0, 1]}}\ndraws: 3\nseeds: {count: 1}\n",
-            4,
-            "give exactly one of uniform",
-        ),
-        (
-            "vary:\n  clocks: [{}]\n  clocks.skew: [0.0]\nseeds: {count: 1}\n",
-            6,
-            "clocks is given under vary already",
-        ),
-        (
-            "together:\n  - {clocks.skew: 0}\nvary:\n  clocks.skew: [0.0]\nseeds: {count: 1}\n",
-            7,
-            "clocks.skew is given under together already",
-        ),
-        (
-            "vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n",
-            None,
-            "path.file = 'no.yaml': ",
-        ),
-        ("loop: 3\nseeds: {count: 1}\n", 4, "unknown key loop."),
-    ],
-)
+# what follows the head of a sweep file, line of the fault, what is said
+WRONG = yaml.safe_load(r"""
+- ["vary: {errors.joint_nose.sigma_rad: [1.0]}\nseeds: {count: 1}\n", 4,
+   "unknown key errors.joint_nose. Did you mean joint_noise?"]
+- ["vary:\n  errors.joint_noise.sigma_rad:\n    - 1.0e-5\n    - -1.0\nseeds: {count: 1}\n", 7,
+   "sigma_rad = -1.0: expected 0 or more."]
+- ["vary: {identify.samples: [many]}\nseeds: {count: 1}\n", 4,
+   "identify.samples = 'many': expected a whole number"]
+- ["change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n", 6,
+   "unknown key errors.joint_noise.sigma."]
+- ["change: {cell.robot.a: 1}\nseeds: {count: 1}\n", 4,
+   "cell.robot.a: the value 'irb2400' above a has no keys of its own"]
+- ["together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n", 6,
+   "clocks.skew = 1.0: expected 0.002 or less"]
+- ["vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n", 4,
+   "the list has no item 3; its 3 items count from 0"]
+- ["draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\ndraws: 9\nseeds: {count: 1}\n", 5,
+   "expected 0 or more"]
+- ["vary: {seed: [1, 2]}\nseeds: {count: 1}\n", 4,
+   "vary.seed: the seeds of the runs are given under seeds."]
+- ["vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n", 5, "seeds.count = 0: expected 1 or more."]
+- ["vary: {clocks.skew: []}\nseeds: {count: 1}\n", 4,
+   "vary.clocks.skew: expected at least 1 items"]
+- ["draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n", 4,
+   "the number of draws is missing: add `draws: N`"]
+- ["draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"]
+- ["draw: {clocks.skew: {log_uniform: [0, 1e-4]}}\ndraws: 3\nseeds: {count: 1}\n", 4,
+   "both bounds of log_uniform must be above 0"]
+- ["draw: {clocks.skew: {uniform: [1, 0]}}\ndraws: 3\nseeds: {count: 1}\n", 4,
+   "the first bound must be below the second"]
+- ["draw: {clocks.skew: {uniform: [0, 1], normal: [0, 1]}}\ndraws: 3\nseeds: {count: 1}\n", 4,
+   "give exactly one of uniform"]
+- ["vary:\n  clocks: [{}]\n  clocks.skew: [0.0]\nseeds: {count: 1}\n", 6,
+   "clocks is given under vary already"]
+- ["together:\n  - {clocks.skew: 0}\nvary:\n  clocks.skew: [0.0]\nseeds: {count: 1}\n", 7,
+   "clocks.skew is given under together already"]
+- ["vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n", null,
+   "path.file = 'no.yaml': "]
+- ["loop: 3\nseeds: {count: 1}\n", 4, "unknown key loop."]
+""")
+
+
+@pytest.mark.parametrize(("text", "line", "words"), WRONG)
 def test_a_wrong_sweep_is_refused_with_file_line_and_words(
     text: str, line: int | None, words: str, tmp_path: Path
 ) -> None:
