@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from ballbar.sweep.file import flattened
 from ballbar.sweep.plan import Plan
-from cell.dotted_keys import Value
+from cell.extended_yaml import Value
 
 
 def changed_keys(plan: Plan, earlier: Plan) -> list[str]:
