@@ -30,10 +30,9 @@ from planning.first import first_path
 from planning.force import Forces, load_reversals
 from planning.known import Known
 from planning.request import PlanRequest
-from planning.search import RatedCandidate, SearchProgress, ranked, search
+from planning.search import RatedCandidate, SearchProgress, evaluating_processes, ranked, search
 from planning.stroke import Lengths, predicted_lengths
 from planning.trajectory import Trajectory
-from planning.workers import evaluating_processes
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, lissajous
 

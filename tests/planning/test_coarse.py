@@ -24,9 +24,8 @@ from planning.first import first_path
 from planning.force import predicted_forces
 from planning.plan import known_path
 from planning.request import load_request
-from planning.search import RatedCandidate, neighbours, search
+from planning.search import RatedCandidate, evaluating_processes, neighbours, search
 from planning.trajectory import trajectories, trajectories_of_many
-from planning.workers import evaluating_processes
 from sim.path import Lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 

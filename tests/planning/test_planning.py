@@ -44,7 +44,7 @@ from planning.programs import (
 )
 from planning.questions import question
 from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
-from planning.search import SearchProgress, ranked, search
+from planning.search import SearchProgress, evaluating_processes, ranked, search
 from planning.targets import SAG, Targets, targets_of
 from planning.trajectory import trajectories
 from planning.verify import (
@@ -56,7 +56,6 @@ from planning.verify import (
     violations_in,
 )
 from planning.what_if import answers
-from planning.workers import evaluating_processes
 from planning.workspace import KeepOut
 from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous

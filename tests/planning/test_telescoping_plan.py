@@ -34,7 +34,7 @@ from planning.crlb import EXACT, predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
 from planning.first import first_path
 from planning.force import ERROR
-from planning.limits import leaning, violations
+from planning.limits import violations
 from planning.plan import assess
 from planning.planned_scenario import length_data
 from planning.questions import check_questions, question
@@ -194,7 +194,7 @@ def test_the_rod_leans_in_both_cups_as_far_as_the_tool_says(
                 "target": Cup(axis=(0.0, 0.0, 1.0), cone_deg=min(180.0, of_target + target)),
             }
         )
-        found = leaning(around, trajectory)
+        found = violations(evaluator.cell, evaluator.limits, trajectory, around)
         assert len(found) == count
         assert all(re.search(r"rod \d+ deg from the axis of the", v.sentence) for v in found)
 
