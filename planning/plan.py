@@ -78,7 +78,7 @@ class PathPlan:
 
     @property
     def tcp_before(self) -> float | None:
-        """[m] what `tcp` is before the path by the results of the machine; None without any."""
+        """[m] `tcp` before the path, by the results of the machine; None without any."""
         known = self.evaluator.predictor.known
         return None if known is None else tcp_rms_before(self.evaluator)
 
