@@ -3,7 +3,7 @@
 Type checkers and editors read this file, and the package looks up its names in it.
 """
 
-from acquisition.poses.reading import read_poses as read_poses
+from acquisition.pose_tables import read_poses as read_poses
 from acquisition.recording import Recording as Recording
 from acquisition.recording import read_recording as read_recording
 from ballbar.result.calibration import Calibration as Calibration

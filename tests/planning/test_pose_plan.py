@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from acquisition.formats.rapid import jointtarget_text
-from acquisition.poses import import_poses
+from acquisition.pose_tables import import_poses
 from acquisition.table.text import LogText
 from ballbar.commands.cli import app
 from cell.arrays import Array
