@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
 from planning.candidate import rounded, space_of
-from planning.clearance import TIME_STEP, nearest_of_runs
+from planning.clearance import TIME_STEP
 from planning.coarse_crlb import coarse_normals
 from planning.evaluation import (
     INFEASIBLE,
@@ -117,8 +117,7 @@ def _examined(
         largest = np.abs(forces.tension).max(axis=0).reshape(count, -1).max(axis=1)
         over += np.maximum(np.log(largest / limits.force_N), 0.0)
     bar, instants = bar_frames(trajectory.nominal, trajectory.b), trajectory.t.size // count
-    closest = nearest_of_runs(
-        evaluator.clearance,
+    closest = evaluator.clearance.nearest_of_runs(
         robot_frames(trajectory.nominal, trajectory.q),
         replace(bar, origin=bar.origin + np.repeat(positions, instants, axis=0).T),
         trajectory.t[:instants],

@@ -39,7 +39,7 @@ SAMPLES = 76
 
 @dataclass(frozen=True, eq=False)
 class CoarsePredictor:
-    """What does not depend on the trajectories."""
+    """The part of the predictions that does not depend on the trajectories."""
 
     on: Predictor
     layout: Unknowns  # without the tension

@@ -24,7 +24,7 @@ from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
 from ident.robot.unloaded_robot import UnloadedRobot
 from planning.candidate import PathCandidate, space_of
-from planning.clearance import Clearance, clearance, nearest
+from planning.clearance import Clearance, clearance
 from planning.coarse_crlb import CoarsePredictor, coarse_predictor
 from planning.crlb import (
     PathPrediction,
@@ -244,7 +244,7 @@ def _violations_when_loaded(
         text = f"{forces.largest:.0f} N in the rod at t = {trajectory.t[k]:.1f} s, limit {limit:g}"
         yield Violation("force_N", float(np.log(forces.largest / limit)), text)
     motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
-    closest = nearest(evaluator.clearance, *motion, within=clear)
+    closest = evaluator.clearance.nearest(*motion, within=clear)
     if closest.distance < clear:
         text = (
             f"{closest.pair} {closest.distance * 1e3:.0f} mm apart at t = {closest.t:.1f} s, "

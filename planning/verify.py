@@ -17,7 +17,7 @@ from cell.geometry import Geometry, bar_frames, nominal_chain, nominal_geometry,
 from cell.numerical_inverse import dexterity
 from cell.robot_angles import joints_to_axes
 from planning.candidate import PathCandidate
-from planning.clearance import Clearance, distances_along
+from planning.clearance import Clearance
 from planning.limits import arm_margins, from_singular
 from planning.request import PlanLimits, PlanRequest
 from sim.errors.plant_errors import (
@@ -136,8 +136,8 @@ def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) ->
     singular = np.minimum(from_singular(motion.b[:, 1]), from_singular(motion.b[:, 3]))
     swept = np.degrees(np.ptp(motion.b, axis=0)).max(keepdims=True)
     acceleration = limits.axis_acceleration_deg_per_s2
-    distances = distances_along(
-        around, motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
+    distances = around.distances_along(
+        motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
     )
     if has_closed_form(nominal_chain(cell.robot)):
         elbow, shoulder = arm_margins(motion.geometry, motion.q)
