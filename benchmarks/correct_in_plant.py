@@ -24,7 +24,8 @@ import numpy as np
 
 from ballbar.compensation.joint_targets import read_targets
 from ballbar.export.result import load_result
-from ballbar.rehearsal.day import CORRECTED, GIVEN, RESULT, SIMULATED
+from ballbar.rehearsal.day import RESULT, SIMULATED
+from ballbar.rehearsal.targets import CORRECTED, GIVEN
 from ballbar.scenario import load_scenario
 from cell.files import write_whole
 from cell.geometry import robot_frames

@@ -25,7 +25,7 @@ from cell.clock import Clock
 from cell.geometry import BAR_ROWS, bar_frames, nominal_geometry, robot_frames
 from ident.corrections.base import State
 from ident.estimator.closure import Closure
-from ident.estimator.model import Evaluation, Model, gearing, noise_columns
+from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.normal_equations import NormalEquations, jacobian
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import RecordingStart, Unknowns
@@ -93,9 +93,9 @@ def coarse_normals(
     rows = (np.arange(trajectory.runs)[:, None] * length + of_run).ravel()
     sampled = trajectory.part(rows, runs=trajectory.runs)
     samples = replace(coarse.samples, times=sampled.t, tension=tension[rows])
-    model = Model(gearing(on.cell), on.masses, on.corrections, coarse.layout, (samples,))
+    model = Model(gearing(on.cell.robot), on.masses, on.corrections, coarse.layout, (samples,))
     point = _closed(model, sampled, None if carried is None else carried.part(rows))
-    sources = noise_columns(point, excess_noise(on), model.backlash_uncertainty(x, point))
+    sources = point.noise_columns(excess_noise(on), model.backlash_uncertainty(x, point))
     if on.masses is not None:
         free = coarse.tension_sigma * model.tension_column(x, point)
         sources = np.concatenate((sources, free[None]))

@@ -19,10 +19,10 @@ from cell.errors import InputError
 from cell.geometry import nominal_chain
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
+from cell.placement import Placement, target_frames
 from cell.pose_file import known_distances
 from cell.poses import KnownDistance
 from cell.robot_angles import controller_to_joints
-from ident.poses.closure import Placement, target_frames
 from planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
 from planning.workspace import check_axes, workspace_grid
 
