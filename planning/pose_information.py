@@ -2,12 +2,11 @@
 
 The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
 sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors
-of the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
-joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
-gain over random poses was lost (docs/planning). With the unknowns
-in standard deviations of their priors, the information of a set of poses is `N = I + sum A_k' A_k`,
-A_k (E, P) the rows of pose k, and the mean square TCP error over the workspace is
-`trace(R' N^-1 R)`.
+of the joints are among the unknowns too. Without them a design gathers its poses at few angles of
+each joint, where such errors, which are there but not fitted, spoil the result: on simulated robots
+the gain over random poses was lost (docs/planning). With the unknowns in standard deviations of
+their priors, the information of a set of poses is `N = I + sum A_k' A_k`, A_k (E, P) the rows of
+pose k, and the mean square TCP error over the workspace is `trace(R' N^-1 R)`.
 """
 
 from __future__ import annotations
