@@ -1,4 +1,4 @@
-"""Everything on: all error sources of a real cell, one list for scenarios, drawn robots and plans."""
+"""Everything on: all error sources of a real cell, one list for scenarios, robots and plans."""
 
 from __future__ import annotations
 
