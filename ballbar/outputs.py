@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ballbar.recordings.check import import_reports
-from ballbar.result.calibration import write_calibration
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
-from ballbar.result.write_result import RefusedResultError
+from ballbar.result.write_calibration import RefusedResultError, write_calibration
 from cell.files import write_whole
 from cell.processes import Begin
 
@@ -38,7 +37,11 @@ def write_outputs(
     if sum(recording.robot_log.t.size for _, _, recording in logs) > SENT_ROWS:
         begin = partial  # a second process would hold the logs twice more
     written = begin(_replay, out / REPLAY, run) if replay else None
-    refusal = _refusal(out / CALIBRATION, run)
+    refusal = None
+    try:
+        write_calibration(out / CALIBRATION, run)
+    except RefusedResultError as error:
+        refusal = error
     if logs:
         reports = {name: recording for name, _, recording in logs}
         write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
@@ -49,20 +52,6 @@ def write_outputs(
         written()
     if refusal is not None:
         raise refusal
-
-
-def _refusal(path: Path, run: Run) -> RefusedResultError | None:
-    """Writes a result; its refusal is to be raised once all else is written."""
-    from ballbar.result.pose_calibration import write_pose_calibration  # noqa: PLC0415
-
-    try:
-        if isinstance(run, RunData):
-            write_calibration(path, run)
-        else:
-            write_pose_calibration(path, run)
-    except RefusedResultError as error:
-        return error
-    return None
 
 
 def _replay(path: Path, run: Run) -> None:

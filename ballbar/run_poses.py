@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ballbar.outputs import Progress, write_outputs
-from ballbar.result.compare_poses import compare_poses_with_truth
-from ballbar.result.limits import pose_limits
+from ballbar.result.compare import poses_against_truth
+from ballbar.result.limits import tcp_limits
 from ballbar.result.names import POSE_OUTPUTS, RECORDING
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
 from ballbar.scenario import PoseScenario, scenario_path, write_scenario
@@ -61,8 +61,9 @@ def run_pose_scenario(
     with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
         run = identify_pose_folders([folder], progress=progress)
-        comparison = compare_poses_with_truth(run.identification, simulation.truth)
-        limits = pose_limits(run.identification, comparison, scenario.accept)
+        comparison = poses_against_truth(run.identification, simulation.truth)
+        status, sigma = run.identification.verdict.status, run.identification.tcp_sigma
+        limits = tcp_limits(status, sigma, comparison, scenario.accept)
         run = replace(run, simulation=simulation, comparison=comparison, limits=limits)
         write_outputs(out, run, command=command, replay=False, progress=progress)
         return run

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
-from ballbar.result.calibration import load_calibration
-from ballbar.result.names import CALIBRATION, OUTPUTS
+from ballbar.result.calibration import Calibration
+from ballbar.result.names import OUTPUTS
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.claims.run import Judged
@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.limits import Limit
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
-    from ballbar.sweep.run import Outcome
+    from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
     from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
@@ -32,9 +32,7 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
         "sentence": data.identification.verdict.sentence,
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
-        "calibration": load_calibration(folder / CALIBRATION).file.model_dump(
-            mode="json", by_alias=True
-        ),
+        "calibration": Calibration.load(folder).file.model_dump(mode="json", by_alias=True),
         "plant": plant_data(data.simulation) if data.simulation else None,
         "comparison": comparison_data(data.comparison) if data.comparison else None,
         "limits": [asdict(limit) for limit in data.limits],
@@ -43,9 +41,7 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
 
 def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
     """JSON of `identify` on still poses: the calibration written to `folder`."""
-    from ballbar.result.pose_calibration import load_pose_calibration
-
-    file = load_pose_calibration(folder / CALIBRATION).file
+    file = Calibration.load(folder).file
     return {
         "acceptable": run.acceptable,
         "sentence": run.identification.verdict.sentence,
@@ -108,7 +104,19 @@ def plant_data(simulation: Simulation) -> dict[str, object]:
 
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:
-    """JSON of `compare`: errors are model minus reference."""
+    """JSON of `compare`, SI units: errors are model minus reference."""
+    if comparison.target:
+        return {
+            "target": comparison.target,
+            "tcp_difference": _distances(comparison.tcp),
+            "tcp_difference_nominal": _distances(comparison.tcp_nominal),
+            "cross_validated_mean_m": list(comparison.predicted),
+            "parameters": {
+                name: {"difference": size, "z": comparison.z[name]}
+                for name, size in comparison.deviations.items()
+            },
+            "axes_with_unlike_ranges": list(comparison.unlike_ranges),
+        }
     return {
         "tcp_error": _tcp(comparison.tcp),
         "tcp_error_nominal": _tcp(comparison.tcp_nominal),
@@ -130,7 +138,7 @@ def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
     }
 
 
-def sweep_data(outcome: Outcome) -> dict[str, object]:
+def sweep_data(outcome: SweepOutcome) -> dict[str, object]:
     """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
     from ballbar.sweep.summary import failures_of, grid_points
 
@@ -197,8 +205,9 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
 
 
 def _tcp(error: TcpError) -> dict[str, float]:
-    return {
-        "mean_m": float(error.mean),
-        "max_m": float(error.maximum),
-        "mean_without_scale_m": float(error.error_without_scale.mean()),
-    }
+    without_scale = float(error.error_without_scale.mean())
+    return _distances(error) | {"mean_without_scale_m": without_scale}
+
+
+def _distances(error: TcpError) -> dict[str, float]:
+    return {"mean_m": float(error.mean), "max_m": float(error.maximum)}

@@ -23,8 +23,8 @@ from ballbar.units import MM
 
 if TYPE_CHECKING:  # a replay of recordings does without still poses
     from ballbar.result.pose_run import PoseRun
-    from ident.poses.fit import PoseFit
-    from ident.poses.model import GroupPoint
+    from ident.estimator.fit import Fit
+    from ident.estimator.model import Evaluation
 
 ARM, SEATS, ERRORS = f"{CELL}/robot", f"{CELL}/seats", "/error_mm"
 _DRAWN = 0.12  # of the robot's reach: length at which the mean error is drawn
@@ -63,30 +63,32 @@ def still_layout() -> rrb.Blueprint:
     return blueprint(rrb.Horizontal(scene, right, column_shares=[3, 2]), POSE, speed=_SPEED)
 
 
-def _log_arm(stream: Branch, fit: PoseFit, radius: float) -> None:
+def _log_arm(stream: Branch, fit: Fit, radius: float) -> None:
     """The identified arm at every pose; radius : [m] of the bar from the last joint to a target."""
-    bodies = robot_bodies(fit.model.unknowns.robot(fit.x))[:-1]  # the last link ends at a target
+    bodies = robot_bodies(fit.model.unknowns.bare(fit.x).robot)[
+        :-1
+    ]  # the last link ends at a target
     names = [f"{ARM}/base", *(f"{ARM}/link{i}" for i in range(1, len(bodies)))]
     for name, body in zip(names, bodies, strict=True):
         log_body(stream, name, body)
     style = rr.LineStrips3D.from_fields(colors=[STEEL], radii=[radius])
     stream.log(f"{ARM}/target", style, static=True)
     first = 0
-    for point in fit.equations.points:
-        index, frames = _at(first, point), point.target
+    for point in fit.linear.evaluations:
+        index, frames = _at(first, point), point.target_closure.robot
         for row, name in enumerate(names):
             log_frame(stream, name, frames, row, index)
         strips = np.stack((frames.origin[-2].T, frames.tip.T), axis=1).astype(np.float32)
         columns = rr.LineStrips3D.columns(strips=strips)
         stream.send_columns(f"{ARM}/target", indexes=index, columns=columns)
-        first += point.group.size
+        first += point.still.size
 
 
 def _log_errors(
-    stream: rr.RecordingStream, kind: str, colour: Colour, height: float, fit: PoseFit
+    stream: rr.RecordingStream, kind: str, colour: Colour, height: float, fit: Fit
 ) -> str:
     """Arrows and curve of one model; height : [m] scale of the arrows. Returns their legend."""
-    points = fit.equations.points
+    points = fit.linear.evaluations
     lengths = [np.linalg.norm(point.closure.error[:3], axis=0) for point in points]
     mean = float(np.concatenate(lengths).mean())
     factor, name = magnification(mean, _DRAWN * height), kind.replace("_", " ")
@@ -96,14 +98,14 @@ def _log_errors(
     first = 0
     for point, length in zip(points, lengths, strict=True):
         index = _at(first, point)
-        first += point.group.size
-        entity = f"{SEATS}/{rr.escape_entity_path_part(point.group.seat)}/{kind}"
+        first += point.still.size
+        entity = f"{SEATS}/{rr.escape_entity_path_part(point.still.seat)}/{kind}"
         if entity not in styled:
             styled.add(entity)
             arrows = rr.Arrows3D.from_fields(colors=[colour], radii=[0.004 * height])
             stream.log(entity, arrows, static=True)
             _log_seat(stream, entity.rpartition("/")[0], point, height)
-        origins, vectors = point.target.tip.T, factor * point.closure.error[:3].T
+        origins, vectors = point.target_closure.robot.tip.T, factor * point.closure.error[:3].T
         columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
         stream.send_columns(entity, indexes=index, columns=columns)
         curve = rr.Scalars.columns(scalars=length * MM)
@@ -111,13 +113,13 @@ def _log_errors(
     return f"{name}: mean error {mean * MM:.3f} mm, arrows drawn x {spaced(factor)}"
 
 
-def _log_seat(stream: rr.RecordingStream, entity: str, point: GroupPoint, size: float) -> None:
+def _log_seat(stream: rr.RecordingStream, entity: str, point: Evaluation, size: float) -> None:
     """The seat, and all points that were measured from it."""
-    seat = rr.Points3D([point.seat.origin], colors=[STEEL], radii=[0.015 * size])
+    seat = rr.Points3D([point.target_closure.seat.origin], colors=[STEEL], radii=[0.015 * size])
     stream.log(f"{entity}/seat", seat, static=True)
-    measured = rr.Points3D(point.closure.measured.T, colors=[STEEL], radii=[0.003 * size])
-    stream.log(f"{entity}/{rr.escape_entity_path_part(point.group.target)}", measured, static=True)
+    measured = rr.Points3D(point.target_closure.sight.point.T, colors=[STEEL], radii=[0.003 * size])
+    stream.log(f"{entity}/{rr.escape_entity_path_part(point.still.target)}", measured, static=True)
 
 
-def _at(first: int, point: GroupPoint) -> list[rr.TimeColumn]:
-    return [rr.TimeColumn(POSE, sequence=np.arange(first, first + point.group.size))]
+def _at(first: int, point: Evaluation) -> list[rr.TimeColumn]:
+    return [rr.TimeColumn(POSE, sequence=np.arange(first, first + point.still.size))]

@@ -20,7 +20,7 @@ from ident.identify import MOSTLY_PRIOR
 
 if TYPE_CHECKING:  # a report of recordings does without still poses
     from ballbar.result.pose_run import Run
-    from ident.poses.result import PoseIdentification
+    from ident.pose_result import PoseIdentification
 
 Row = dict[str, object]  # of a table, by the columns of the template
 
@@ -35,7 +35,7 @@ def error_section(run: Run) -> list[Section]:
         Distribution("identified, left out", result.cross_validation.error, PURPLE),
         Distribution("identified, fitted poses", result.residual, AFTER),
     ]
-    places = np.concatenate([p.target.tip.T for p in result.fit.equations.points])
+    places = np.concatenate([p.target_closure.robot.tip.T for p in result.fit.linear.evaluations])
     maps = [
         workspace_map(places, errors, (), label=label, colours=colours)
         for errors, label, colours in (
@@ -78,7 +78,7 @@ def robot_section(run: Run) -> list[Section]:
     result = run.identification
     layout = result.fit.model.unknowns
     parameters = []
-    for k, parameter in enumerate(layout.parameters, start=layout.geometry.start):
+    for k, parameter in enumerate(layout.parameters):
         scale, unit = (MM, "mm") if parameter.is_length else (MRAD, "mrad")
         parameters.append(_row(result, parameter.name, float(layout.mean[k]), scale, unit, 3))
     sag = [
@@ -125,14 +125,14 @@ def place_sections(run: Run) -> list[Section]:
     ends = np.rad2deg([result.table.q.min(axis=0), result.table.q.max(axis=0)])
     groups = [
         (
-            p.group.seat,
-            p.group.target,
-            p.group.file,
-            p.group.size,
-            QUANTITIES[p.group.measured],
+            p.still.seat,
+            p.still.target,
+            p.still.file,
+            p.still.size,
+            QUANTITIES[p.still.measured],
             significant(float(np.linalg.norm(p.closure.error[:3], axis=0).mean()) * MM, 3),
         )
-        for p in result.fit.equations.points
+        for p in result.fit.linear.evaluations
     ]
     return [
         section(

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acquisition.pose_tables import PoseImport, import_poses
-from ballbar.result.compare_poses import PoseComparison
+from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import distinct_names
 from cell.errors import InputError
 from cell.pose_file import pose_file_path
 from cell.poses import KnownDistance, PoseGroup, PoseTable
-from ident.poses.held_out import PoseHeldOut, held_out_poses
-from ident.poses.identify import PoseOptions, Progress, identify_poses
-from ident.poses.result import PoseIdentification
+from ident.held_out_poses import PoseHeldOut, held_out_poses
+from ident.identify_poses import PoseOptions, Progress, identify_poses
+from ident.pose_result import PoseIdentification
 
 if TYPE_CHECKING:  # an identification of poses does without the simulation
     from ballbar.result.limits import Limit
@@ -32,7 +32,7 @@ class PoseRun:
     identification: PoseIdentification
     held_out: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
     simulation: PoseSimulation | None = None
-    comparison: PoseComparison | None = None
+    comparison: Comparison | None = None
     limits: tuple[Limit, ...] = ()
 
     @property

@@ -31,7 +31,7 @@ from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_a
 from ballbar.report.page import write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.terminal import _clock, say_identification
-from ballbar.result.calibration import calibration_of
+from ballbar.result.calibration_content import calibration_of
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData

@@ -24,9 +24,10 @@ from cell.chain import Chain, forward
 from cell.errors import DescriptionError, InputError
 from cell.files import write_yaml
 from cell.poses import PoseTable
-from ident.poses.fit import pose_equations
-from ident.poses.identify import PoseOptions, identify_poses
-from ident.poses.model import Discrepancy, PoseModel
+from ident.estimator.model import still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.robust_fit import equations_at
+from ident.identify_poses import PoseOptions, identify_poses
 from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
 from planning.pose_design import APART, Design, decrease, exchanged, greedy
@@ -174,9 +175,9 @@ def test_the_rows_add_up_to_the_information_of_an_identification(path: Path) -> 
         for k, station in enumerate(setup.stations)
     )
     table = PoseTable("all", setup.robot, groups)
-    model = PoseModel(table, information.layout, information.corrections, np.zeros(6))
+    model = still_model(table, information.layout, information.corrections, np.zeros(6))
     weights = [np.ones(group.size) for group in groups]
-    whole = pose_equations(model, information.layout.mean, Discrepancy(5e-5), weights)
+    whole = equations_at(model, information.layout.mean, ExcessNoise(position=5e-5), weights)
     scale = np.outer(information.layout.sigma, information.layout.sigma)
     total = information.prior + rows.T @ rows
     rounding = 1e-14 * np.abs(total).max()
@@ -205,7 +206,7 @@ def test_the_rows_of_a_length_are_its_derivative() -> None:
             values[parameter.row] += step
             ends.append(length(replace(setup.chain, **{parameter.kind: values})))
         slope = (ends[0] - ends[1]) / 2e-6
-        at = layout.geometry.start + i
+        at = i
         expected = np.abs(slope) * layout.sigma[at] / sigma  # the sign of a row is free
         assert np.abs(rows[:, at]) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
