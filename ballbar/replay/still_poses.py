@@ -65,9 +65,8 @@ def still_layout() -> rrb.Blueprint:
 
 def _log_arm(stream: Branch, fit: Fit, radius: float) -> None:
     """The identified arm at every pose; radius : [m] of the bar from the last joint to a target."""
-    bodies = robot_bodies(fit.model.unknowns.bare(fit.x).robot)[
-        :-1
-    ]  # the last link ends at a target
+    chain = fit.model.unknowns.bare(fit.x).robot
+    bodies = robot_bodies(chain)[:-1]  # the last link ends at a target
     names = [f"{ARM}/base", *(f"{ARM}/link{i}" for i in range(1, len(bodies)))]
     for name, body in zip(names, bodies, strict=True):
         log_body(stream, name, body)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,7 +29,6 @@ from ident.corrections import as_in_result
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.unknowns import arm_parameters
-from ident.identify_poses import JointErrors
 from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, unloaded_robot
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.identified_kinematics import (
@@ -37,6 +37,9 @@ from ident.robot.identified_kinematics import (
     kinematics_of_robot,
 )
 from ident.robot.unloaded_robot import UnloadedRobot
+
+if TYPE_CHECKING:  # a result of logs does without still poses
+    from ident.identify_poses import JointErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +185,8 @@ class Calibration:
 
     def joint_errors(self) -> JointErrors:
         """The joint errors of still poses, to be kept in another identification."""
+        from ident.identify_poses import JointErrors  # noqa: PLC0415  logs do without
+
         entries = self.file_of_poses().corrections.get(JOINT_HARMONICS, {})
         return JointErrors(
             tuple(orders_of(entries)), tuple(entry.value for entry in entries.values())
