@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import count
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from ballbar.result.machine_entries import (
     covariance_entry,
     masses_entry,
 )
-from ballbar.result.pose_run import PoseRun
 from ballbar.result.recording_entries import (
     POSES,
     ClockEntry,
@@ -51,6 +50,9 @@ from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut
 from ident.signals.step_fault import StepFault
 from ident.tracker import TrackerCheck
+
+if TYPE_CHECKING:  # a result of logs does without still poses
+    from ballbar.result.pose_run import PoseRun
 
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
 E = TypeVar("E", bound=Strict)

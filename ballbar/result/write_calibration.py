@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from operator import methodcaller
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ballbar.result.calibration import load_calibration
 from ballbar.result.calibration_content import calibration_of, calibration_of_poses
-from ballbar.result.pose_run import PoseRun
 from ballbar.result.run_data import RunData
 from cell.errors import InputError
 from cell.files import copied_description, write_yaml
 from cell.pose_file import pose_file_path
+
+if TYPE_CHECKING:  # a result of logs does without still poses
+    from ballbar.result.pose_run import Run
 
 
 class RefusedResultError(RuntimeError):
@@ -25,7 +28,7 @@ class RefusedResultError(RuntimeError):
     """
 
 
-def write_calibration(path: Path, run: RunData | PoseRun) -> None:
+def write_calibration(path: Path, run: Run) -> None:
     """Write calibration.yaml, whole or not at all, and the user's descriptions in it beside it.
 
     Raises RefusedResultError if its reader refuses the file. That then stands beside `path` with
