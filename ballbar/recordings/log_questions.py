@@ -19,8 +19,9 @@ from acquisition.times import TIME_FORMS, recognised, words
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.dialect_questions import new_dialect
 from ballbar.recordings.preview import LogPreview
-from ballbar.recordings.questions import Ask, answer, one_of, time_form, whole_number
+from ballbar.recordings.questions import Ask, answer, loaded, one_of, time_form, whole_number
 from cell.arrays import Array
+from cell.descriptions import BallBar
 from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
 from cell.errors import InputError
 from cell.file_units import METRES, LogLengthUnit
@@ -64,21 +65,12 @@ def log_description(
     """The description that answers and files give; raises InputError where an answer is missing."""
     if answers.ballbar and answers.instrument:
         raise InputError("give either --ballbar or --instrument: one of them made the second log.")
-
-    def robot(name: str) -> str:
-        load_robot(name)
-        return name
-
-    def holder(name: str) -> str:
-        (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
-        return name
-
     robots, bars = ", ".join(robot_names()), ", ".join((*ballbar_names(), *length_names()))
     question = f"Which robot? ({robots}, or a .yaml file)"
-    head = {"schema": "ballbar-recording/1", "kind": "real"}
-    head["robot"] = answer(answers.robot, question, None, robot, ask)
+    robot, _ = answer(answers.robot, question, None, loaded(load_robot), ask)
+    head = {"schema": "ballbar-recording/1", "kind": "real", "robot": robot}
     question = f"Which ball-bar or other instrument? ({bars}, or a .yaml file)"
-    bar = answer(answers.ballbar or answers.instrument, question, None, holder, ask)
+    bar, _ = answer(answers.ballbar or answers.instrument, question, None, loaded(_holder), ask)
     kind: SourceName = "length" if answers.instrument or describes_instrument(bar) else "ballbar"
     description = LogDescription({**head, "instrument" if kind == "length" else "ballbar": bar})
     sources: dict[str, dict[str, Any]] = {}
@@ -99,6 +91,11 @@ def log_description(
         description.recording["encoders"] = encoders
     description.recording["notes"] = ""
     return description
+
+
+def _holder(name: str) -> BallBar:
+    """The ball-bar, or the instrument of lengths, that held the robot."""
+    return (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
 
 
 def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask: Ask) -> str:
