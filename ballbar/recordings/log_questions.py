@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
+from acquisition.explain import ANGLES
 from acquisition.sources import layout_of
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
@@ -44,11 +45,6 @@ from cell.selectors import find
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
 UNITS = get_args(LogLengthUnit)
 OWN = "new"  # the answer that asks for a dialect of one's own
-_ANGLES = {
-    "motors": "motor angles",
-    "axes": "axis angles as the controller shows them",
-    "joints": "joint angles of the DH model",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +158,7 @@ def _refuse_unfit(dialect: Dialect, log: LogPreview) -> None:
 def _meaning(dialect: Dialect, log: LogPreview) -> str:
     """Meaning of a log by a dialect, as the part of a sentence."""
     if dialect.source == "robot":
-        what = f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
+        what = f"{ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
     else:
         what = "a length" if dialect.source == "length" else "raw counters"
     possible = dialect.time.possible
