@@ -24,8 +24,7 @@ from cell.recording import RecordingFile
 from planning.poses.request import PosePlanRequest
 from planning.request import PlanRequest
 from sim.path_files import LissajousFile, PushPullFile
-from sim.poses.truth import PoseTruthFile
-from sim.truth import TruthFile
+from sim.truth import PoseTruth, Truth
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 EXTENDABLE: dict[str, type[BaseModel]] = {
@@ -49,8 +48,8 @@ KINDS: dict[str, type[BaseModel]] = {
     "poses": PosesFile,
     "calibration": CalibrationFile,
     "pose-calibration": PoseCalibrationFile,
-    "truth": TruthFile,
-    "pose-truth": PoseTruthFile,
+    "truth": Truth,
+    "pose-truth": PoseTruth,
 }
 _BASE = {
     "type": "string",

@@ -20,8 +20,8 @@ from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
 from ident.thesis.names import ENCODERS_NEEDED
-from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
+from sim.still_settings import PoseSimulationSettings
 
 SCENARIOS = ExtendableKind(
     what="scenario",

@@ -30,7 +30,8 @@ from cell.files import write_whole
 from cell.geometry import robot_frames
 from ident.robot.accuracy import position_error
 from ident.robot.inverse_calibration import corrected_targets
-from sim.plant.held_robot import HeldRobot, pose_distance
+from sim.plant.held import hold_targets, pose_distance
+from sim.true_robot import true_machine
 from tests.helpers.plant_robot import known_robot, robot_row
 
 OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
@@ -45,13 +46,13 @@ COLUMNS = (
 def say_rehearsed(day: Path) -> None:
     """Prints how far corrected targets of a rehearsal are off, and where that comes from."""
     file = day / SIMULATED / "path1.scenario.yaml"
-    plant = HeldRobot(load_scenario(file), relative_to=file.parent)
+    plant = true_machine(load_scenario(file), relative_to=file.parent)
     robot = load_result(day / RESULT).robot
     q, corrected = (read_targets(day / name, robot).q for name in (GIVEN, CORRECTED))
     wanted = robot_frames(plant.nominal, q)
     by_truth = corrected_targets(known_robot(plant), plant.nominal, q).q
     for words, targets in (("by the result", corrected), ("known", by_truth)):
-        held = plant.hold(targets)
+        held = hold_targets(plant, targets)
         aligned = position_error(wanted.tip.T, held.tool[:, :3, 3])
         print(
             f"corrected {words}: "

@@ -117,11 +117,11 @@ def _compare_poses(calibration: Path, reference: Path, *, as_json: bool) -> None
         say_result_comparison,
     )
     from ballbar.result.pose_calibration import load_pose_calibration
-    from sim.poses.truth import load_pose_truth
+    from sim.truth import load_pose_truth
 
     result = load_pose_calibration(calibration)
     if reference.name.endswith(".truth.yaml"):
-        comparison = compare_pose_truth(result, load_pose_truth(reference, result.robot))
+        comparison = compare_pose_truth(result, load_pose_truth(reference))
     else:
         comparison = compare_pose_results(result, load_pose_calibration(reference))
     if as_json:

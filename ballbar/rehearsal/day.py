@@ -43,7 +43,8 @@ from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from sim.path_files import LissajousFile
-from sim.plant.held_robot import HeldRobot, pose_distance
+from sim.plant.held import hold_targets, pose_distance
+from sim.true_robot import true_machine
 from sim.truth import Truth
 
 SEARCH = 10.0  # [s] of the search for the second path: the same search as of `plan`, shorter
@@ -417,10 +418,10 @@ def _correctable(result: Result, q: Array) -> Array:
 
 def _held(day: _Day, given: Array, corrected: Array) -> HeldTargets:
     day.progress("holding targets in the plant")
-    robot = HeldRobot(day.scenario, relative_to=day.file.parent)
-    wanted, after = robot_frames(robot.nominal, given), robot.hold(corrected)
+    robot = true_machine(day.scenario, relative_to=day.file.parent)
+    wanted, after = robot_frames(robot.nominal, given), hold_targets(robot, corrected)
     return HeldTargets(
-        before=pose_distance(wanted, robot.hold(given))[0],
+        before=pose_distance(wanted, hold_targets(robot, given))[0],
         after=pose_distance(wanted, after)[0],
         aligned=position_error(wanted.tip.T, after.tool[:, :3, 3]).error,
     )

@@ -72,7 +72,7 @@ def compare_with_truth(
     clock : (offset [s], skew [-]) as identified, or None
     """
     reference = reference_of(truth)
-    errors = (clock[0] - truth.offset, clock[1] - truth.skew) if clock else None
+    errors = (clock[0] - truth.clock.offset_s, clock[1] - truth.clock.skew) if clock else None
     actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
     return _compared(model, nominal, reference, actual, names, errors)
 

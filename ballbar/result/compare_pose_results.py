@@ -26,7 +26,7 @@ from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
 
 if TYPE_CHECKING:
-    from sim.poses.truth import PoseTruth
+    from sim.truth import PoseTruth
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs
@@ -120,7 +120,7 @@ def compare_pose_truth(result: PoseCalibration, truth: PoseTruth) -> ResultCompa
     arm = result.arm(name)
     share = np.random.default_rng(_SEED).random((POSES, arm.robot.joints))
     q = arm.lower + share * (arm.upper - arm.lower)
-    actual = truth.arm.target(q, truth.targets[name].position)
+    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
     return ResultComparison(
         target=name,
         own_target=True,
@@ -186,7 +186,7 @@ def _stated(result: PoseCalibration) -> dict[str, tuple[float, float]]:
 
 def _true(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
     """True values, sigma 0; of parallel axes the first d has what the others differ by."""
-    nominal, chain = nominal_chain(robot), truth.arm.chain
+    nominal, chain = nominal_chain(robot), truth.arm(robot).chain
     d = chain.d.copy()
     for name in reversed(parameter_table(robot).hayati[:-1]):
         row = parameter_named(name).row

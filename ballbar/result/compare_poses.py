@@ -12,7 +12,7 @@ from ident.poses.result import PoseIdentification
 from ident.robot.accuracy import TcpError, position_error
 
 if TYPE_CHECKING:  # an identification of poses does without the simulation
-    from sim.poses.truth import PoseTruth
+    from sim.truth import PoseTruth
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ def compare_poses_with_truth(result: PoseIdentification, truth: PoseTruth) -> Po
     """TCP error over random poses within the fitted ranges of all joints."""
     name, arm = result.target, result.arm()
     q = arm.workspace()
-    actual = truth.arm.target(q, truth.targets[name].position)
+    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
     before = result.nominal
     bare = replace(
         arm,

@@ -13,6 +13,7 @@ notes/mujoco secs. 1, 2, 4, 8, 11.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -139,33 +140,52 @@ def plant_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
 
 def unloaded_robot_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
     """Robot and plate without the ball-bar, as a specification."""
+    robot = plant.cell.robot
+    spec = empty_spec(robot.name, timestep=timestep, gravity=robot.gravity)
+    if plant.effects.force_sensor:  # the sensors of the flange are all that is read
+        spec.option.disableflags &= ~int(_OFF.mjDSBL_SENSOR)
+    _add_robot(spec, plant)
+    _add_gears(spec, plant)
+    return spec
+
+
+def empty_spec(name: str, *, timestep: float, gravity: Array) -> mujoco.MjSpec:
+    """A specification without bodies, with the integrator and solver of all plants."""
     spec = mujoco.MjSpec()
-    spec.modelname = plant.cell.robot.name
+    spec.modelname = name
     spec.compiler.degree = False
     option = spec.option
     option.timestep = timestep
     option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.tolerance = SOLVER_TOLERANCE
-    option.gravity = plant.cell.robot.gravity
-    # The sensors of the flange, where it has any, are all that is read.
-    sensors = int(_OFF.mjDSBL_SENSOR) if plant.effects.force_sensor else 0
-    option.disableflags = int(UNUSED) & ~sensors
-    _add_robot(spec, plant)
-    _add_gears(spec, plant)
+    option.gravity = gravity
+    option.disableflags = int(UNUSED)
     return spec
+
+
+def add_links(
+    spec: mujoco.MjSpec, links: Sequence[Link], rows: Sequence[tuple[Array, Array]]
+) -> tuple[mujoco.MjsBody, Array, Array]:
+    """Adds the links of a robot, each turning about its own z.
+
+    rows : rotation (3, 3) and position (3,) [m] of each DH row in the one before.
+
+    Returns the last link, and rotation and position of the last row in it.
+    """
+    parent, rotation, position = spec.worldbody, np.eye(3), np.zeros(3)
+    for i, (link, row) in enumerate(zip(links, rows, strict=True)):
+        parent = parent.add_body(name=f"link{i + 1}", pos=position, quat=quat_wxyz(rotation))
+        set_inertia(parent, link)
+        parent.add_joint(name=f"q{i + 1}", type=_HINGE, axis=[0, 0, 1])
+        rotation, position = row
+    return parent, rotation, position
 
 
 def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
     cell, geometry, effects = plant.loaded, plant.geometry, plant.effects
-    parent = spec.worldbody
     placements = row_placements(geometry.robot)
-    rotation, position = np.eye(3), np.zeros(3)
-    for i, link in enumerate(robot_bodies(cell)):
-        parent = parent.add_body(name=f"link{i + 1}", pos=position, quat=quat_wxyz(rotation))
-        set_inertia(parent, link)
-        parent.add_joint(name=ROBOT_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
-        rotation, position = placements[i]
+    parent, rotation, position = add_links(spec, robot_bodies(cell), placements)
     turned, flange = flange_on_last_link(cell)
     plate = parent.add_body(name="plate", pos=flange, quat=quat_wxyz(turned))
     set_inertia(plate, cell.plate.body)
@@ -265,11 +285,11 @@ def _elastic_gear(
     body = spec.worldbody.add_body(name=f"rotor{i + 1}")
     body.mass, body.inertia, body.explicitinertial = ROTOR_MASS, [ROTOR_INERTIA] * 3, True
     rotor = body.add_joint(name=ROTORS[i], type=_HINGE, axis=[0, 0, 1])
-    spring = _tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
+    spring = add_gear_tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
     spring.springlength = [-backlash, backlash]
     spring.stiffness[0], spring.damping[0] = stiffness, damping
     if hysteresis > 0.0:
-        friction = _tendon(spec, f"gear{i + 1}_friction", coefficients, rotor=ROTORS[i])
+        friction = add_gear_tendon(spec, f"gear{i + 1}_friction", coefficients, rotor=ROTORS[i])
         friction.springlength = [0.0, 0.0]
         friction.stiffness[0] = HYSTERESIS_STIFFNESS * stiffness
         friction.springyield = hysteresis / HYSTERESIS_STIFFNESS
@@ -280,17 +300,16 @@ def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> _Shaft:
     turned = np.flatnonzero(coefficients)
     if turned.size == 1 and coefficients[turned[0]] == 1.0:  # a joint costs a third of a tendon
         return _Shaft(spec.joint(ROBOT_JOINTS[turned[0]]), mujoco.mjtTrn.mjTRN_JOINT)
-    return _Shaft(_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
+    return _Shaft(add_gear_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
 
 
-def _tendon(
+def add_gear_tendon(
     spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | None = None
 ) -> mujoco.MjsTendon:
     """The combination of joints that a gear turns, less the angle of its rotor."""
     tendon = spec.add_tendon(name=name)
-    for joint, coefficient in zip(ROBOT_JOINTS, coefficients, strict=True):
-        if coefficient != 0.0:
-            tendon.wrap_joint(joint, float(coefficient))
+    for i in np.flatnonzero(coefficients):
+        tendon.wrap_joint(f"q{i + 1}", float(coefficients[i]))
     if rotor is not None:
         tendon.wrap_joint(rotor, -1.0)
     return tendon

@@ -28,7 +28,7 @@ from sim.plant.statics import Equilibrium, equilibrium, gravity_torque
 CLOSURE_LIMIT = 0.5e-6  # [m, rad] twice what 60 s with all effects reach (notes/mujoco sec. 2)
 _GRAVITY_STEP = 0.05  # [s] grid of the gravity feed-forward; no path moves at more than a few Hz
 _STRETCH = 2.0  # [s] simulated between two calls of a motion callback
-_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class PlantError(FailureError):
@@ -115,8 +115,8 @@ def equilibrium_state(plant: Plant, compiled: PlantModel, held: Equilibrium) -> 
 
 def full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """(nstate,) full physics state of a model."""
-    state = np.zeros(mujoco.mj_stateSize(model, _PHYSICS))
-    mujoco.mj_getState(model, data, state, _PHYSICS)
+    state = np.zeros(mujoco.mj_stateSize(model, PHYSICS))
+    mujoco.mj_getState(model, data, state, PHYSICS)
     return state
 
 

@@ -46,7 +46,11 @@ FOUND = cast(
     ),
 )
 TRUTH = cast(
-    Truth, SimpleNamespace(closure_position=8e-8, rod_force_min=-110.0, rod_force_max=74.0)
+    Truth,
+    SimpleNamespace(
+        closure=SimpleNamespace(position_m=8e-8),
+        rod_force=SimpleNamespace(min_N=-110.0, max_N=74.0),
+    ),
 )
 HELD = cast(HeldOut, SimpleNamespace(normalised_innovation=1.1))
 CORRECTED = ("corrected_mean_mm", "corrected_max_mm")  # of rehearsals

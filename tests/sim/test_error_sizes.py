@@ -620,7 +620,7 @@ def test_the_lag_of_the_first_motor_is_part_of_the_clock_offset() -> None:
     chosen = settings(plant={"kind": "kinematic"}, errors={"joint_lag": {}})
     truth = simulate(chosen, relative_to=SCENARIOS).truth
     assert len(truth.logs.joint_lag_s) == 6
-    assert truth.offset == 0.137 + truth.logs.joint_lag_s[0] > 0.14
+    assert truth.clock.offset_s == 0.137 + truth.logs.joint_lag_s[0] > 0.14
 
 
 def test_the_lowest_of_thirteen_bits_fluctuates_at_rest_and_that_of_twelve_hardly() -> None:

@@ -325,7 +325,7 @@ def test_offset_and_skew_are_the_line_through_both_clocks(tmp_path: Path) -> Non
         axis=1
     )
     assert bar_start - (times[miss.argmin()] - row * PERIOD) == pytest.approx(0.137, rel=1e-4)
-    assert (run.truth.offset, run.truth.skew) == (0.137, 5e-5)
+    assert (run.truth.clock.offset_s, run.truth.clock.skew) == (0.137, 5e-5)
 
 
 def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -> None:

@@ -36,10 +36,11 @@ from sim.logging.load_logs import (
     sensor_rows,
 )
 from sim.plant.effects import plant_effects
-from sim.plant.held_robot import HeldRobot
+from sim.plant.held import hold_targets
 from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
+from sim.true_robot import true_machine
 from sim.truth import PlantTruth, load_truth
 from tests.helpers.log_analysis import (
     Logs,
@@ -330,8 +331,8 @@ def test_the_true_tool_sags_under_the_true_masses() -> None:
     errors = {"joint_compliance": {}, "masses": {"spread": 0.1, "centre_sigma_m": 0.02}}
     chosen = settings(errors=errors)
     truth = simulate(chosen, relative_to=SCENARIOS).truth
-    robot, q = HeldRobot(chosen, relative_to=SCENARIOS), accuracy_grid(load_robot("irb2400"))[:4]
-    actual = robot.hold(q).tool[:, :3, 3]
+    robot, q = true_machine(chosen, relative_to=SCENARIOS), accuracy_grid(load_robot("irb2400"))[:4]
+    actual = hold_targets(robot, q).tool[:, :3, 3]
     files = replace(truth, plant=truth.plant.model_copy(update={"bodies": {}}))
     with_truth, with_files = (true_tool(robot.cell, t, robot.true, q) for t in (truth, files))
     assert np.abs(with_truth - actual).max() < 1e-6
