@@ -20,8 +20,7 @@ from ballbar.scenario import load_scenario
 from cell.arrays import Array
 from cell.files import write_whole
 from sim.logging.tracker import OpticalTracker, drawn_tracker, tracker_rows
-from sim.motion import Motion
-from sim.plant.deflection import deflect
+from sim.motion import Motion, deflect
 from sim.simulate import Simulation, simulate
 from tests.helpers.log_analysis import force_near_singularity, pull_push
 from tests.helpers.simulated_recordings import singular_passage

@@ -7,17 +7,27 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.interpolate import BSpline, CubicSpline
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
-from cell.geometry import Geometry
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from cell.inverse import bar_angles, refine
 from cell.logs import RobotLog
 from cell.robot_angles import controller_to_joints
 from cell.schema import Strict
+from cell.splines import DEGREE, smoothing_spline
 from cell.strict_yaml import load_model
-from sim.path import Lissajous, PushPull, ReferencePath, RodHarmonic, reference_path
-from sim.recorded_path import recorded_path
+from sim.path import (
+    Lissajous,
+    PushPull,
+    ReferencePath,
+    RodHarmonic,
+    axis_range_fault,
+    check_speeds,
+    reference_path,
+)
 from sim.settings import PathSettings, Position
 
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
@@ -41,32 +51,34 @@ class LissajousFile(Strict):
     """
 
     schema_: Annotated[Literal["ballbar-path/1"], Field(alias="schema")]
-    centre_deg: Vector5 = Field(description="Middle of each angle, b1 to b5.")
-    amplitude_deg: Vector5 = Field(description="Largest deviation from the middle.")
-    cycles: Whole5 = Field(description="Whole cycles of each angle in one run.")
-    phase_deg: Vector5 = Field(description="Phase of each angle at the beginning.")
-    rod: tuple[RodHarmonicFile, ...] = Field(
-        (), description="Of an instrument's length about its nominal one; absent for a ball-bar."
-    )
-    first_axes_deg: tuple[float, ...] | None = Field(
-        None,
-        description="Axis angles of the robot at the beginning, which choose the configuration of "
-        "the arm; absent for the first that keeps the axis ranges.",
-    )
-    ballbar_position_m: Position | None = Field(
-        None, description="Position that the path was planned for; only `ballbar plan` reads it."
-    )
+    centre_deg: Vector5
+    """Middle of each angle, b1 to b5."""
+    amplitude_deg: Vector5
+    """Largest deviation from the middle."""
+    cycles: Whole5
+    """Whole cycles of each angle in one run."""
+    phase_deg: Vector5
+    """Phase of each angle at the beginning."""
+    rod: tuple[RodHarmonicFile, ...] = ()
+    """Of an instrument's length about its nominal one; absent for a ball-bar."""
+    first_axes_deg: tuple[float, ...] | None = None
+    """Axis angles of the robot at the beginning, which choose the configuration of the arm; absent
+    for the first that keeps the axis ranges.
+    """
+    ballbar_position_m: Position | None = None
+    """Position that the path was planned for; only `ballbar plan` reads it."""
 
 
 class PushPullFile(Strict):
     """Path file of one pose of the ball-bar, and the travel of the command along the rod."""
 
     schema_: Annotated[Literal["ballbar-push/1"], Field(alias="schema")]
-    angles_deg: Vector5 = Field(description="Of the ball-bar at the pose, b1 to b5.")
-    travel_m: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
-        description="Largest distance of the command from the pose, along the rod."
-    )
-    cycles: Annotated[int, Field(gt=0)] = Field(description="Times of pull and push.")
+    angles_deg: Vector5
+    """Of the ball-bar at the pose, b1 to b5."""
+    travel_m: Annotated[float, Field(gt=0.0, le=0.1)]
+    """Largest distance of the command from the pose, along the rod."""
+    cycles: Annotated[int, Field(gt=0)]
+    """Times of pull and push."""
 
 
 def scenario_path(
@@ -158,3 +170,65 @@ def load_push_pull(path: Path) -> PushPull:
     """The pose and travel of a path file. Raises DescriptionError."""
     file = load_model(path, PushPullFile)
     return PushPull(held=np.radians(file.angles_deg), travel=file.travel_m, cycles=file.cycles)
+
+
+OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
+KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
+# b2 and b4 negative, as in the path files of this project; the log does not determine their signs.
+BRANCH = (True, True)
+
+
+def recorded_path(
+    robot: Robot,
+    nominal: Geometry,
+    log: RobotLog,
+    *,
+    duration: float,
+    step: float,
+    telescopes: bool = False,
+) -> ReferencePath:
+    """The first `duration` seconds of a robot's log as a command, every `step` seconds.
+
+    telescopes : whether the rod is as long as the log has it, and not rigid.
+
+    Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or the
+    motion exceeds an axis range or a speed limit.
+    """
+    if duration > log.t[-1]:
+        raise InputError(
+            f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s. "
+            "Take no more than that."
+        )
+    poses = robot_frames(nominal, log.q).poses()
+    off = np.linalg.norm(poses[:, :3, 3] - nominal.origin, axis=1) - nominal["bd3"]
+    if not telescopes:
+        _check_sphere(log.t, off)
+        off = np.zeros_like(off)
+    angles = np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0)
+    smooth = _smoothed(log.t, np.column_stack((angles, off)))
+    t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
+    b = np.asarray(smooth(np.minimum(t, log.t[-1])))
+    logged = np.stack([np.interp(t, log.t, angle) for angle in log.q.T], axis=1)
+    q = refine(nominal.robot, logged, bar_frames(nominal, b).poses())
+    if fault := axis_range_fault(robot, t, q):
+        raise InputError(f"path: {fault[1]}")
+    speed = CubicSpline(t, q).derivative()(t)
+    check_speeds(robot, t, speed)
+    return ReferencePath(t, b[:, :BAR_ROWS], q, speed)
+
+
+def _check_sphere(t: Array, off: Array) -> None:
+    """Raises InputError where the tool is far off the sphere; off : (N,) [m] beyond its radius."""
+    k = int(np.abs(off).argmax())
+    if abs(off[k]) > OFF_SPHERE:
+        raise InputError(
+            f"path.recording: at t = {t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} mm off "
+            "the ball-bar's sphere. "
+            "Were robot, ballbar, plate and ballbar_position_m those of the recording? Name those."
+        )
+
+
+def _smoothed(t: Array, angles: Array) -> BSpline:
+    """Least-squares spline of angles (N, K) [rad]; stretches without rows carry no knots."""
+    inner = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / KNOT_SPACING)) + 1)[1:-1]
+    return smoothing_spline(t, angles, inner, rows=DEGREE + 1)

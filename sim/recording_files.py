@@ -12,10 +12,9 @@ from cell.dialect import load_dialect
 from cell.files import write_yaml
 from cell.instrument import Instrument
 from cell.recording import TrackerFile
-from sim.logging.clocks import BAR_EPOCH_NS
+from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows
-from sim.logging.loggers import LoggedRows
 from sim.logging.robot_files import robot_source, write_robot_log
 from sim.logging.tracker import tracker_rows
 from sim.logging.writers import (

@@ -15,23 +15,25 @@ from cell.instrument import Instrument
 from cell.logs import RobotLog
 from sim.errors.sample_errors import refuse_sample_errors
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects
-from sim.logging.clocks import LogTimes, log_times
-from sim.logging.encoders import BarEncoder
-from sim.logging.joint_lag import joint_lags, with_lags
+from sim.logging.clocks import LoggedRows, LogTimes, log_times, logged_rows
+from sim.logging.encoders import BarEncoder, joint_lags, with_lags
 from sim.logging.load_logs import drawn_loads
-from sim.logging.loggers import LoggedRows, logged_rows
 from sim.logging.robot_files import robot_period
 from sim.logging.tracker import drawn_tracker
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
-from sim.plant.description import Plant, servo_gains
+from sim.plant.effects import Plant, servo_gains
 from sim.plant.instrument_plant import run_with_instrument
-from sim.plant.kinematic_plant import refuse_forces, run_kinematic
-from sim.plant.measured_motion import check_stroke, run_free
+from sim.plant.kinematic_plant import (
+    check_stroke,
+    refuse_forces,
+    run_free,
+    run_kinematic,
+    with_growth,
+)
 from sim.plant.mjcf import ROBOT_JOINTS
 from sim.plant.mujoco_plant import run_plant
-from sim.plant.thermal_growth import with_growth
 from sim.settings import SimulationSettings
 from sim.streams import stream
 from sim.true_robot import TrueMachine, true_machine

@@ -10,13 +10,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.schema import Strict
+from cell.schema import NotNegative, Strict
 from cell.schema_errors import wrong_key
 from sim.errors.plant_errors import JointCompliance
-from sim.settings import JointNoise, Position, RodAndWire, Vector3
+from sim.errors.sensor_errors import JointNoise, Share
+from sim.settings import Position, RodAndWire, Vector3
 
-Share = Annotated[float, Field(ge=0.0, le=0.5)]
-Size = Annotated[float, Field(ge=0.0)]
 Axis = Annotated[int, Field(ge=1, le=8)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 
@@ -24,8 +23,10 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 class PoseCell(Strict):
     """What stands in the cell."""
 
-    robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    instrument: str = Field(description="A file of cell/instruments, or a path.")
+    robot: str
+    """A file of cell/robots, or a path that ends in .yaml."""
+    instrument: str
+    """A file of cell/instruments, or a path."""
 
 
 class PlacementSettings(Strict):
@@ -33,9 +34,8 @@ class PlacementSettings(Strict):
 
     name: Name
     position_m: Position
-    rotvec_rad: Vector3 = Field(
-        (0.0, 0.0, 0.0), description="Orientation, as rotation vector; only where it is measured."
-    )
+    rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
+    """Orientation, as rotation vector; only where it is measured."""
 
 
 class PosesSettings(Strict):
@@ -45,39 +45,29 @@ class PosesSettings(Strict):
     each pair of seat and target; the robot is moved until the reading is within the range.
     """
 
-    count: Annotated[int, Field(ge=10, le=100_000)] = Field(
-        description="Poses of each seat; of a rod, wire or socket for each target too."
-    )
-    seed: Annotated[int, Field(ge=0)] | None = Field(
-        None, description="Seed of the poses, to keep them while errors vary; by default seed."
-    )
-    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
-        10.0, description="Time from one pose to the next."
-    )
-    seats: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)] = Field(
-        description="Placements of the instrument in the robot's base frame."
-    )
-    targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)] = Field(
-        description="Balls or reflectors in the flange's frame."
-    )
-    reference: tuple[PlacementSettings, ...] = Field(
-        (),
-        description="Three or more fixed points in the robot's base frame, which a tracker reads "
-        "once at each pose.",
-    )
-    axis_lower_deg: tuple[float, ...] | None = Field(
-        None, description="Limits of the axis angles; by default those of the robot."
-    )
+    count: Annotated[int, Field(ge=10, le=100_000)]
+    """Poses of each seat; of a rod, wire or socket for each target too."""
+    seed: Annotated[int, Field(ge=0)] | None = None
+    """Seed of the poses, to keep them while errors vary; by default seed."""
+    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
+    """Time from one pose to the next."""
+    seats: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
+    """Placements of the instrument in the robot's base frame."""
+    targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
+    """Balls or reflectors in the flange's frame."""
+    reference: tuple[PlacementSettings, ...] = ()
+    """Three or more fixed points in the robot's base frame, which a tracker reads once at each
+    pose.
+    """
+    axis_lower_deg: tuple[float, ...] | None = None
+    """Limits of the axis angles; by default those of the robot."""
     axis_upper_deg: tuple[float, ...] | None = None
-    lowest_m: float = Field(
-        0.0, description="Least height of flange and target in the robot's base frame."
-    )
-    elevation_min_deg: Annotated[float, Field(ge=-90.0, le=80.0)] = Field(
-        -90.0, description="Least elevation of a rod or wire over the horizontal."
-    )
-    tilt_max_deg: Annotated[float, Field(ge=10.0, le=180.0)] = Field(
-        180.0, description="Largest angle between straight down and the line from flange to target."
-    )
+    lowest_m: float = 0.0
+    """Least height of flange and target in the robot's base frame."""
+    elevation_min_deg: Annotated[float, Field(ge=-90.0, le=80.0)] = -90.0
+    """Least elevation of a rod or wire over the horizontal."""
+    tilt_max_deg: Annotated[float, Field(ge=10.0, le=180.0)] = 180.0
+    """Largest angle between straight down and the line from flange to target."""
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
@@ -95,26 +85,28 @@ class PosesSettings(Strict):
 class PosePlant(RodAndWire):
     """What holds the robot at a pose."""
 
-    kind: Literal["auto", "mujoco", "kinematic"] = Field(
-        "auto",
-        description="MuJoCo, in static equilibrium with the rod or wire; or kinematic, with the "
-        "robot's own weight as only load. auto takes MuJoCo for a rod or wire on elastic gears.",
-    )
+    kind: Literal["auto", "mujoco", "kinematic"] = "auto"
+    """MuJoCo, in static equilibrium with the rod or wire; or kinematic, with the robot's own weight
+    as only load. auto takes MuJoCo for a rod or wire on elastic gears.
+    """
 
 
 class GeometryErrors(Strict):
     """Deviations of the DH parameters of all rows and of the Hayati angles of parallel axes."""
 
-    sigma_m: Size = Field(5.0e-4, description="Standard deviation of lengths. Assumed.")
-    sigma_rad: Size = Field(1.0e-3, description="Standard deviation of angles. Assumed.")
+    sigma_m: NotNegative = 5.0e-4
+    """Standard deviation of lengths. Assumed."""
+    sigma_rad: NotNegative = 1.0e-3
+    """Standard deviation of angles. Assumed."""
 
 
 class JointHarmonic(Strict):
     """An error of one gear: amplitude * sin(order * angle + phase), the phase drawn."""
 
     axis: Axis
-    order: Annotated[int, Field(ge=1, le=400)] = Field(description="Cycles a turn.")
-    amplitude_rad: Size
+    order: Annotated[int, Field(ge=1, le=400)]
+    """Cycles a turn."""
+    amplitude_rad: NotNegative
 
 
 class DrawnHarmonics(Strict):
@@ -122,7 +114,8 @@ class DrawnHarmonics(Strict):
 
     count: Annotated[int, Field(ge=1, le=50)] = 4
     order_max: Annotated[int, Field(ge=1, le=400)] = 40
-    amplitude_rad: Size = Field(1.0e-4, description="Of each. Assumed.")
+    amplitude_rad: NotNegative = 1.0e-4
+    """Of each. Assumed."""
 
 
 class UnitWeights(Strict):
@@ -130,22 +123,23 @@ class UnitWeights(Strict):
     known. What a joint yields per metre of lever is drawn, positive.
     """
 
-    sigma_rad_per_m: Size = Field(3.0e-4, description="Scale of the drawn yields. Assumed.")
+    sigma_rad_per_m: NotNegative = 3.0e-4
+    """Scale of the drawn yields. Assumed."""
 
 
 class InstrumentNoise(Strict):
     """The readings have white noise as the instrument's file states it; a socket has its play."""
 
-    scale: Size = Field(1.0, description="Factor on all standard deviations of the file.")
+    scale: NotNegative = 1.0
+    """Factor on all standard deviations of the file."""
 
 
 class PoseOutliers(Strict):
     """Some readings are grossly wrong: a broken beam, a mount that was not seated."""
 
     share: Share = 0.03
-    size_m: tuple[Size, Size] = Field(
-        (1.0e-3, 2.0e-2), description="Smallest and largest; drawn log-uniformly. Assumed."
-    )
+    size_m: tuple[NotNegative, NotNegative] = (1.0e-3, 2.0e-2)
+    """Smallest and largest; drawn log-uniformly. Assumed."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -159,9 +153,8 @@ class Unsettled(Strict):
     """The angles of some poses were read while the robot was still on its way."""
 
     share: Share = 0.05
-    fraction: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        0.01, description="Of the last move that was missing. Assumed."
-    )
+    fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
+    """Of the last move that was missing. Assumed."""
 
 
 class Rounding(Strict):
@@ -173,10 +166,10 @@ class Rounding(Strict):
 class Drift(Strict):
     """The seats move against the robot's base in proportion to time; directions are drawn."""
 
-    shift_m: Size = Field(2.0e-4, description="From the first pose to the last. Assumed.")
-    turn_rad: Size = Field(
-        0.0, description="From the first pose to the last, about the robot's base. Assumed."
-    )
+    shift_m: NotNegative = 2.0e-4
+    """From the first pose to the last. Assumed."""
+    turn_rad: NotNegative = 0.0
+    """From the first pose to the last, about the robot's base. Assumed."""
 
 
 class PoseErrors(Strict):
@@ -186,9 +179,8 @@ class PoseErrors(Strict):
     joint_harmonics: tuple[JointHarmonic, ...] = ()
     drawn_harmonics: DrawnHarmonics | None = None
     unit_weights: UnitWeights | None = None
-    joint_compliance: JointCompliance | None = Field(
-        None, description="Requires masses and gears in the robot's file."
-    )
+    joint_compliance: JointCompliance | None = None
+    """Requires masses and gears in the robot's file."""
     joint_noise: JointNoise | None = None
     instrument_noise: InstrumentNoise | None = None
     outliers: PoseOutliers | None = None
@@ -204,6 +196,5 @@ class PoseSimulationSettings(Strict):
     poses: PosesSettings
     plant: PosePlant = PosePlant()
     errors: PoseErrors = PoseErrors()
-    seed: Annotated[int, Field(ge=0)] = Field(
-        0, description="Seed of all drawn values; each error source has its own stream."
-    )
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of all drawn values; each error source has its own stream."""

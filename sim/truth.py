@@ -23,12 +23,10 @@ from cell.strict_yaml import check_schema, load_yaml, parse_model
 from sim.errors.clock_errors import ClockStep, LoggerRestart
 from sim.errors.plant_errors import ThermalGrowth
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
-from sim.errors.wander import WanderCurve
+from sim.logging.clocks import RowCounts, WanderCurve
 from sim.logging.load_logs import DrawnLoads
-from sim.logging.loggers import RowCounts
 from sim.logging.tracker import TrackerTruth
-from sim.plant.effects import RIGID_ROD, PlantEffects, Ripple
-from sim.plant.masses import Masses
+from sim.plant.effects import RIGID_ROD, Masses, PlantEffects, Ripple
 from sim.true_robot import TrueArm
 
 Vector = tuple[float, ...]

@@ -10,9 +10,8 @@ import numpy as np
 
 from cell.descriptions import Robot
 from cell.dialect import load_dialect
+from sim.live.delivery import DeviceThread, Pace
 from sim.live.device_logs import TextLog
-from sim.live.device_thread import DeviceThread
-from sim.live.pace import Pace
 from sim.logging.containers import egm_message
 from sim.logging.robot_files import logged_angles, logged_torques
 

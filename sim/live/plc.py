@@ -20,9 +20,8 @@ from pyads.testserver import AdsTestServer, AdvancedHandler, PLCVariable
 
 from cell.arrays import Array
 from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
+from sim.live.delivery import DeviceThread, Pace
 from sim.live.device_logs import WORD, TextLog
-from sim.live.device_thread import DeviceThread
-from sim.live.pace import Pace
 
 GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
 STARTED = 848_000_000_000_000_000  # [ns] DC time of the first cycle, in November 2026

@@ -23,8 +23,15 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.dialect import ABB_PERIOD
-from sim.errors.clock_errors import LEAD, ClockStep
-from sim.errors.wander import WanderCurve, wander_curve
+from cell.schema import Strict
+from sim.errors.clock_errors import (
+    LEAD,
+    ClockStep,
+    ClockWander,
+    DroppedRows,
+    DuplicatedRows,
+    LoggerRestart,
+)
 from sim.logging.load_logs import BallbarLog
 from sim.settings import ClockSettings
 from sim.streams import stream
@@ -127,3 +134,109 @@ def bar_stamps(ticks: NDArray[np.int64], t: Array, clocks: ClockSettings) -> NDA
 
 def _step_ns(step: ClockStep, t: Array) -> NDArray[np.int64]:
     return np.where(t >= step.at_s, round(step.step_s * 1e9), 0).astype(np.int64)
+
+
+KNOT = 1.0  # [s] largest distance of knots: the rate changes over minutes, so any second will do
+
+
+class WanderCurve(Strict):
+    """Deviation of one clock, linear between knots: later true time at a stamp."""
+
+    t_clock_s: tuple[float, ...]
+    deviation_s: tuple[float, ...]
+
+    def at(self, t_clock: Array) -> Array:
+        """(N,) [s] deviation at times (N,) [s] of the clock from its first row."""
+        return np.interp(t_clock, self.t_clock_s, self.deviation_s)
+
+
+def wander_curve(wander: ClockWander, length: float, rng: np.random.Generator) -> WanderCurve:
+    """The wander over a log of `length` seconds."""
+    t: Array = np.linspace(0.0, length, int(np.ceil(length / KNOT)) + 1)
+    step, middle = t[1], 0.5 * (t[1:] + t[:-1])
+    walk = wander.rate_rms_ppm * 1e-6 * _unit_walk(middle.size, rng)
+    rate = walk + wander.warm_up_ppm * 1e-6 * np.exp(-middle / wander.warm_up_time_s)
+    deviation = np.concatenate(([0.0], np.cumsum(rate * step)))
+    line = np.polynomial.Polynomial.fit(t, deviation, 1)
+    return WanderCurve(
+        t_clock_s=tuple(t.tolist()), deviation_s=tuple((deviation - line(t)).tolist())
+    )
+
+
+def _unit_walk(steps: int, rng: np.random.Generator) -> Array:
+    """(steps,) random walk with mean 0 and RMS 1."""
+    walk = np.cumsum(rng.standard_normal(steps))
+    walk -= walk.mean()
+    return np.asarray(walk / np.sqrt(np.mean(walk**2)))
+
+
+Rows = NDArray[np.int64]  # indices of rows taken, in the order of the file
+
+
+class RowCounts(Strict):
+    """Rows of one log."""
+
+    taken: int
+    dropped: int  # by chance, not by a restart
+    duplicated: int
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedRows:
+    """Rows of both logs as they stand in the files."""
+
+    robot: Rows
+    ballbar: tuple[Rows, ...]  # of each file, oldest first
+    counts: dict[str, RowCounts]
+
+
+def logged_rows(times: LogTimes, clocks: ClockSettings, *, seed: int) -> LoggedRows:
+    """The rows that a scenario's loggers write."""
+    robot, bar = times.robot_true.size, times.bar_true.size
+    lose = clocks.dropped_rows or DroppedRows(robot_probability=0.0, ballbar_probability=0.0)
+    repeat = clocks.duplicated_rows or DuplicatedRows(
+        robot_probability=0.0, ballbar_probability=0.0
+    )
+    lost = {
+        "robot": chosen(robot, lose.robot_probability, stream(seed, "dropped_rows_robot")),
+        "ballbar": chosen(bar, lose.ballbar_probability, stream(seed, "dropped_rows_ballbar")),
+    }
+    twice = {
+        "robot": chosen(robot, repeat.robot_probability, stream(seed, "duplicated_rows_robot")),
+        "ballbar": chosen(bar, repeat.ballbar_probability, stream(seed, "duplicated_rows_ballbar")),
+    }
+    files = {side: written(lost[side], twice[side]) for side in lost}
+    return LoggedRows(
+        robot=files["robot"],
+        ballbar=parts(files["ballbar"], times.bar_true, clocks.restart),
+        counts={
+            side: RowCounts(
+                taken=lost[side].size,
+                dropped=int(lost[side].sum()),
+                duplicated=int((twice[side] & ~lost[side]).sum()),
+            )
+            for side in lost
+        },
+    )
+
+
+def chosen(rows: int, probability: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """(rows,) whether each row is hit with that probability; never the first, as time counts from
+    it.
+    """
+    hit = rng.random(rows) < probability
+    hit[0] = False
+    return hit
+
+
+def written(lost: NDArray[np.bool_], twice: NDArray[np.bool_]) -> Rows:
+    """Rows of the file in their order; lost, twice : (N,) masks of the rows taken."""
+    return np.repeat(np.arange(lost.size), np.where(lost, 0, 1 + twice)).astype(np.int64)
+
+
+def parts(rows: Rows, t: Array, restart: LoggerRestart | None) -> tuple[Rows, ...]:
+    """Rows of each file, before and after a restart; t : (N,) [s] run time of the rows taken."""
+    if restart is None:
+        return (rows,)
+    at = t[rows]
+    return rows[at < restart.at_s], rows[at >= restart.at_s + restart.gap_s]

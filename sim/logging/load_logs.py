@@ -19,60 +19,45 @@ from cell.descriptions import Robot
 from cell.dialect import load_dialect
 from cell.errors import DescriptionError
 from cell.logs import SourceName
-from cell.schema import Strict
+from cell.schema import NotNegative, Strict
 from sim.logging.tracker import OpticalTracker
 from sim.motion import Motion
 from sim.streams import stream
 
-NotNegative = Annotated[float, Field(ge=0.0)]
 SENSOR_EPOCH = 17.0  # [s] up-time of the sensor's logger at its first row
 
 
 class TorqueLog(Strict):
     """Motor torques stand in the robot's log, in columns tau1..tau6."""
 
-    noise_N_m: NotNegative = Field(
-        2.0,
-        description="Standard deviation of white noise at the outputs of gears 1-3 "
-        "(notes/identification sec. 1).",
-    )
-    wrist_noise_N_m: NotNegative = Field(
-        0.3, description="Standard deviation of white noise at the outputs of gears 4-6."
-    )
-    gain_sigma: NotNegative = Field(
-        0.02, description="Standard deviation of the gain error of each axis, drawn per run."
-    )
+    noise_N_m: NotNegative = 2.0
+    """Standard deviation of white noise at the outputs of gears 1-3 (notes/identification sec. 1).
+    """
+    wrist_noise_N_m: NotNegative = 0.3
+    """Standard deviation of white noise at the outputs of gears 4-6."""
+    gain_sigma: NotNegative = 0.02
+    """Standard deviation of the gain error of each axis, drawn per run."""
 
 
 class ForceSensor(Strict):
     """A six-axis force sensor at the flange is logged with its own rate and clock."""
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = Field(
-        500.0, description="Rows per second."
-    )
-    noise_N: NotNegative = Field(
-        1.0,
-        description="Standard deviation of white noise of each force "
-        "(notes/identification sec. 1).",
-    )
-    noise_N_m: NotNegative = Field(
-        0.1, description="Standard deviation of white noise of each torque; assumed."
-    )
-    bias_N: NotNegative = Field(
-        2.0, description="Standard deviation of the constant bias of each force; assumed."
-    )
-    bias_N_m: NotNegative = Field(
-        0.2, description="Standard deviation of the constant bias of each torque; assumed."
-    )
-    gain_sigma: NotNegative = Field(
-        0.01, description="Standard deviation of the gain error of each channel."
-    )
-    offset_s: float = Field(
-        0.05, description="Time from the first row of the robot to the first of the sensor."
-    )
-    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
-        0.0, description="Seconds that the robot's clock gains in each second of the sensor's."
-    )
+    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = 500.0
+    """Rows per second."""
+    noise_N: NotNegative = 1.0
+    """Standard deviation of white noise of each force (notes/identification sec. 1)."""
+    noise_N_m: NotNegative = 0.1
+    """Standard deviation of white noise of each torque; assumed."""
+    bias_N: NotNegative = 2.0
+    """Standard deviation of the constant bias of each force; assumed."""
+    bias_N_m: NotNegative = 0.2
+    """Standard deviation of the constant bias of each torque; assumed."""
+    gain_sigma: NotNegative = 0.01
+    """Standard deviation of the gain error of each channel."""
+    offset_s: float = 0.05
+    """Time from the first row of the robot to the first of the sensor."""
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
+    """Seconds that the robot's clock gains in each second of the sensor's."""
 
 
 def _dialect_of(source: SourceName) -> AfterValidator:
@@ -93,26 +78,22 @@ def _dialect_of(source: SourceName) -> AfterValidator:
 class RobotLog(Strict):
     """How the robot's controller logs its angles."""
 
-    dialect: Annotated[str, _dialect_of("robot")] | None = Field(
-        None,
-        description="A dialect of cell/dialects that holds a robot's angles; by default that of "
-        "the robot's file.",
-    )
-    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = Field(
-        None, description="Rows per second; by default those that the dialect's file states."
-    )
+    dialect: Annotated[str, _dialect_of("robot")] | None = None
+    """A dialect of cell/dialects that holds a robot's angles; by default that of the robot's file.
+    """
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = None
+    """Rows per second; by default those that the dialect's file states."""
 
 
 class BallbarLog(Strict):
     """How the ball-bar's encoders are logged: a PLC writes a row every two tasks."""
 
-    dialect: Annotated[str, _dialect_of("ballbar")] = Field(
-        "twincat-plc", description="A dialect of cell/dialects that holds a ball-bar's counters."
-    )
-    task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = Field(
-        0.005, description="Cycle of the PLC's task (thesis sec. 4.6)."
-    )
-    status: bool = Field(True, description="Whether the status words of the terminals are logged.")
+    dialect: Annotated[str, _dialect_of("ballbar")] = "twincat-plc"
+    """A dialect of cell/dialects that holds a ball-bar's counters."""
+    task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = 0.005
+    """Cycle of the PLC's task (thesis sec. 4.6)."""
+    status: bool = True
+    """Whether the status words of the terminals are logged."""
 
 
 class LoadLogs(Strict):

@@ -28,25 +28,22 @@ class OpticalTracker(Strict):
     rate and clock. The result is validated by it; no fit uses it.
     """
 
-    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] = Field(
-        100.0, description="Rows per second. Assumed."
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] = 100.0
+    """Rows per second. Assumed."""
+    noise_m: Annotated[float, Field(ge=0.0, le=0.01)] = 9.0e-5
+    """Standard deviation of white noise along each axis (thesis sec. 5.3: below 90 um)."""
+    led_m: Annotated[tuple[LedCoordinate, ...], Field(min_length=3, max_length=3)] = (
+        -0.05,
+        0.04,
+        0.03,
     )
-    noise_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
-        9.0e-5,
-        description="Standard deviation of white noise along each axis (thesis sec. 5.3: below "
-        "90 um).",
-    )
-    led_m: Annotated[tuple[LedCoordinate, ...], Field(min_length=3, max_length=3)] = Field(
-        (-0.05, 0.04, 0.03),
-        description="The LED in the tool's frame: x along the plate, away from the flange, from "
-        "the centre of the universal joint. Assumed.",
-    )
-    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
-        0.2, description="Time from the first row of the robot to the first of the tracker."
-    )
-    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
-        0.0, description="Seconds that the robot's clock gains in each second of the tracker's."
-    )
+    """The LED in the tool's frame: x along the plate, away from the flange, from the centre of the
+    universal joint. Assumed.
+    """
+    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.2
+    """Time from the first row of the robot to the first of the tracker."""
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
+    """Seconds that the robot's clock gains in each second of the tracker's."""
 
 
 class TrackerTruth(Strict):

@@ -12,10 +12,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import BallBar, Cell, Robot
+from cell.descriptions import BallBar, Cell, Link, Robot, ServoGains
 from cell.errors import InputError
-from sim.errors.plant_errors import CycloidRipple, PlantErrors, RodBacklash, ThermalGrowth
-from sim.plant.masses import Masses, drawn_masses, stated_masses
+from cell.geometry import Geometry
+from sim.errors.plant_errors import (
+    BodyMasses,
+    CycloidRipple,
+    Payload,
+    PlantErrors,
+    RodBacklash,
+    ThermalGrowth,
+)
 from sim.streams import stream
 
 RIGID_ROD = (
@@ -215,3 +222,96 @@ def _play(stated: RodBacklash, bar: BallBar) -> float:
 
 def _default(stated: float | None, usual: float) -> float:
     return usual if stated is None else stated
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """One machine to simulate."""
+
+    cell: Cell  # nominal, which the servo's feed-forward knows
+    geometry: Geometry  # true parameters; encoder offsets belong to the encoders and are not here
+    effects: PlantEffects
+    gains: ServoGains
+
+    @property
+    def loaded(self) -> Cell:
+        """The cell with its true masses."""
+        masses = self.effects.masses
+        return self.cell if masses is None else masses.on(self.cell)
+
+
+def servo_gains(robot: Robot, name: str, *, key: str = "plant.servo") -> ServoGains:
+    """The gain set of a robot with that name.
+
+    key : of the file that names it, for the message. Raises InputError if there is no such set.
+    """
+    gains = robot.required("servo")
+    if name not in gains:
+        raise InputError(
+            f"{key} = {name!r}: robot {robot.name} has no such gain set; it has {', '.join(gains)}"
+        )
+    return gains[name]
+
+
+@dataclass(frozen=True, eq=False)
+class Masses:
+    """Mass and centre of every body; centres in the frames of the description files."""
+
+    names: tuple[str, ...]
+    mass: Array  # (B,) [kg]
+    centre: Array  # (B, 3) [m]
+
+    def on(self, cell: Cell) -> Cell:
+        """The cell with these masses; inertias about the centres grow with their mass."""
+        links = [
+            Link(mass, centre, link.inertia * (mass / link.mass if link.mass else 1.0))
+            for link, mass, centre in zip(
+                _bodies(cell), self.mass.tolist(), self.centre, strict=True
+            )
+        ]
+        joints, robot = cell.robot.joints, cell.robot
+        base = robot.required("links")[0]
+        return replace(
+            cell,
+            robot=replace(robot, links=(base, *links[:joints])),
+            plate=replace(cell.plate, body=links[joints]),
+            ballbar=replace(cell.ballbar, links=tuple(links[joints + 1 :])),
+        )
+
+    def with_payload(self, payload: Payload, rng: np.random.Generator) -> Masses:
+        """These bodies with a drawn payload on the plate."""
+        i, z = self.names.index("plate"), rng.standard_normal(4)
+        more = abs(payload.sigma_kg * z[0])
+        mass, centre = self.mass.copy(), self.centre.copy()
+        mass[i] += more
+        centre[i] += payload.centre_sigma_m * z[1:] * more / mass[i]
+        return replace(self, mass=mass, centre=centre)
+
+
+def stated_masses(cell: Cell) -> Masses:
+    """The masses and centres of the files."""
+    bodies = _bodies(cell)
+    return Masses(
+        names=(
+            *(f"link{i + 1}" for i in range(cell.robot.joints)),
+            "plate",
+            *(f"bar{i + 1}" for i in range(len(cell.ballbar.links))),
+        ),
+        mass=np.array([body.mass for body in bodies]),
+        centre=np.stack([body.com for body in bodies]),
+    )
+
+
+def drawn_masses(errors: BodyMasses, cell: Cell, rng: np.random.Generator) -> Masses:
+    """The masses and centres of the files with drawn deviations."""
+    stated = stated_masses(cell)
+    z = rng.standard_normal((len(stated.names), 4))
+    return replace(
+        stated,
+        mass=stated.mass * np.exp(errors.spread * z[:, 0]),
+        centre=stated.centre + errors.centre_sigma_m * z[:, 1:],
+    )
+
+
+def _bodies(cell: Cell) -> list[Link]:
+    return [*cell.robot.required("links")[1:], cell.plate.body, *cell.ballbar.links]

@@ -6,7 +6,7 @@ hold after another, until none is left. The effects of gears, resolvers and weig
 readings remain. Each pose starts with gears in the middle of their backlash; the weight presses
 them to a flank. Without forces, motors stand at their targets and gears err by their ripple.
 
-Before a rod or a wire (sim.plant.rod_and_wire), an arm is in static equilibrium: the motors stand
+Before a rod or a wire, an arm is in static equilibrium: the motors stand
 where the controller put them, so each gear is a spring from there, a fixed tendon over its joints.
 Heavily damped, the arm comes to rest in half a second.
 """
@@ -28,7 +28,8 @@ from cell.instrument import Instrument
 from cell.inverse import pose_error
 from cell.robot_angles import joints_to_motors, motors_to_joints
 from sim.errors.sensor_effects import ResolverEffects
-from sim.plant.description import Plant, servo_gains
+from sim.plant.effects import Plant, servo_gains
+from sim.plant.instrument_plant import add_rod, add_wire, is_wire, rod_position
 from sim.plant.mjcf import (
     ROBOT_JOINTS,
     ROTORS,
@@ -39,7 +40,6 @@ from sim.plant.mjcf import (
     unloaded_robot_spec,
 )
 from sim.plant.mujoco_plant import PHYSICS, PlantError, full_state
-from sim.plant.rod_and_wire import add_rod, add_wire, is_wire, rod_position
 from sim.plant.statics import gravity_torque
 from sim.settings import RodAndWire
 from sim.true_robot import TrueArm, TrueMachine

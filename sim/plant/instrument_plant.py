@@ -1,7 +1,7 @@
 """MuJoCo plant of a robot before a telescoping bar or a draw-wire: no closed chain holds it.
 
 The servos and gears are those of sim.plant.mujoco_plant, rod and wire those of
-sim.plant.rod_and_wire. The run begins once the arm has come to rest under its first command.
+sim.plant.instrument_plant. The run begins once the arm has come to rest under its first command.
 """
 
 from __future__ import annotations
@@ -12,13 +12,24 @@ import mujoco
 import numpy as np
 
 from cell.arrays import Array
+from cell.descriptions import Link
 from cell.geometry import robot_frames
 from cell.instrument import Instrument
+from cell.rotation import quat_wxyz
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
-from sim.plant.description import Plant
-from sim.plant.measured_motion import bar_at
-from sim.plant.mjcf import SEAT_JOINT, WELD_SOLIMP, PlantModel, plant_model_of, unloaded_robot_spec
+from sim.plant.effects import Plant
+from sim.plant.kinematic_plant import bar_at
+from sim.plant.mjcf import (
+    SEAT_JOINT,
+    SLIDE_JOINT,
+    WELD_SOLIMP,
+    WELD_SOLREF,
+    PlantModel,
+    plant_model_of,
+    set_inertia,
+    unloaded_robot_spec,
+)
 from sim.plant.mujoco_plant import (
     CLOSURE_LIMIT,
     PlantError,
@@ -28,7 +39,6 @@ from sim.plant.mujoco_plant import (
     servo_command,
     servo_motion,
 )
-from sim.plant.rod_and_wire import add_rod, add_wire, is_wire, rod_position
 from sim.settings import RodAndWire
 
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first second (as in
@@ -142,3 +152,69 @@ def _check_cup(compiled: PlantModel, instrument: Instrument, states: Array, moti
             f"at t = {motion.t[k]:.2f} s (limit {CLOSURE_LIMIT * 1e6:g} um). Halve "
             "plant.timestep_s, or lengthen path.duration_s"
         )
+
+
+_ROD_RADIUS = 0.01  # [m] for its inertia about itself, assumed
+_CUP_DAMPING = 0.02  # [N m s/rad] of the cups: only how the rod comes to rest
+_SLIDE_DAMPING = 1.0  # [N s/m] likewise
+
+
+def is_wire(instrument: Instrument) -> bool:
+    """Whether an instrument of lengths is a wire: its stroke is longer than its shortest length."""
+    return instrument.upper > 2.0 * instrument.lower
+
+
+def add_rod(
+    spec: mujoco.MjSpec, length: float, settings: RodAndWire, *, seat: Array, site: str
+) -> mujoco.MjsJoint:
+    """Adds two halves of equal mass, the second on the slide, its end in the cup at a site.
+
+    length : [m] where the slide is at 0. seat : (3,) [m]. Returns the slide.
+    """
+    half = 0.5 * settings.rod_mass_kg
+    across = half * (length**2 / 48.0 + _ROD_RADIUS**2 / 4.0)
+    inertia = np.diag([across, across, half * _ROD_RADIUS**2 / 2.0])
+    lower = spec.worldbody.add_body(name="rod_lower", pos=seat)
+    set_inertia(lower, Link(half, np.array([0.0, 0.0, 0.25 * length]), inertia))
+    lower.add_joint(name=SEAT_JOINT, type=mujoco.mjtJoint.mjJNT_BALL, damping=_CUP_DAMPING)
+    upper = lower.add_body(name="rod_upper")
+    set_inertia(upper, Link(half, np.array([0.0, 0.0, 0.75 * length]), inertia))
+    slide = upper.add_joint(name=SLIDE_JOINT, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    slide.stiffness[0] = settings.rod_spring_N_per_m
+    slide.damping[0] = _SLIDE_DAMPING
+    upper.add_site(name="rod_end", pos=[0.0, 0.0, length])
+    cup = spec.add_equality(
+        name="tool_cup",
+        type=mujoco.mjtEq.mjEQ_CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name1="rod_end",
+        name2=site,
+    )
+    cup.solref, cup.solimp = WELD_SOLREF, WELD_SOLIMP
+    return slide
+
+
+def add_wire(spec: mujoco.MjSpec, tension: float, *, seat: Array, site: str) -> None:
+    """Adds a wire that pulls a site to the seat (3,) [m] with a tension [N] times its control."""
+    spec.worldbody.add_site(name="fairlead", pos=seat)
+    wire = spec.add_tendon(name="wire")
+    wire.wrap_site("fairlead")
+    wire.wrap_site(site)
+    pull = spec.add_actuator(name="tension", target="wire", trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    pull.set_to_motor()
+    pull.gear[0] = -tension
+
+
+def rod_position(seat: Array, end: Array, length: float) -> Array:
+    """(5,) coordinates of cup (wxyz) and slide [m] of a rod from seat (3,) to end (3,) [m]."""
+    rod = end - seat
+    distance = float(np.linalg.norm(rod))
+    return np.append(quat_wxyz(_with_z(rod / distance)), distance - length)
+
+
+def _with_z(direction: Array) -> Array:
+    """(3, 3) a rotation whose z axis is a unit vector (3,)."""
+    other = np.eye(3)[int(np.abs(direction).argmin())]
+    x = np.cross(other, direction)
+    x /= np.linalg.norm(x)
+    return np.stack((x, np.cross(direction, x), direction), axis=1)

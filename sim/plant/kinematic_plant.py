@@ -6,13 +6,19 @@ geometry. Gears have their harmonic errors; nothing is elastic.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, bar_frames
-from cell.inverse import refine
-from sim.motion import Motion
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from cell.instrument import Instrument
+from cell.inverse import bar_angles, refine
+from sim.errors.plant_errors import ThermalGrowth
+from sim.motion import Motion, deflect
 from sim.path import ReferencePath
 from sim.plant.effects import PlantEffects
 from sim.settings import SimulationSettings
@@ -59,3 +65,107 @@ def run_kinematic(
     return Motion(
         t=path.t, q=q, shown=shown, b=path.b, rod_stretch=rigid, rod_force=rigid, geometry=geometry
     )
+
+
+BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project
+
+
+def run_free(
+    robot: Robot, geometry: Geometry, effects: PlantEffects, path: ReferencePath
+) -> Motion:
+    """Motion of a rigid robot whose motors follow a path; nothing holds its tool."""
+    q = effects.gear_outputs(path.q @ robot.joint_to_gear) @ robot.gear_to_joint
+    b, stretch = bar_at(geometry, q, np.zeros(1))
+    return Motion(
+        t=path.t,
+        q=q,
+        shown=path.q,
+        b=b,
+        rod_stretch=stretch,
+        rod_force=np.zeros(path.t.size),
+        geometry=geometry,
+    )
+
+
+def bar_at(
+    geometry: Geometry, q: Array, plate: Array, shift: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """Angles (K, 5) [rad] of the bar, and elongation (K,) [m] of its rod beyond bd3.
+
+    q : (K, J) [rad] joint angles. plate : (K,) or (1,) [rad] bending of the offset plate.
+    shift : (K, 3) [m] of the tool, or 0.
+    """
+    n = len(q)
+    ends = deflect(
+        geometry,
+        q,
+        np.zeros((n, BAR_ROWS)),
+        stretch=np.zeros(n),
+        plate=np.broadcast_to(plate, n),
+        base=np.zeros((n, 3)),
+    )
+    poses = np.zeros((n, 4, 4))
+    tool = ends.tool.T + shift
+    poses[:, :3, :3], poses[:, :3, 3] = ends.tool_rotation.transpose(2, 0, 1), tool
+    b = np.unwrap(bar_angles(poses, geometry.origin, flipped=BRANCH), axis=0)
+    distance = np.linalg.norm(tool - geometry.origin, axis=1)
+    return b, np.asarray(distance - geometry["bd3"])
+
+
+def check_stroke(instrument: Instrument, motion: Motion) -> None:
+    """Raises InputError where the length that is read leaves the instrument's range."""
+    read = instrument.nominal + motion.rod_stretch
+    outside = np.maximum(instrument.lower - read, read - instrument.upper)
+    k = int(outside.argmax())
+    if outside[k] > 0.0:
+        raise InputError(
+            f"path: {instrument.name} leaves its range at t = {motion.t[k]:.2f} s: "
+            f"{read[k] * 1e3:.3f} mm, outside {instrument.lower * 1e3:g}.."
+            f"{instrument.upper * 1e3:g} mm. Shorten `rod` in the path file, take smaller errors "
+            "of the robot, or an instrument of a longer stroke."
+        )
+
+
+# Of the directions in which the links grow; each gains four digits.
+_ROUNDS = 2
+
+
+def with_growth(motion: Motion, robot: Robot, effects: PlantEffects, *, free: bool) -> Motion:
+    """The motion of a robot whose links a2 and d4 grow, from a run in which they do not.
+
+    free : whether nothing holds the tool's pose. The true geometry remains that of t = 0.
+    """
+    if effects.growth is None:
+        return motion
+    lengths = growth_of(effects.growth, motion.t)
+    frames = robot_frames(motion.geometry, motion.q)
+    if free:
+        shift = _shift(frames, lengths)
+        b, stretch = bar_at(motion.geometry, motion.q, motion.plate, shift)
+        return replace(motion, b=b, rod_stretch=stretch, growth=shift)
+    q, held = motion.q, frames.poses()
+    for _ in range(_ROUNDS):
+        shift = _shift(robot_frames(motion.geometry, q), lengths)
+        target = held.copy()
+        target[:, :3, 3] -= shift
+        q = refine(motion.geometry.robot, q, target)
+    turned = (q - motion.q) @ robot.joint_to_gear
+    outputs = effects.gear_outputs(motion.shown @ robot.joint_to_gear) + turned
+    shown = (outputs - effects.transmission_error(outputs)) @ robot.gear_to_joint
+    return replace(motion, q=q, shown=shown, growth=shift)
+
+
+def growth_of(growth: ThermalGrowth, t: Array) -> Array:
+    """(2, N) [m] growth of a2 and d4 at times t (N,) [s], of which the last is the end."""
+    share = t / t[-1]
+    if growth.time_constant_s is not None:
+        share = np.expm1(-t / growth.time_constant_s) / np.expm1(-t[-1] / growth.time_constant_s)
+    return np.outer((growth.a2_m, growth.d4_m), share)
+
+
+def _shift(frames: Frames, lengths: Array) -> Array:
+    """(N, 3) [m] of the tool: a2 grows along the x axis of its row, d4 along the axis of joint 4.
+
+    lengths : (2, N) [m].
+    """
+    return np.asarray((frames.x_link[1] * lengths[0] + frames.z[3] * lengths[1]).T)

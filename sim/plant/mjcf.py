@@ -26,8 +26,7 @@ from cell.chain import row_placements
 from cell.descriptions import Link
 from cell.geometry import BAR_ROWS, Geometry
 from cell.rotation import quat_wxyz
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
+from sim.plant.effects import Plant, PlantEffects
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # (notes/mujoco sec. 2)

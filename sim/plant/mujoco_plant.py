@@ -21,7 +21,7 @@ from cell.descriptions import Cell
 from cell.errors import FailureError
 from sim.motion import CLOSURE_STRIDE, Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
-from sim.plant.description import Plant
+from sim.plant.effects import Plant
 from sim.plant.mjcf import PlantModel, plant_model
 from sim.plant.statics import Equilibrium, equilibrium, gravity_torque
 

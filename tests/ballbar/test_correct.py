@@ -20,8 +20,7 @@ from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
+from sim.plant.effects import Plant, PlantEffects
 from sim.plant.held import hold_poses, hold_targets, pose_distance
 from sim.true_robot import TrueMachine, true_machine
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of

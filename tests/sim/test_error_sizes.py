@@ -29,9 +29,15 @@ from sim.errors.sensor_effects import resolver_effects
 from sim.errors.sensor_errors import SensorErrors, SignalNoise
 from sim.errors.static_errors import true_geometry
 from sim.kinematic_samples import kinematic_samples, sample_path
-from sim.logging.clocks import log_times
-from sim.logging.encoders import BarEncoder, frozen_bits, motor_angles, read_counts
-from sim.logging.joint_lag import joint_lags, with_lags
+from sim.logging.clocks import log_times, logged_rows
+from sim.logging.encoders import (
+    BarEncoder,
+    frozen_bits,
+    joint_lags,
+    motor_angles,
+    read_counts,
+    with_lags,
+)
 from sim.logging.load_logs import (
     SENSOR_EPOCH,
     ForceSensor,
@@ -41,12 +47,9 @@ from sim.logging.load_logs import (
     motor_torques,
     sensor_rows,
 )
-from sim.logging.loggers import logged_rows
 from sim.motion import Motion
 from sim.path_files import scenario_path
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects, plant_effects
-from sim.plant.masses import stated_masses
+from sim.plant.effects import Plant, PlantEffects, plant_effects, stated_masses
 from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
 from sim.settings import ClockSettings, ErrorSettings
 from sim.simulate import simulate

@@ -29,7 +29,7 @@ from cell.logs import segment_starts
 from cell.robot_angles import joints_to_motors, motors_to_joints
 from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
-from sim.logging.loggers import chosen
+from sim.logging.clocks import chosen
 from sim.motion import Motion
 from sim.recording_files import truth_path
 from sim.settings import ErrorSettings, SimulationSettings

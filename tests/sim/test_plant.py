@@ -23,8 +23,7 @@ from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
 from sim.path_files import load_lissajous
 from sim.plant import mujoco_plant as plant_module
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.effects import Plant, PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
 from sim.plant.statics import equilibrium, gravity_torque
