@@ -26,6 +26,7 @@ FOLLOWED = 2  # configurations of an arm without closed form that a path is foll
 PER_CYCLE, LEAST_PHASES = 24, 96  # phases at which such an arm is led to the path
 LEAST_AXES = 6  # that bring a tool to any pose
 LARGEST_STEP = 1.0  # [rad] between two phases; more is a jump to another configuration
+BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project
 RAMP = 2.0  # [s] from a dwell to the cruising speed of the phase, and back: below 1 Hz
 
 

@@ -1,4 +1,11 @@
-"""Path files and the reference path of a scenario."""
+"""Path files and the reference path of a scenario.
+
+A recorded path is the motion of a recorded robot as reference of another run (thesis sec. 3.1). The
+nominal robot's tool at the logged angles lies near the sphere but not on it, since the robot is not
+nominal and the angles are noisy. The ball-bar angles are therefore those of an ideal ball-bar that
+holds the tool's pose, smoothed over time; the mechanism that takes them is on the sphere. Path,
+timing and the distribution of samples are those of the real run to within its errors (steps 1, 2).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +14,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
@@ -20,6 +27,7 @@ from cell.schema import Strict
 from cell.splines import DEGREE, smoothing_spline
 from cell.strict_yaml import load_model
 from sim.path import (
+    BRANCH,
     Lissajous,
     PushPull,
     ReferencePath,
@@ -31,6 +39,8 @@ from sim.path import (
 from sim.settings import PathSettings, Position
 
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
+OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
+KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
 
 Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
 Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
@@ -102,19 +112,13 @@ def scenario_path(
                 f"path.recording = {settings.recording}: its robot log was not handed to the "
                 "simulation. Take another path.kind, or run the scenario with `ballbar run`."
             )
-        return recorded_path(
-            cell.robot,
-            nominal,
-            recorded,
-            duration=settings.duration_s,
-            step=PATH_STEP,
-            telescopes=cell.ballbar.stroke is not None,
-        )
+        return _recorded_path(settings, cell, nominal, recorded)
     file = relative_to / settings.file
     shape: Lissajous | PushPull
     beginning = None
     if settings.kind == "push_pull":
-        shape = load_push_pull(file)
+        push = load_model(file, PushPullFile)
+        shape = PushPull(held=np.radians(push.angles_deg), travel=push.travel_m, cycles=push.cycles)
     else:
         content = load_model(file, LissajousFile)
         shape, beginning = lissajous(content), _beginning(content, cell.robot, file)
@@ -166,34 +170,15 @@ def lissajous(file: LissajousFile) -> Lissajous:
     )
 
 
-def load_push_pull(path: Path) -> PushPull:
-    """The pose and travel of a path file. Raises DescriptionError."""
-    file = load_model(path, PushPullFile)
-    return PushPull(held=np.radians(file.angles_deg), travel=file.travel_m, cycles=file.cycles)
-
-
-OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
-KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
-# b2 and b4 negative, as in the path files of this project; the log does not determine their signs.
-BRANCH = (True, True)
-
-
-def recorded_path(
-    robot: Robot,
-    nominal: Geometry,
-    log: RobotLog,
-    *,
-    duration: float,
-    step: float,
-    telescopes: bool = False,
+def _recorded_path(
+    settings: PathSettings, cell: Cell, nominal: Geometry, log: RobotLog
 ) -> ReferencePath:
-    """The first `duration` seconds of a robot's log as a command, every `step` seconds.
-
-    telescopes : whether the rod is as long as the log has it, and not rigid.
+    """The first seconds of a robot's log as a command.
 
     Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or the
     motion exceeds an axis range or a speed limit.
     """
+    duration, robot = settings.duration_s, cell.robot
     if duration > log.t[-1]:
         raise InputError(
             f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s. "
@@ -201,12 +186,21 @@ def recorded_path(
         )
     poses = robot_frames(nominal, log.q).poses()
     off = np.linalg.norm(poses[:, :3, 3] - nominal.origin, axis=1) - nominal["bd3"]
-    if not telescopes:
-        _check_sphere(log.t, off)
+    if cell.ballbar.stroke is None:
+        k = int(np.abs(off).argmax())
+        if abs(off[k]) > OFF_SPHERE:
+            raise InputError(
+                f"path.recording: at t = {log.t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} "
+                "mm off the ball-bar's sphere. Were robot, ballbar, plate and ballbar_position_m "
+                "those of the recording? Name those."
+            )
         off = np.zeros_like(off)
+    # The log does not determine the signs of b2 and b4. Stretches without rows carry no knots.
     angles = np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0)
-    smooth = _smoothed(log.t, np.column_stack((angles, off)))
-    t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
+    pieces = max(2, round((log.t[-1] - log.t[0]) / KNOT_SPACING))
+    inner = np.linspace(log.t[0], log.t[-1], pieces + 1)[1:-1]
+    smooth = smoothing_spline(log.t, np.column_stack((angles, off)), inner, rows=DEGREE + 1)
+    t: Array = np.arange(round(duration / PATH_STEP) + 1, dtype=np.float64) * PATH_STEP
     b = np.asarray(smooth(np.minimum(t, log.t[-1])))
     logged = np.stack([np.interp(t, log.t, angle) for angle in log.q.T], axis=1)
     q = refine(nominal.robot, logged, bar_frames(nominal, b).poses())
@@ -215,20 +209,3 @@ def recorded_path(
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
     return ReferencePath(t, b[:, :BAR_ROWS], q, speed)
-
-
-def _check_sphere(t: Array, off: Array) -> None:
-    """Raises InputError where the tool is far off the sphere; off : (N,) [m] beyond its radius."""
-    k = int(np.abs(off).argmax())
-    if abs(off[k]) > OFF_SPHERE:
-        raise InputError(
-            f"path.recording: at t = {t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} mm off "
-            "the ball-bar's sphere. "
-            "Were robot, ballbar, plate and ballbar_position_m those of the recording? Name those."
-        )
-
-
-def _smoothed(t: Array, angles: Array) -> BSpline:
-    """Least-squares spline of angles (N, K) [rad]; stretches without rows carry no knots."""
-    inner = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / KNOT_SPACING)) + 1)[1:-1]
-    return smoothing_spline(t, angles, inner, rows=DEGREE + 1)

@@ -1,39 +1,11 @@
-"""The thread of a simulated device: it begins when it is started, and ends with the device."""
+"""Devices that deliver a recording at a common pace, each in a thread of its own."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-
-
-class DeviceThread:
-    """Calls `cycle` every so many seconds, until it says that all is done, or until it is ended."""
-
-    def __init__(self, cycle: Callable[[], bool], *, period: float) -> None:
-        """cycle : returns whether there is no more to do. period : [s]."""
-        self._cycle, self._period = cycle, period
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def wait(self, seconds: float) -> bool:
-        """Whether all was done, or the thread was ended, within `seconds`."""
-        self._thread.join(seconds)
-        return not self._thread.is_alive()
-
-    def end(self) -> None:
-        """Ends the thread, if it was started, and waits for it."""
-        self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
-
-    def _run(self) -> None:
-        while not self._stop.wait(self._period) and not self._cycle():
-            pass
-
+from abc import ABC, abstractmethod
+from typing import Self
 
 REAL_TIME = 1.0
 
@@ -66,3 +38,42 @@ class Pace:
             now = time.monotonic()
             self._before += self._rate * (now - self._since)
             self._since, self._rate = now, rate
+
+
+class Device(ABC):
+    """A device that works from its start until all is done, or until the block ends."""
+
+    def __init__(self, period: float) -> None:
+        """period : [s] of its cycle."""
+        self._period, self._stop = period, threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._close()
+
+    def start(self) -> None:
+        """Starts the device."""
+        self._thread.start()
+
+    def wait(self, seconds: float) -> bool:
+        """Whether all was done, or the device has ended, within `seconds`."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while not self._stop.wait(self._period) and not self._cycle():
+            pass
+
+    @abstractmethod
+    def _cycle(self) -> bool:
+        """Does what is due, also what is late; whether there is no more to do."""
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Ends the connections."""

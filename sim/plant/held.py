@@ -29,7 +29,7 @@ from cell.inverse import pose_error
 from cell.robot_angles import joints_to_motors, motors_to_joints
 from sim.errors.sensor_effects import ResolverEffects
 from sim.plant.effects import Plant, servo_gains
-from sim.plant.instrument_plant import add_rod, add_wire, is_wire, rod_position
+from sim.plant.instrument_plant import add_instrument, is_wire, rod_position
 from sim.plant.mjcf import (
     ROBOT_JOINTS,
     ROTORS,
@@ -216,8 +216,5 @@ def _spec(
         spring.springlength = [0.0, 0.0]  # written for each pose
         spring.stiffness[0] = float(stiffness[i])
         spring.damping[0] = DAMPING * float(stiffness[i])
-    if is_wire(instrument):
-        add_wire(spec, settings.wire_tension_N, seat=seat.position, site="target")
-    else:
-        add_rod(spec, instrument.nominal, settings, seat=seat.position, site="target")
+    add_instrument(spec, instrument, settings, seat=seat.position, site="target")
     return spec

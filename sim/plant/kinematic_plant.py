@@ -1,7 +1,16 @@
 """Kinematic plant: the true mechanism follows the path without forces (thesis sec. 3.1, steps 1-4).
 
 The ball-bar takes the path's angles and the robot follows by exact inverse kinematics of its true
-geometry. Gears have their harmonic errors; nothing is elastic.
+geometry. Gears have their harmonic errors; nothing is elastic. An instrument of lengths holds no
+angle: it is a massless ball-bar whose rod telescopes, so its angles follow from the tool's pose,
+and its rod is as long as tool and seat are apart.
+
+Links that grow while the robot warms up (`with_growth`, both plants): at every instant the machine
+is at rest with links of that instant's length. The plant runs with the lengths of the start, and
+its motion is then corrected for the growth. A ball-bar keeps the tool's pose, to which the longer
+arm is turned, joints and motors together; before a rod or a wire the motors hold, and the tool
+moves. The loads are those of the run: 50 um change the rod's force under a soft servo by a few
+newtons, since the millimetres of thesis Table 3.1 make 80 N (docs/experiments.md).
 """
 
 from __future__ import annotations
@@ -19,31 +28,23 @@ from cell.instrument import Instrument
 from cell.inverse import bar_angles, refine
 from sim.errors.plant_errors import ThermalGrowth
 from sim.motion import Motion, deflect
-from sim.path import ReferencePath
+from sim.path import BRANCH, ReferencePath
 from sim.plant.effects import PlantEffects
 from sim.settings import SimulationSettings
 
 WITH_FORCES = (
-    "joint_compliance",
-    "gear_backlash",
-    "gear_friction",
-    "rod_strain",
-    "rod_backlash",
-    "bar_friction",
-    "plate_bending",
-    "base_compliance",
-    "masses",
-    "payload",
-)
+    "joint_compliance", "gear_backlash", "gear_friction", "rod_strain", "rod_backlash",
+    "bar_friction", "plate_bending", "base_compliance", "masses", "payload",
+)  # fmt: skip
+_GROWTH_ROUNDS = 2  # over the directions in which the links grow; each gains four digits
 
 
 def refuse_forces(settings: SimulationSettings) -> None:
     """Raise InputError when a path, an error source or a log requires forces."""
     stated = ["path.kind = push_pull"] * (settings.path.kind == "push_pull")
     stated += [f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name)]
-    stated += [
-        f"logs.{name}" for name in ("torque", "force_sensor") if getattr(settings.logs, name)
-    ]
+    loads = ("torque", "force_sensor")
+    stated += [f"logs.{name}" for name in loads if getattr(settings.logs, name)]
     if stated:
         raise InputError(
             f"{stated[0]}: needs forces, and plant.kind = kinematic has none. "
@@ -65,9 +66,6 @@ def run_kinematic(
     return Motion(
         t=path.t, q=q, shown=shown, b=path.b, rod_stretch=rigid, rod_force=rigid, geometry=geometry
     )
-
-
-BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project
 
 
 def run_free(
@@ -126,10 +124,6 @@ def check_stroke(instrument: Instrument, motion: Motion) -> None:
         )
 
 
-# Of the directions in which the links grow; each gains four digits.
-_ROUNDS = 2
-
-
 def with_growth(motion: Motion, robot: Robot, effects: PlantEffects, *, free: bool) -> Motion:
     """The motion of a robot whose links a2 and d4 grow, from a run in which they do not.
 
@@ -137,14 +131,14 @@ def with_growth(motion: Motion, robot: Robot, effects: PlantEffects, *, free: bo
     """
     if effects.growth is None:
         return motion
-    lengths = growth_of(effects.growth, motion.t)
+    lengths = _growth(effects.growth, motion.t)
     frames = robot_frames(motion.geometry, motion.q)
     if free:
         shift = _shift(frames, lengths)
         b, stretch = bar_at(motion.geometry, motion.q, motion.plate, shift)
         return replace(motion, b=b, rod_stretch=stretch, growth=shift)
     q, held = motion.q, frames.poses()
-    for _ in range(_ROUNDS):
+    for _ in range(_GROWTH_ROUNDS):
         shift = _shift(robot_frames(motion.geometry, q), lengths)
         target = held.copy()
         target[:, :3, 3] -= shift
@@ -155,7 +149,7 @@ def with_growth(motion: Motion, robot: Robot, effects: PlantEffects, *, free: bo
     return replace(motion, q=q, shown=shown, growth=shift)
 
 
-def growth_of(growth: ThermalGrowth, t: Array) -> Array:
+def _growth(growth: ThermalGrowth, t: Array) -> Array:
     """(2, N) [m] growth of a2 and d4 at times t (N,) [s], of which the last is the end."""
     share = t / t[-1]
     if growth.time_constant_s is not None:

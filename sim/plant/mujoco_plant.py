@@ -189,9 +189,14 @@ def as_motion(run: PlantRun, states: Array, sensors: Array) -> Motion:
         torque=torque,
         # MuJoCo gives what the flange exerts on the plate.
         wrench=-sensors if effects.force_sensor else None,
-        plate=positions[:, compiled.plate[0]] if compiled.plate.size else np.zeros(1),
+        plate=bending(compiled, states),
         base=positions[:, compiled.base] if compiled.base.size else np.zeros((1, 3)),
     )
+
+
+def bending(compiled: PlantModel, states: Array) -> Array:
+    """(K,) or (1,) [rad] bending of the offset plate in states (K, nstate)."""
+    return states[:, 1 + compiled.plate[0]] if compiled.plate.size else np.zeros(1)
 
 
 def servo_motion(run: PlantRun, states: Array) -> tuple[Array, Array]:
