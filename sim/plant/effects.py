@@ -247,7 +247,8 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
                 for order, size in harmonics
             ]
     if (cycloid := errors.cycloid_ripple) is not None:
-        size, lobes, drawn = cycloid.amplitude_rad, cycloid.lobes, phases("cycloid_ripple")
+        size, lobes = cycloid.amplitude_rad, float(cycloid.lobes)
+        drawn = phases("cycloid_ripple")
         for axis in cycloid.axes:
             phase = float(drawn[axis - 1])
             if cycloid.waveform == "harmonic":
