@@ -14,8 +14,7 @@ from ballbar.scenario import PoseScenario, scenario_path, write_scenario
 from cell.errors import InputError
 from cell.files import DESCRIPTIONS, claimed_folder
 from cell.pose_file import load_poses_file
-from sim.pose_table import TABLE, write_poses
-from sim.recording_files import truth_path
+from sim.recording_files import TABLE, truth_path, write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 
 

@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 from ballbar.scenario import load_scenario
 from cell.arrays import Array
 from cell.files import write_whole
-from sim.logging.tracker import OpticalTracker, drawn_tracker, tracker_rows
+from sim.logging.load_logs import OpticalTracker, drawn_tracker, tracker_rows
 from sim.motion import Motion, deflect
 from sim.simulate import Simulation, simulate
 from tests.helpers.log_analysis import force_near_singularity, pull_push

@@ -1,4 +1,7 @@
-"""The motion of the mechanism over true time: output of all plants, input of all encoders."""
+"""The motion of the mechanism over true time: output of all plants, input of all encoders.
+
+The mechanism is deflected: a bent plate, a stretched rod, a shifted base.
+"""
 
 from __future__ import annotations
 
@@ -80,17 +83,12 @@ class Motion:
         Elongation of the rod, bending of the plate, shift of the base and growth of the links are
         included. The result does not depend on the plant that made the motion.
         """
-        rows = slice(None, None, CLOSURE_STRIDE)
-        n = self.t[rows].size
-        ends = deflect(
-            self.geometry,
-            self.q[rows],
-            self.b[rows],
-            stretch=self.rod_stretch[rows],
-            plate=np.broadcast_to(self.plate[rows], n),
-            base=np.broadcast_to(self.base[rows], (n, 3)),
+        q, b, stretch, plate, base, growth = (
+            values[::CLOSURE_STRIDE]
+            for values in (self.q, self.b, self.rod_stretch, self.plate, self.base, self.growth)
         )
-        tool = ends.tool + np.broadcast_to(self.growth[rows], (n, 3)).T
+        ends = deflect(self.geometry, q, b, stretch=stretch, plate=plate, base=base)
+        tool = ends.tool + growth.T
         position = np.linalg.norm(ends.bar.tip - tool, axis=0)
         turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
         return position, np.linalg.norm(rotvec_from_matrix(turned), axis=0)
@@ -108,15 +106,22 @@ class Deflected:
 
 
 def deflect(
-    geometry: Geometry, q: Array, b: Array, *, stretch: Array, plate: Array, base: Array
+    geometry: Geometry,
+    q: Array,
+    b: Array,
+    *,
+    stretch: Array | float = 0.0,
+    plate: Array,
+    base: Array | None = None,
 ) -> Deflected:
     """Both ends of the loop of a deflected mechanism.
 
-    q, b : (N, 6), (N, 5) [rad] joint angles. stretch : (N,) [m] elongation of the rod.
-    plate : (N,) [rad] bending angle about the plate's y. base : (N, 3) [m] shift of the base.
+    q, b : (N, 6), (N, 5) [rad] joint angles. stretch : (N,) [m] elongation of the rod. plate : (N,)
+        or (1,) [rad] bending angle about the plate's y. base : (N, 3) or (1, 3) [m] shift of the
+        base.
     """
     robot, rigid = robot_frames(geometry, q), bar_frames(geometry, b)
-    origin = rigid.origin + base.T
+    origin = rigid.origin + (0.0 if base is None else base.T)
     origin[3:] += stretch * rigid.z[2]
     bar = replace(rigid, origin=origin)
     rotation, tool, hinge = bent_plate(geometry, robot, plate)

@@ -1,4 +1,7 @@
-"""A simulated recording as files: device logs, recording.yaml, and the truth beside the folder."""
+"""What was simulated as files, and the truth beside the folder.
+
+A recording is device logs and recording.yaml, a table of still poses is poses.csv and poses.yaml.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +14,32 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.dialect import Dialect, load_dialect
-from cell.files import write_whole, write_yaml
+from cell.files import portable_name, write_whole, write_yaml
 from cell.instrument import Instrument
+from cell.poses import Measured
 from cell.recording import TrackerFile
 from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
-from sim.logging.load_logs import motor_torques, sensor_rows
+from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 from sim.logging.robot_files import robot_source, write_robot_log
-from sim.logging.tracker import tracker_rows
 from sim.settings import SimulationSettings
+from sim.still_settings import PoseSimulationSettings
 from sim.streams import stream
 
 if TYPE_CHECKING:
     from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 _DC_FILETIME = 125_911_584_000_000_000  # [100 ns] from 1601 to 2000
 SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row
+TABLE = "poses.csv"
+# columns of each kind of instrument
+_COLUMNS: dict[Measured, tuple[str, ...]] = {
+    "length": ("length [mm]",),
+    "point": ("x [mm]", "y [mm]", "z [mm]"),
+    "pose": ("x [mm]", "y [mm]", "z [mm]", "rx [rad]", "ry [rad]", "rz [rad]"),
+    "socket": (),
+}
 
 
 def truth_path(folder: Path) -> Path:
@@ -235,3 +248,56 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
         },
         "notes": "",
     }
+
+
+def write_poses(
+    simulation: PoseSimulation, settings: PoseSimulationSettings, folder: Path, *, relative_to: Path
+) -> None:
+    """Write the table, the truth beside the folder, and `folder/poses.yaml` last.
+
+    relative_to : folder of the scenario; descriptions of one's own that it names are copied.
+    """
+    names = _COLUMNS[simulation.instrument.measured]
+    axes = [f"A{k + 1} [deg]" for k in range(simulation.robot.joints)]
+    points = [f"{point.name}_{axis} [mm]" for point in settings.poses.reference for axis in "xyz"]
+    table: dict[str, object] = {"files": [TABLE], "joints": {"columns": axes, "unit": "deg"}}
+    if names:
+        values: dict[str, object] = {"columns": list(names), "unit": "mm"}
+        if simulation.instrument.measured == "pose":
+            values |= {"rotation": "rotvec", "angle_unit": "rad"}
+        table["values"] = values
+    if points:
+        table["reference"] = {"columns": points}
+    table |= {
+        "seat": {"column": "seat"},
+        "target": {"column": "target"},
+        "time": {"column": "time [s]", "form": "s"},
+    }
+    place = {"relative_to": relative_to, "folder": folder}
+    content: dict[str, object] = {
+        "schema": "ballbar-poses/1",
+        "kind": "simulated",
+        "robot": portable_name(settings.cell.robot, "robot", **place),
+        "instrument": portable_name(settings.cell.instrument, "instrument", **place),
+        "tables": [table],
+    }
+    seats = [place.name for place in settings.poses.seats]
+    if simulation.instrument.distance is not None and len(seats) == 2:
+        content["distances"] = [{"pairs": [seats]}]
+    head = ("time [s]", "seat", "target", *axes, *names, *points)
+    write_whole(folder / TABLE, _table(simulation, head, names).encode())
+    simulation.truth.write(truth_path(folder))
+    write_yaml(folder / "poses.yaml", content)
+
+
+def _table(simulation: PoseSimulation, head: tuple[str, ...], names: tuple[str, ...]) -> str:
+    """The rows as text, below a head; names : of the instrument's columns."""
+    rows, lines = simulation.rows, [",".join(head)]
+    values = rows.values * [1e3 if "mm" in name else 1.0 for name in names]
+    values = np.hstack((values, rows.reference.reshape(len(values), -1) * 1e3))
+    axes = np.rad2deg(rows.axes)
+    for k, (seat, target) in enumerate(zip(rows.seat, rows.target, strict=True)):
+        angles = [f"{angle:.10f}" for angle in axes[k]]  # 2e-12 rad
+        read = ["" if np.isnan(value) else f"{value:.8f}" for value in values[k]]
+        lines.append(",".join((f"{rows.time[k]:.3f}", seat, target, *angles, *read)))
+    return "\n".join(lines) + "\n"

@@ -17,9 +17,8 @@ from sim.errors.sample_errors import refuse_sample_errors
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects
 from sim.logging.clocks import LoggedRows, LogTimes, log_times, logged_rows
 from sim.logging.encoders import BarEncoder, joint_lags, with_lags
-from sim.logging.load_logs import drawn_loads
+from sim.logging.load_logs import drawn_loads, drawn_tracker
 from sim.logging.robot_files import robot_period
-from sim.logging.tracker import drawn_tracker
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath
 from sim.path_files import scenario_path

@@ -24,8 +24,7 @@ from sim.errors.clock_errors import ClockStep, LoggerRestart
 from sim.errors.plant_errors import ThermalGrowth
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.logging.clocks import RowCounts, WanderCurve
-from sim.logging.load_logs import DrawnLoads
-from sim.logging.tracker import TrackerTruth
+from sim.logging.load_logs import DrawnLoads, TrackerTruth
 from sim.plant.effects import RIGID_ROD, Masses, PlantEffects, Ripple
 from sim.true_robot import TrueArm
 

@@ -23,11 +23,11 @@ from cell.arrays import Array
 from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.instrument import Instrument
 from cell.inverse import bar_angles, refine
 from sim.errors.plant_errors import ThermalGrowth
-from sim.motion import Motion, deflect
+from sim.motion import Motion, bent_plate
 from sim.path import BRANCH, ReferencePath
 from sim.plant.effects import PlantEffects
 from sim.settings import SimulationSettings
@@ -93,18 +93,9 @@ def bar_at(
     q : (K, J) [rad] joint angles. plate : (K,) or (1,) [rad] bending of the offset plate.
     shift : (K, 3) [m] of the tool, or 0.
     """
-    n = len(q)
-    ends = deflect(
-        geometry,
-        q,
-        np.zeros((n, BAR_ROWS)),
-        stretch=np.zeros(n),
-        plate=np.broadcast_to(plate, n),
-        base=np.zeros((n, 3)),
-    )
-    poses = np.zeros((n, 4, 4))
-    tool = ends.tool.T + shift
-    poses[:, :3, :3], poses[:, :3, 3] = ends.tool_rotation.transpose(2, 0, 1), tool
+    rotation, tip, _ = bent_plate(geometry, robot_frames(geometry, q), plate)
+    poses, tool = np.zeros((len(q), 4, 4)), tip.T + shift
+    poses[:, :3, :3], poses[:, :3, 3] = rotation.transpose(2, 0, 1), tool
     b = np.unwrap(bar_angles(poses, geometry.origin, flipped=BRANCH), axis=0)
     distance = np.linalg.norm(tool - geometry.origin, axis=1)
     return b, np.asarray(distance - geometry["bd3"])

@@ -18,7 +18,7 @@ from cell.errors import DescriptionError
 from cell.poses import PoseTable
 from ident.poses.identify import identify_poses
 from ident.poses.result import PoseIdentification
-from sim.pose_table import write_poses
+from sim.recording_files import write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
 

@@ -16,8 +16,7 @@ from cell.load import load_instrument, load_robot
 from cell.poses import PoseTable
 from sim.errors.plant_errors import JointCompliance
 from sim.plant.held import hold_with_instrument
-from sim.pose_table import write_poses
-from sim.recording_files import truth_path
+from sim.recording_files import truth_path, write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 from sim.still_settings import PoseErrors, PosePlant, PoseSimulationSettings
 from sim.true_robot import TrueArm, true_arm
