@@ -21,7 +21,7 @@ from cell.extended_yaml import EXTENDS
 from cell.instrument import InstrumentFile
 from cell.pose_file import PosesFile
 from cell.recording import RecordingFile
-from planning.poses.request import PosePlanRequest
+from planning.pose_request import PosePlanRequest
 from planning.request import PlanRequest
 from sim.path_files import LissajousFile, PushPullFile
 from sim.truth import PoseTruth, Truth

@@ -35,11 +35,11 @@ from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
 from ident.result import Identification
-from planning.candidate import Candidate
+from planning.candidate import PathCandidate
 from planning.evaluation import evaluators
 from planning.files import path_data
 from planning.known import Known, known_of
-from planning.plan import Plan, assess, plans
+from planning.plan import PathPlan, assess, plans
 from planning.request import PlanRequest, load_request
 from sim.path_files import load_lissajous
 from sim.truth import Truth
@@ -53,7 +53,7 @@ OPTIONS = FitOptions(model="complete", force="torque")
 LONGEST = 600.0  # [s] of a search, which its evaluations end
 
 
-def planned(request: PlanRequest, evaluations: int, known: Known | None) -> Plan:
+def planned(request: PlanRequest, evaluations: int, known: Known | None) -> PathPlan:
     """The best path of a search; known : from results of the machine."""
     begun = time.monotonic()
     return next(
@@ -80,14 +80,14 @@ def along(
     return recorded(Scenario.model_validate(data, strict=False), folder / "recording")
 
 
-def of_plan(plan: Plan) -> tuple[dict[str, object], list[float]]:
+def of_plan(plan: PathPlan) -> tuple[dict[str, object], list[float]]:
     """Path file and base position [m] of the ball-bar."""
     candidate = plan.evaluation.candidate
     return path_data(candidate), candidate.position.tolist()
 
 
 def robot_rows(
-    seed: int, duration: float, evaluations: int, alone: Plan, first_path: str
+    seed: int, duration: float, evaluations: int, alone: PathPlan, first_path: str
 ) -> Iterator[dict[str, object]]:
     """The rows of one robot."""
     one, two = (scenario_of(ROBOT, path, seed, duration) for path in "ab")  # recordings 1 and 2
@@ -113,13 +113,13 @@ def robot_rows(
         for kind, (path, position) in seconds.items():
             _, logs, _ = along(two, folder / kind, path, position)
             shape = load_lissajous(folder / kind / "path.yaml")
-            plan = assess(evaluator, Candidate(shape, np.array(position)))
+            plan = assess(evaluator, PathCandidate(shape, np.array(position)))
             found = identify_together(cell, [first, logs], options=OPTIONS)
             yield row(seed, kind, found, truth, plan)
 
 
 def row(
-    seed: int, kind: str, found: Identification, truth: Truth, plan: Plan | None
+    seed: int, kind: str, found: Identification, truth: Truth, plan: PathPlan | None
 ) -> dict[str, object]:
     """Figures of one identification against the truth."""
     tcp = identification_against_truth(found, truth).tcp

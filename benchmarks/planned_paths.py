@@ -27,7 +27,7 @@ from cell.files import write_whole, write_yaml
 from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
 from ident.options import FitOptions
-from planning.candidate import Candidate, rounded, space_of
+from planning.candidate import PathCandidate, rounded, space_of
 from planning.coarse import BATCH
 from planning.crlb import predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
@@ -51,7 +51,7 @@ def random_paths(robot: str) -> list[dict[str, object]]:
     """RANDOM feasible random paths: predicted TCP sigma, numbers of the path, ball-bar pose."""
     evaluator = _evaluator(robot)
     space, around = space_of(evaluator.request), evaluator.request.cell
-    rng, paths = np.random.default_rng(evaluator.request.seed + 1000), list[Candidate]()
+    rng, paths = np.random.default_rng(evaluator.request.seed + 1000), list[PathCandidate]()
     while len(paths) < RANDOM:
         genomes = rng.random((BATCH, space.size))
         screened = screen(evaluator.cell, around, space, evaluator.limits, genomes)
@@ -63,7 +63,7 @@ def random_paths(robot: str) -> list[dict[str, object]]:
     ]
 
 
-def _numbers(candidate: Candidate) -> dict[str, object]:
+def _numbers(candidate: PathCandidate) -> dict[str, object]:
     """A candidate as columns of a table."""
     data = path_data(candidate)
     columns = {
@@ -94,11 +94,11 @@ def predicted_of(robot: str, path: str) -> float:
     scenario = _scenario(robot, path)
     shape = load_lissajous(SCENARIOS / scenario.path.file)
     return predicted_at(
-        _evaluator(robot), Candidate(shape, np.array(scenario.cell.ballbar_position_m))
+        _evaluator(robot), PathCandidate(shape, np.array(scenario.cell.ballbar_position_m))
     )
 
 
-def predicted_at(evaluator: Evaluator, candidate: Candidate) -> float:
+def predicted_at(evaluator: Evaluator, candidate: PathCandidate) -> float:
     """[m] predicted TCP sigma, median of the robots of planning.force."""
     cell, limits = evaluator.cell, evaluator.limits
     trajectory = min(

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from ident.poses.identify import PoseOptions, identify_poses
-from planning.poses.candidates import Candidates, random_candidates
-from planning.poses.plan import PosePlan, pose_plan
-from planning.poses.request import SCHEMA, PosePlanRequest
-from planning.poses.setup import setup_of
+from planning.feasible_poses import Candidates, random_candidates
+from planning.pose_plan import PosePlan, pose_plan
+from planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from planning.stations import setup_of
 from tests.helpers.measured_plans import RIPPLE, DrawnRobot, drawn_robot
 
 ROBOTS, SETS = 5, 5
@@ -54,7 +54,7 @@ def requests() -> Iterator[PosePlanRequest]:
     of_sockets = {"instrument": "socket_pair_50", "seats": holes, "targets": ball}
     cases.append({"robot": "panda", **of_sockets, "distances": pairs, "poses": 60})
     for case in cases:
-        text = json.dumps({"schema": SCHEMA, "name": "case", **case})
+        text = json.dumps({"schema": f"{POSE_SCHEMA}/1", "name": "case", **case})
         yield PosePlanRequest.model_validate_json(text)
 
 

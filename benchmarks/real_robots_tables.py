@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from acquisition.poses import import_poses, read_poses
+from acquisition.pose_tables import import_poses, read_poses
 from acquisition.report import finding_line
 from cell.poses import PoseTable
 from tests.helpers import real_robots

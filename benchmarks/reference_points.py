@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.poses import read_poses
-from acquisition.poses.reference_fit import fit_with_knocks
+from acquisition.pose_tables import read_poses
+from acquisition.reference_fit import fit_with_knocks
 from ballbar.result.compare_poses import compare_poses_with_truth
 from ballbar.scenario import PoseScenario, load_any_scenario
 from cell.statistics import rms

@@ -1,8 +1,8 @@
 """poses.yaml: how to read tables of still poses (schema `ballbar-poses/1`).
 
-A person writes it, or `ballbar new --poses`; acquisition.poses reads it. A column is named as in
-the header of its file, or counted from 1 in a file without header. A number may be the difference
-or the sum of two columns: "x_t - x_dif".
+A person writes it, or `ballbar new --poses`; acquisition.pose_tables reads it. A column is named as
+in the header of its file, or counted from 1 in a file without header. A number may be the
+difference or the sum of two columns: "x_t - x_dif".
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from ballbar.result.pose_calibration import PoseCalibrationFile
 from cell.files import write_whole
 from cell.pose_file import PosesFile
 from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
-from planning.poses.request import PosePlanRequest
+from planning.pose_request import PosePlanRequest
 from planning.request import PlanRequest
 
 DOCS = Path(__file__).parents[1] / "docs"

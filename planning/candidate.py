@@ -26,7 +26,7 @@ WIDEST_FREE = 0.5 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class PathCandidate:
     """One path and the position of the ball-bar."""
 
     shape: Lissajous
@@ -48,10 +48,10 @@ class Space:
         """Length S of a genome: centre, amplitude, phase and cycles of five angles; position."""
         return 4 * BAR_ROWS + 3
 
-    def candidate(self, genome: Array) -> Candidate:
+    def candidate(self, genome: Array) -> PathCandidate:
         """The candidate of a genome (S,) [-], each number folded into 0 to 1."""
         shapes, positions = self.many(genome[None])
-        return Candidate(shape_of(shapes, 0), positions[0])
+        return PathCandidate(shape_of(shapes, 0), positions[0])
 
     def many(self, genomes: Array) -> tuple[Lissajous, Array]:
         """Lissajous parameters (M, 5) and positions (M, 3) [m] of genomes (M, S) [-]."""
@@ -82,7 +82,7 @@ def angles_of(shapes: Lissajous, s: Array, share: float = 1.0) -> Array:
     return np.asarray(shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn))
 
 
-def genome_of(space: Space, candidate: Candidate) -> Array:
+def genome_of(space: Space, candidate: PathCandidate) -> Array:
     """(S,) [-] genome of a candidate, or of the nearest one that the space holds."""
     shape = candidate.shape
     flip = shape.amplitude < 0.0
@@ -102,14 +102,14 @@ def genome_of(space: Space, candidate: Candidate) -> Array:
     return np.asarray(np.clip(genome, 0.0, 1.0))
 
 
-def rounded(candidate: Candidate) -> Candidate:
+def rounded(candidate: PathCandidate) -> PathCandidate:
     """The candidate as files will state it, so that what is evaluated is what is written."""
     shape = candidate.shape
     centre, amplitude, phase = (
         np.radians(np.degrees(v).round(DECIMALS))
         for v in (shape.centre, shape.amplitude, shape.phase)
     )
-    return Candidate(
+    return PathCandidate(
         Lissajous(centre, amplitude, shape.cycles, phase),
         candidate.position.round(POSITION_DECIMALS),
     )

@@ -5,7 +5,7 @@ nothing is simulated; MuJoCo only gets their poses, and only of pairs that lower
 question. Radii are assumed shares of the upper arm's
 length, since neither maker publishes hulls. Neighbours touch and are not compared. Of an arm
 without parallel axes 2 and 3 and spherical wrist the capsules run along d and a of its DH rows, as
-in planning.poses.bodies: links that stand beside them, as the upper arm of a UR, are not seen.
+in planning.pose_clearance: links that stand beside them, as the upper arm of a UR, are not seen.
 """
 
 from __future__ import annotations

@@ -38,9 +38,9 @@ from ident.robot.accuracy import position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import interpolating_log
 from planning.known import Known
-from planning.request import PlanSensors, PlanTiming, Workspace
+from planning.request import PlanSensors, PlanTiming
 from planning.trajectory import Passage
-from planning.workspace import workspace_grid
+from planning.workspace import Workspace, workspace_grid
 
 EXACT = 1e-9  # [m] prior of a length taken as exact
 # Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
@@ -91,7 +91,7 @@ class Predictor:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class PathPrediction:
     """Predicted information of one trajectory about one robot."""
 
     layout: Unknowns
@@ -190,8 +190,8 @@ def planned_unknowns(
 
 
 def predict(
-    on: Predictor, trajectory: Passage, tension: Array, previous: Prediction | None = None
-) -> Prediction:
+    on: Predictor, trajectory: Passage, tension: Array, previous: PathPrediction | None = None
+) -> PathPrediction:
     """The prediction of a trajectory.
 
     tension : (N,) [N] of the rod at the trajectory's times. previous : prediction of the same
@@ -213,7 +213,7 @@ def predict(
     bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
     points = previous.points if previous else ()
     linear = normal_equations(model, x, [bar], excess_noise(on), previous=points)
-    return Prediction(
+    return PathPrediction(
         layout=layout,
         model=model,
         normal=linear.normal + (before(on, layout) - np.diag(layout.sigma**-2.0)),
@@ -231,9 +231,9 @@ def before(on: Predictor, layout: Unknowns) -> Array:
     return on.known.normal(layout, on.cell)
 
 
-def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[Prediction, ...]:
+def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[PathPrediction, ...]:
     """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
-    out: list[Prediction] = []
+    out: list[PathPrediction] = []
     for tension in tensions:
         out.append(predict(on, trajectory, tension, out[0] if out else None))
     return tuple(out)

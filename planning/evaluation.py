@@ -1,4 +1,4 @@
-"""Evaluation of a candidate: best arm configuration, violated limits, and predicted uncertainty.
+"""Assessment of a candidate: best arm configuration, violated limits, and predicted uncertainty.
 
 The objective is the root mean square over the workspace of the predicted TCP sigma. Which loads
 reverse, and so which backlash shows, depends on the force in the rod, and that on the robot's
@@ -22,11 +22,11 @@ from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
 from ident.robot.unloaded_robot import UnloadedRobot
-from planning.candidate import Candidate, Space, space_of
+from planning.candidate import PathCandidate, Space, space_of
 from planning.clearance import Clearance, clearance, nearest
 from planning.coarse_crlb import CoarsePredictor, coarse_predictor
 from planning.crlb import (
-    Prediction,
+    PathPrediction,
     Predictor,
     before,
     moving,
@@ -75,10 +75,10 @@ class Evaluator:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Assessment:
     """Outcome for one candidate."""
 
-    candidate: Candidate
+    candidate: PathCandidate
     violations: tuple[Violation, ...]  # worst first; none: it can be run
     trajectory: Trajectory | None = None  # None where the robot does not reach
     forces: Forces | None = None
@@ -194,7 +194,7 @@ def _screened(evaluator: Evaluator, space: Space, genome: Array) -> Screened:
     return screen(evaluator.cell, around, space, evaluator.limits, genome[None])
 
 
-def evaluate(evaluator: Evaluator, candidate: Candidate, *, robots: int = ROBOTS) -> Evaluation:
+def evaluate(evaluator: Evaluator, candidate: PathCandidate, *, robots: int = ROBOTS) -> Assessment:
     """Violated limits of a candidate and, if there are none, its predicted uncertainty.
 
     robots : how many robots of planning.force enter the prediction.
@@ -208,7 +208,7 @@ def evaluate(evaluator: Evaluator, candidate: Candidate, *, robots: int = ROBOTS
         for prediction in predictions(evaluator.predictor, best.trajectory, tensions)
     ]
     mean = float(np.sqrt(np.mean(np.square(tcp))))
-    return Evaluation(candidate, (), best.trajectory, best.forces, mean)
+    return Assessment(candidate, (), best.trajectory, best.forces, mean)
 
 
 def tensions_of(trajectory: Trajectory, forces: Forces | None) -> Array:
@@ -216,7 +216,7 @@ def tensions_of(trajectory: Trajectory, forces: Forces | None) -> Array:
     return np.zeros((1, trajectory.t.size)) if forces is None else forces.tension
 
 
-def check(evaluator: Evaluator, candidate: Candidate) -> Evaluation:
+def check(evaluator: Evaluator, candidate: PathCandidate) -> Assessment:
     """The arm configuration that violates least, without a prediction of its uncertainty."""
     limits, best = evaluator.limits, None
     for trajectory in trajectories(evaluator.cell, candidate, evaluator.request.timing):
@@ -231,13 +231,13 @@ def check(evaluator: Evaluator, candidate: Candidate) -> Evaluation:
                 violated += _too_strong(forces, limits.force_N, trajectory)
             violated += _too_close(evaluator, trajectory)
         violated.sort(key=lambda v: -v.excess)
-        outcome = Evaluation(candidate, tuple(violated), trajectory, forces, examined=examined)
+        outcome = Assessment(candidate, tuple(violated), trajectory, forces, examined=examined)
         if not violated:
             return outcome
         if best is None or outcome.excess < best.excess:
             best = outcome
     unreached = Violation("reach", UNREACHED, "the robot does not reach all of it")
-    return best or Evaluation(candidate, (unreached,), examined=False)
+    return best or Assessment(candidate, (unreached,), examined=False)
 
 
 def _too_strong(forces: Forces, limit: float, trajectory: Trajectory) -> list[Violation]:
@@ -261,8 +261,8 @@ def _too_close(evaluator: Evaluator, trajectory: Trajectory) -> list[Violation]:
     return [Violation("clearance_m", (limit - closest.distance) / UNIT_CLEARANCE, text)]
 
 
-def tcp_rms(evaluator: Evaluator, prediction: Prediction) -> float:
-    """[m] root mean square of `Prediction.tcp_sigma` over the grid, without the covariance."""
+def tcp_rms(evaluator: Evaluator, prediction: PathPrediction) -> float:
+    """[m] root mean square of `PathPrediction.tcp_sigma` over the grid, without the covariance."""
     return rms_of_normal(evaluator, prediction.normal, prediction.layout)
 
 

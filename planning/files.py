@@ -13,12 +13,12 @@ from cell.extended_yaml import load_extended, portable
 from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
 from cell.geometry import nominal_chain
 from cell.robot_angles import joints_to_axes
-from planning.candidate import DECIMALS, Candidate
+from planning.candidate import DECIMALS, PathCandidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
 from planning.export import BALLBAR, SUFFIXES, TELESCOPING, pdl2, rapid, table, without_program
 from planning.force import ERROR
 from planning.krl import krl
-from planning.plan import Plan
+from planning.plan import PathPlan
 from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
 from planning.stroke import Lengths
 from planning.targets import Targets, targets_of
@@ -76,7 +76,7 @@ TWO_CLOCKS: dict[str, object] = {  # likewise
 }
 
 
-def path_data(candidate: Candidate) -> dict[str, object]:
+def path_data(candidate: PathCandidate) -> dict[str, object]:
     """A path file of schema ballbar-path/1, for the first configuration that keeps the ranges."""
     shape = candidate.shape
     rod = [
@@ -94,7 +94,7 @@ def path_data(candidate: Candidate) -> dict[str, object]:
     }
 
 
-def planned_path_data(plan: Plan) -> dict[str, object]:
+def planned_path_data(plan: PathPlan) -> dict[str, object]:
     """The path file of a plan, in the configuration of the arm that was planned."""
     first = joints_to_axes(plan.evaluator.cell.robot, plan.trajectory.q[0])
     return {
@@ -103,7 +103,7 @@ def planned_path_data(plan: Plan) -> dict[str, object]:
     }
 
 
-def scenario_data(plan: Plan, cell: dict[str, object]) -> dict[str, object]:
+def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
     """A scenario that runs the path with all error sources of a ball-bar; cell : its content."""
     request, sensors = plan.request, plan.request.sensors
     common = {
@@ -149,7 +149,7 @@ def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
     }
 
 
-def cell_data(plan: Plan, folder: Path) -> dict[str, object]:
+def cell_data(plan: PathPlan, folder: Path) -> dict[str, object]:
     """The cell of the plan, as a scenario in a folder states it.
 
     Files of one's own are copied into the folder.
@@ -162,7 +162,7 @@ def cell_data(plan: Plan, folder: Path) -> dict[str, object]:
     }
 
 
-def numbers_data(plan: Plan, targets: Targets, cell: dict[str, object]) -> dict[str, object]:
+def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> dict[str, object]:
     """All predictions of the plan in SI units; cell : as the scenario names it."""
     typical = plan.typical
     priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
@@ -195,7 +195,7 @@ def numbers_data(plan: Plan, targets: Targets, cell: dict[str, object]) -> dict[
     }
 
 
-def _held_data(plan: Plan) -> dict[str, object]:
+def _held_data(plan: PathPlan) -> dict[str, object]:
     """What is expected along the rod: force of a ball-bar, or length of a telescoping bar."""
     out: dict[str, object] = {}
     if plan.forces is not None:
@@ -214,7 +214,7 @@ def _held_data(plan: Plan) -> dict[str, object]:
     return out
 
 
-def limits_data(plan: Plan) -> dict[str, object]:
+def limits_data(plan: PathPlan) -> dict[str, object]:
     """The limits of a request that apply to its robot and its instrument."""
     closed = has_closed_form(nominal_chain(plan.evaluator.cell.robot))
     other = set(OF_OTHER_ARMS if closed else OF_CLOSED_FORM)
@@ -248,7 +248,7 @@ def write_request(file: Path, folder: Path, *, overrides: Sequence[str]) -> None
     write_yaml(folder / REQUEST, portable(data, REQUESTS, file.parent, folder, folder))
 
 
-def write_plan(plan: Plan, folder: Path) -> list[str]:
+def write_plan(plan: PathPlan, folder: Path) -> list[str]:
     """Write all files but the pictures. Returns their names.
 
     A program is in the language of the robot's controller, where `without_program` is empty.

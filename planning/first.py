@@ -14,7 +14,7 @@ from planning.coarse import BATCH
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, objective
 from planning.evolution import evolution
 from planning.screen import screen, tally
-from planning.search import Start, free_numbers
+from planning.search import RatedCandidate, free_numbers
 
 SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
@@ -25,7 +25,9 @@ TRIED = 32
 SHOWN = 3  # limits that the nearest miss violates, worst first
 
 
-def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tuple[Start, int]:
+def first_path(
+    given: dict[str, Evaluator], *, seconds: float = SECONDS
+) -> tuple[RatedCandidate, int]:
     """A candidate that can be run, and the number of candidates tried.
 
     given : evaluators by rod. Raises InputError that says which limits stand in the way.
@@ -45,10 +47,10 @@ def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tupl
         if evaluator.force_model is None:
             start, least = _best(evaluator, genomes[screened.excess <= 0.0][:TRIED], start)
             if least < INFEASIBLE:
-                return Start(rod, start, least), tried
+                return RatedCandidate(rod, start, least), tried
         genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
         if least < INFEASIBLE:
-            return Start(rod, genome, least), tried
+            return RatedCandidate(rod, genome, least), tried
         if least < min(nearest[0], SCREENED_OUT):
             violated = check(evaluator, space.candidate(genome)).violations[:SHOWN]
             nearest = (least, "; ".join(v.sentence for v in violated))

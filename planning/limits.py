@@ -36,7 +36,7 @@ class Violation:
 
 
 @dataclass(frozen=True, eq=False)
-class Measure:
+class LimitExcess:
     """How far a motion is beyond one limit at every sample."""
 
     limit: str
@@ -59,7 +59,7 @@ def violations(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[V
     return sorted((v for v in every if v.excess > 0.0), key=lambda v: -v.excess)
 
 
-def measures(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+def measures(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
     """Every limit of motion sample by sample, but the range of the cables, which is of a whole
     run.
     """
@@ -76,14 +76,14 @@ def measures(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Mea
     return out
 
 
-def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
     axes = joints_to_axes(cell.robot, trajectory.q)
     margin = np.radians(limits.axis_margin_deg)
     over = np.maximum(cell.robot.axis_lower + margin - axes, axes - cell.robot.axis_upper + margin)
     low, high = np.degrees(cell.robot.axis_lower), np.degrees(cell.robot.axis_upper)
 
-    def of_axis(axis: int) -> Measure:
-        return Measure(
+    def of_axis(axis: int) -> LimitExcess:
+        return LimitExcess(
             "axis_margin_deg",
             over[:, axis] / UNIT_ANGLE,
             lambda k: (
@@ -95,7 +95,7 @@ def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list
     return [of_axis(axis) for axis in range(cell.robot.joints)]
 
 
-def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
     to_axis = cell.robot.joint_to_axis
     allowed = limits.axis_speed_share * cell.robot.axis_speed_max
     fastest = np.full(cell.robot.joints, limits.axis_acceleration_deg_per_s2)  # [deg/s^2]
@@ -105,7 +105,7 @@ def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[
     return [
         _rate("axis_speed_share", speed, "deg/s", np.degrees(allowed)),
         _rate("axis_acceleration_deg_per_s2", acceleration, "deg/s^2", fastest),
-        Measure(
+        LimitExcess(
             "tcp_speed_m_per_s",
             trajectory.tip_speed / limit - 1.0,
             lambda k: f"tool at {trajectory.tip_speed[k]:.2f} m/s, limit {limit:g}",
@@ -113,23 +113,23 @@ def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[
     ]
 
 
-def _rate(key: str, ratio: Array, unit: str, top: Array) -> Measure:
+def _rate(key: str, ratio: Array, unit: str, top: Array) -> LimitExcess:
     """Of rates over their limits, `ratio` (N, J) [-]; top : (J,) [unit] the limits."""
 
     def text(k: int) -> str:
         axis = int(ratio[k].argmax())
         return f"axis {axis + 1} at {ratio[k, axis] * top[axis]:.0f} {unit}, limit {top[axis]:.0f}"
 
-    return Measure(key, ratio.max(axis=1) - 1.0, text)
+    return LimitExcess(key, ratio.max(axis=1) - 1.0, text)
 
 
 def _singular_angle(
     name: str, angle: Array, margin: float, key: str, trajectory: Trajectory
-) -> list[Measure]:
+) -> list[LimitExcess]:
     """Of a margin [deg] of an angle (N,) [rad] that is singular at half turns."""
     away, side = from_singular(angle), np.sin(angle)
     return [
-        Measure(
+        LimitExcess(
             key,
             (np.radians(margin) - away) / UNIT_ANGLE,
             lambda k: (
@@ -140,17 +140,19 @@ def _singular_angle(
     ]
 
 
-def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> Measure:
+def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> LimitExcess:
     """Of a quantity (N,) that must keep the sign with which each run begins."""
-    return Measure(key, np.where(side * side[trajectory.first] < 0.0, 1.0, -1.0), lambda _: text)
+    return LimitExcess(
+        key, np.where(side * side[trajectory.first] < 0.0, 1.0, -1.0), lambda _: text
+    )
 
 
-def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
     """Of an arm of any structure, whose singular postures have no angle of their own."""
     chain, key, limit = trajectory.nominal.robot, "singular_value", limits.singular_value
     value = dexterity(chain, trajectory.q)
     out = [
-        Measure(
+        LimitExcess(
             key,
             (limit - value) / UNIT_SINGULAR,
             lambda k: f"smallest singular value of the arm {value[k]:.3f}, limit {limit:g}",
@@ -168,11 +170,11 @@ def leaning(around: PlanCell, trajectory: Trajectory) -> list[Violation]:
     return [v for v in every if v.excess > 0.0]
 
 
-def cones(around: PlanCell, trajectory: Trajectory) -> list[Measure]:
+def cones(around: PlanCell, trajectory: Trajectory) -> list[LimitExcess]:
     """The cones of a telescoping bar's two cups, sample by sample."""
 
-    def of_cup(key: str, cup: Cup, angle: Array) -> Measure:
-        return Measure(
+    def of_cup(key: str, cup: Cup, angle: Array) -> LimitExcess:
+        return LimitExcess(
             f"{key}.cone_deg",
             (angle - np.radians(cup.cone_deg)) / UNIT_ANGLE,
             lambda k: (
@@ -204,16 +206,16 @@ def from_singular(angle: Array) -> Array:
     return np.asarray(np.arcsin(np.abs(np.sin(angle))))
 
 
-def _reach(limits: PlanLimits, trajectory: Trajectory) -> list[Measure]:
+def _reach(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
     elbow, shoulder = arm_margins(trajectory.nominal, trajectory.q)
     angle, length = limits.elbow_margin_deg, limits.shoulder_margin_m
     return [
-        Measure(
+        LimitExcess(
             "elbow_margin_deg",
             (np.radians(angle) - elbow) / UNIT_ANGLE,
             lambda k: f"elbow {np.degrees(elbow[k]):.0f} deg from stretched, limit {angle:g}",
         ),
-        Measure(
+        LimitExcess(
             "shoulder_margin_m",
             (length - shoulder) / 0.3,
             lambda k: f"wrist {shoulder[k]:.2f} m from axis 1, limit {length:g}",

@@ -29,8 +29,8 @@ from ident.loads.gear_loads import mass_model
 from ident.result import CorrectionEstimate, RobotEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import TcpUncertainty, tcp_uncertainty
-from planning.candidate import Candidate
-from planning.crlb import Prediction, Predictor, moving, predict
+from planning.candidate import PathCandidate
+from planning.crlb import PathPrediction, Predictor, moving, predict
 from planning.limits import violations
 from planning.questions import ENCODERS
 from planning.request import PlanLimits, PlanSensors, PlanTiming
@@ -45,7 +45,7 @@ POSES = 200  # of the accuracy grid; the means over a quarter of it differ by a 
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordedPassage:
     """One recording, as a prediction takes it."""
 
     passage: Passage  # from the first sample of the fit to the last, as identified
@@ -83,7 +83,7 @@ def recorded_sensors(
 
 
 def predicted(
-    robot: RobotEstimate, excess: ExcessNoise, recordings: Sequence[Recorded]
+    robot: RobotEstimate, excess: ExcessNoise, recordings: Sequence[RecordedPassage]
 ) -> TcpUncertainty:
     """The predicted uncertainty of what was recorded, to compare the stated one with."""
     return _together(_predictions(robot, excess, recordings))
@@ -92,7 +92,7 @@ def predicted(
 def next_steps(
     robot: RobotEstimate,
     excess: ExcessNoise,
-    recordings: Sequence[Recorded],
+    recordings: Sequence[RecordedPassage],
     paths: Mapping[str, Lissajous],
 ) -> list[NextStep]:
     """What could be done next, the most helpful first.
@@ -125,8 +125,8 @@ def _size(values: Array) -> float:
 
 
 def _changes(
-    cell: Cell, recordings: Sequence[Recorded]
-) -> Iterator[tuple[str, str, list[Recorded]]]:
+    cell: Cell, recordings: Sequence[RecordedPassage]
+) -> Iterator[tuple[str, str, list[RecordedPassage]]]:
     """Key, value and the recordings with each change of the sensors."""
     used = {joint for r in recordings for joint in r.sensors.encoders}
     missing = [joint for joint in EVERY_ENCODER if joint not in used]
@@ -138,17 +138,17 @@ def _changes(
         yield "rod_sigma", f"{ROD_SIGMA * 1e6:g} um", changed
 
 
-def _with(recorded: Recorded, **sensors: object) -> Recorded:
+def _with(recorded: RecordedPassage, **sensors: object) -> RecordedPassage:
     return replace(recorded, sensors=recorded.sensors.model_copy(update=sensors))
 
 
 def _others(
-    robot: RobotEstimate, recorded: Recorded, paths: Mapping[str, Lissajous]
-) -> Iterator[tuple[str, Recorded]]:
+    robot: RobotEstimate, recorded: RecordedPassage, paths: Mapping[str, Lissajous]
+) -> Iterator[tuple[str, RecordedPassage]]:
     """Recordings of other paths from where the ball-bar stands, of those that can be run."""
     position = recorded.passage.nominal.origin
     for name, shape in paths.items():
-        for trajectory in trajectories(robot.cell, Candidate(shape, position), PlanTiming()):
+        for trajectory in trajectories(robot.cell, PathCandidate(shape, position), PlanTiming()):
             if not violations(robot.cell, LIMITS, trajectory):
                 tension = np.full(trajectory.t.size, rms(recorded.tension))  # as strong
                 yield name, replace(recorded, passage=trajectory, tension=tension)
@@ -156,8 +156,8 @@ def _others(
 
 
 def _predictions(
-    robot: RobotEstimate, excess: ExcessNoise, recordings: Sequence[Recorded]
-) -> list[Prediction]:
+    robot: RobotEstimate, excess: ExcessNoise, recordings: Sequence[RecordedPassage]
+) -> list[PathPrediction]:
     corrections = tuple(_corrections(robot))
     return [
         predict(_predictor(robot.cell, corrections, excess, r), r.passage, r.tension)
@@ -166,7 +166,7 @@ def _predictions(
 
 
 def _predictor(
-    cell: Cell, corrections: tuple[Correction, ...], excess: ExcessNoise, recorded: Recorded
+    cell: Cell, corrections: tuple[Correction, ...], excess: ExcessNoise, recorded: RecordedPassage
 ) -> Predictor:
     knots = DEVIATION.get(recorded.force_source, TENSION_PRIOR)
     if recorded.force_source == "none":  # as likely as it turned out, as in the fit
@@ -184,7 +184,7 @@ def _predictor(
     )
 
 
-def _timing(recorded: Recorded) -> PlanTiming:
+def _timing(recorded: RecordedPassage) -> PlanTiming:
     """Of which the samples lie between the ends of the passage."""
     first, last = float(recorded.passage.t[0]), float(recorded.passage.t[-1])
     return PlanTiming.model_construct(duration_s=first + last, dwell_s=first + DWELL_KEPT, stops=0)
@@ -202,7 +202,7 @@ def _of_recordings(correction: CorrectionEstimate) -> bool:
     return any("@" in c.name for c in correction.coefficients)
 
 
-def _together(predictions: Sequence[Prediction]) -> TcpUncertainty:
+def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
     """The uncertainty by all predictions, whose recordings share the machine and nothing else."""
     first = predictions[0]
     machine = first.layout.machine

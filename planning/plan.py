@@ -15,11 +15,11 @@ from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
 from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import Candidate, genome_of, rounded, space_of
-from planning.crlb import Prediction, predictions
+from planning.candidate import PathCandidate, genome_of, rounded, space_of
+from planning.crlb import PathPrediction, predictions
 from planning.evaluation import (
     INFEASIBLE,
-    Evaluation,
+    Assessment,
     Evaluator,
     evaluate,
     evaluators,
@@ -30,7 +30,7 @@ from planning.first import first_path
 from planning.force import Forces, load_reversals
 from planning.known import Known
 from planning.request import PlanRequest
-from planning.search import Progress, Start, ranked, search
+from planning.search import RatedCandidate, SearchProgress, ranked, search
 from planning.stroke import Lengths, predicted_lengths
 from planning.trajectory import Trajectory
 from planning.workers import evaluating_processes
@@ -44,15 +44,15 @@ SPHERE_POINTS = 2000  # 2.6 deg apart
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class PathPlan:
     """A path that can be run."""
 
     evaluator: Evaluator
-    evaluation: Evaluation
+    evaluation: Assessment
     trajectory: Trajectory  # in the configuration of the arm that was chosen
     forces: Forces | None  # None where nothing holds the rod's length
     lengths: Lengths | None  # of a bar that measures its length
-    predictions: tuple[Prediction, ...]  # of each robot of planning.force
+    predictions: tuple[PathPrediction, ...]  # of each robot of planning.force
     evaluated: int
     seconds: float
     stopped: bool = False
@@ -84,7 +84,7 @@ class Plan:
         return None if known is None else tcp_rms_before(self.evaluator)
 
     @property
-    def typical(self) -> Prediction:
+    def typical(self) -> PathPrediction:
         """The prediction of the robot with the median TCP sigma."""
         return self.predictions[int(np.argsort(self.tcp)[len(self.predictions) // 2])]
 
@@ -127,10 +127,10 @@ def plans(
     workers: int,
     seconds: float,
     evaluations: int,
-    show: Callable[[Progress], None] = lambda _: None,
+    show: Callable[[SearchProgress], None] = lambda _: None,
     since: Callable[[], float],
     known: Known | None = None,
-) -> Iterator[Plan]:
+) -> Iterator[PathPlan]:
     """The best path within `seconds` and `evaluations`, then the next best ones.
 
     With 0 seconds, the first path that can be run. relative_to : folder of the request, for the
@@ -141,7 +141,7 @@ def plans(
     """
     given = evaluators(request, known)
     first, tried = first_path(given)
-    progress = Progress()
+    progress = SearchProgress()
     progress.add(first)
     show(progress)
     best = [first]
@@ -169,7 +169,7 @@ def plans(
         )
 
 
-def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
+def hints(request: PlanRequest, relative_to: Path) -> list[RatedCandidate]:
     """Paths that the request names as starts of islands, which may violate limits.
 
     Raises DescriptionError for a bad file.
@@ -180,9 +180,9 @@ def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
     starts = []
     for file in (relative_to / name for name in request.start_from):
         shape, position = known_path(file)
-        candidate = Candidate(shape, middle if position is None else np.array(position))
+        candidate = PathCandidate(shape, middle if position is None else np.array(position))
         genome = genome_of(space, candidate)
-        starts += [Start(rod, genome, INFEASIBLE) for rod in rods]
+        starts += [RatedCandidate(rod, genome, INFEASIBLE) for rod in rods]
     return starts
 
 
@@ -199,12 +199,12 @@ def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
 
 def assess(
     evaluator: Evaluator,
-    candidate: Candidate,
+    candidate: PathCandidate,
     *,
     evaluated: int = 0,
     seconds: float = 0.0,
     stopped: bool = False,
-) -> Plan:
+) -> PathPlan:
     """The plan of a candidate, with all predictions. Raises InputError where it cannot be run."""
     outcome = evaluate(evaluator, candidate)
     trajectory, forces, model = outcome.trajectory, outcome.forces, evaluator.stroke_model
@@ -213,7 +213,7 @@ def assess(
             f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}. "
             "Change the path, or move the ball-bar"
         )
-    return Plan(
+    return PathPlan(
         evaluator=evaluator,
         evaluation=outcome,
         trajectory=trajectory,

@@ -1,6 +1,7 @@
 """Plan request: cell, region of the ball-bar, encoders, time and limits (`ballbar-plan/1`).
 
-Every limit has a default with its source beside it; assumed ones say so.
+Every limit has a default with its source beside it; assumed ones say so. `load_request` reads
+requests for still poses too (planning.pose_request).
 """
 
 from __future__ import annotations
@@ -11,43 +12,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cell.description_files import Positive
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
+from planning.pose_request import POSE_SCHEMA, Cone, PlanName, PosePlanRequest, Seed
+from planning.workspace import KeepOut, Region, Workspace
 from sim.errors.sensor_errors import EncoderNumber
 from sim.settings import Vector3
-
-Positive = Annotated[float, Field(gt=0.0)]
-Cone = Annotated[float, Field(gt=0.0, le=180.0)]
-Axes = Annotated[tuple[float, ...], Field(min_length=5, max_length=8)]
-
-
-class Region(Strict):
-    """A box in the robot's base frame."""
-
-    lower: Vector3
-    upper: Vector3
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Region:
-        if any(low > high for low, high in zip(self.lower, self.upper, strict=True)):
-            raise ValueError("lower must not exceed upper")
-        return self
-
-
-class KeepOut(Strict):
-    """A box to stay clear of: fence, table, cabinet."""
-
-    name: str
-    lower_m: Vector3 = Field(description="Corner, robot base frame.")
-    upper_m: Vector3 = Field(description="Opposite corner.")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> KeepOut:
-        if any(low >= high for low, high in zip(self.lower_m, self.upper_m, strict=True)):
-            raise ValueError("lower_m must be below upper_m in every coordinate")
-        return self
 
 
 class Cup(Strict):
@@ -271,34 +244,11 @@ def tightened(limits: PlanLimits) -> PlanLimits:
     return limits.model_copy(update=changed | {"force_N": limits.force_N * RESERVE_FORCE})
 
 
-class Workspace(Strict):
-    """Box of axis angles over which the TCP error counts, a value for each axis."""
-
-    lower_deg: Axes
-    upper_deg: Axes
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Workspace:
-        if len(self.lower_deg) != len(self.upper_deg):
-            message = f"found {len(self.upper_deg)} values, lower_deg has {len(self.lower_deg)}"
-            raise wrong_key("upper_deg", message=message)
-        for i, (low, high) in enumerate(zip(self.lower_deg, self.upper_deg, strict=True)):
-            if not low < high:
-                raise wrong_key("upper_deg", i, message=f"expected more than lower_deg, {low:g}")
-        return self
-
-
 class PlanRequest(Strict):
     """A plan request, such as the files of scenarios/plans."""
 
     schema_: Annotated[Literal["ballbar-plan/1"], Field(alias="schema")]
-    name: Annotated[
-        str,
-        Field(
-            pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$",
-            description="Name of the plan and of the controller's module.",
-        ),
-    ]
+    name: PlanName
     cell: PlanCell
     timing: PlanTiming = PlanTiming()
     sensors: PlanSensors = PlanSensors()
@@ -317,7 +267,7 @@ class PlanRequest(Strict):
     cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(
         5, description="Largest number of cycles of a ball-bar joint in one run."
     )
-    seed: Annotated[int, Field(ge=0)] = Field(1, description="Seed of all drawn values.")
+    seed: Seed = 1
 
     @model_validator(mode="after")
     def _keys_are_of_the_instrument(self) -> PlanRequest:
@@ -356,14 +306,18 @@ REQUESTS = ExtendableKind(
 )
 
 
-def load_request(path: Path, *, overrides: Sequence[str] = ()) -> PlanRequest:
-    """The checked request; files that it names stand relative to it.
+def load_request(path: Path, *, overrides: Sequence[str] = ()) -> PlanRequest | PosePlanRequest:
+    """The checked request for a path or for still poses, by the schema that its file states.
 
     overrides : texts `KEY=VALUE`, such as `seed=2`, that replace values of the file.
 
-    Raises DescriptionError naming file, line and key.
+    Files that a request for a path names stand relative to it. Raises DescriptionError naming file,
+    line and key.
     """
-    request = parse_model(load_extended(path, REQUESTS, overrides=overrides), PlanRequest)
+    document = load_extended(path, REQUESTS, overrides=overrides)
+    if str(document.data.get("schema")).startswith(f"{POSE_SCHEMA}/"):
+        return parse_model(document, PosePlanRequest)
+    request = parse_model(document, PlanRequest)
     cell = request.cell
 
     def located(name: str | None) -> str | None:

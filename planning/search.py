@@ -41,7 +41,7 @@ CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)  # of a genome
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class RatedCandidate:
     """One candidate from which islands may begin."""
 
     rod: str
@@ -50,16 +50,18 @@ class Start:
 
 
 @dataclass(eq=False)
-class Progress:
+class SearchProgress:
     """Progress of a search, updated while it runs."""
 
-    incumbents: list[Start] = field(default_factory=list)  # each was the best when it was found
+    incumbents: list[RatedCandidate] = field(
+        default_factory=list
+    )  # each was the best when it was found
     evaluated: int = 0
     feasible: int = 0
     stopped: bool = False
 
     @property
-    def best(self) -> Start | None:
+    def best(self) -> RatedCandidate | None:
         """The last incumbent."""
         return self.incumbents[-1] if self.incumbents else None
 
@@ -73,7 +75,7 @@ class Progress:
         """[m] predicted TCP sigma of the best so far."""
         return float(np.exp(self.least)) * 1e-6
 
-    def add(self, start: Start) -> None:
+    def add(self, start: RatedCandidate) -> None:
         self.feasible += 1
         if self.best is None or start.objective < self.best.objective:
             self.incumbents.append(start)
@@ -85,10 +87,10 @@ def search(
     *,
     seconds: float,
     evaluations: int,
-    first: list[Start],
-    hints: list[Start],
-    show: Callable[[Progress], None] = lambda _: None,
-) -> Progress:
+    first: list[RatedCandidate],
+    hints: list[RatedCandidate],
+    show: Callable[[SearchProgress], None] = lambda _: None,
+) -> SearchProgress:
     """Search with about `evaluations` of CMA-ES, for `seconds` at most; Ctrl-C ends it with the
     best so far.
 
@@ -108,7 +110,7 @@ def search(
     return running.progress
 
 
-def ranked(incumbents: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
+def ranked(incumbents: list[RatedCandidate], pool: ProcessPoolExecutor) -> list[RatedCandidate]:
     """The last INCUMBENTS by their objective over all robots of planning.force, best first.
 
     Those that follow one another differ by STEP or more.
@@ -119,7 +121,7 @@ def ranked(incumbents: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
         replace(start, objective=future.result())
         for start, future in zip(last, futures, strict=True)
     ]
-    apart: list[Start] = []
+    apart: list[RatedCandidate] = []
     for start in sorted(evaluated, key=lambda s: s.objective):
         if not apart or start.objective > apart[-1].objective + STEP:
             apart.append(start)
@@ -130,12 +132,15 @@ class _Search:
     """A running search."""
 
     def __init__(
-        self, request: PlanRequest, pool: ProcessPoolExecutor, show: Callable[[Progress], None]
+        self,
+        request: PlanRequest,
+        pool: ProcessPoolExecutor,
+        show: Callable[[SearchProgress], None],
     ) -> None:
-        self.progress = Progress()
+        self.progress = SearchProgress()
         self._request, self._pool, self._show = request, pool, show
 
-    def evaluated(self, starts: list[Start]) -> list[Start]:
+    def evaluated(self, starts: list[RatedCandidate]) -> list[RatedCandidate]:
         """Candidates that can be run, with the objectives that the search compares."""
         futures = [
             self._pool.submit(worker_objectives, s.rod, s.genome[None], np.inf) for s in starts
@@ -148,9 +153,9 @@ class _Search:
             self.progress.add(start)
         return out
 
-    def draw(self, until: float) -> list[Start]:
+    def draw(self, until: float) -> list[RatedCandidate]:
         """The best of DRAWS batches of random candidates, drawn until a monotonic time [s]."""
-        starts: list[Start] = []
+        starts: list[RatedCandidate] = []
         rods = self._request.cell.rods
         seed = self._request.seed + 1  # the first feasible path was drawn with the seed itself
         for begin in range(0, DRAWS, AHEAD):
@@ -159,14 +164,14 @@ class _Search:
             for (rod, _), future in zip(jobs, futures, strict=True):
                 genomes, objectives, tried = future.result()
                 self.progress.evaluated += tried
-                drawn = map(Start, repeat(rod), genomes, objectives.tolist())
+                drawn = map(RatedCandidate, repeat(rod), genomes, objectives.tolist())
                 starts += drawn
             self._show(self.progress)
             if time.monotonic() > until:
                 break
         return starts
 
-    def race(self, starts: list[Start], until: float, evaluations: int) -> None:
+    def race(self, starts: list[RatedCandidate], until: float, evaluations: int) -> None:
         """Races of islands until a monotonic time [s] or a number of evaluations.
 
         Each race takes the next starts and, from the second on, the best so far and its neighbours.
@@ -221,14 +226,14 @@ class _Search:
         self.progress.evaluated += len(values)
         for k in np.argsort(values, kind="stable"):
             if values[k] < INFEASIBLE:
-                self.progress.add(Start(rod, folded(genomes[k]), float(values[k])))
+                self.progress.add(RatedCandidate(rod, folded(genomes[k]), float(values[k])))
 
 
-def _distinct_first(starts: list[Start]) -> list[Start]:
+def _distinct_first(starts: list[RatedCandidate]) -> list[RatedCandidate]:
     """The best start of each set of cycles first, then the others."""
     seen: set[object] = set()
-    distinct: list[Start] = []
-    others: list[Start] = []
+    distinct: list[RatedCandidate] = []
+    others: list[RatedCandidate] = []
     for start in starts:
         key = (start.rod, tuple(start.genome[CYCLES].round(1)))
         (others if key in seen else distinct).append(start)
@@ -236,7 +241,7 @@ def _distinct_first(starts: list[Start]) -> list[Start]:
     return distinct + others
 
 
-def neighbours(space: Space, start: Start) -> list[Start]:
+def neighbours(space: Space, start: RatedCandidate) -> list[RatedCandidate]:
     """A start, and those that differ from it by one cycle of one angle."""
     step = 1.0 / space.cycles
     out = [start]
@@ -252,7 +257,7 @@ def neighbours(space: Space, start: Start) -> list[Start]:
 class Island:
     """One run of CMA-ES, from its start until it gains no more."""
 
-    def __init__(self, space: Space, start: Start, seed: int) -> None:
+    def __init__(self, space: Space, start: RatedCandidate, seed: int) -> None:
         self.rod, self._start = start.rod, start.genome.copy()
         self._free = free_numbers(space)
         self._search = evolution(start.genome[self._free], seed=seed % 2**31)

@@ -14,7 +14,7 @@ from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
 from cell.numerical_inverse import in_range
 from cell.robot_angles import joints_to_axes
-from planning.candidate import Candidate, angles_of, shape_of
+from planning.candidate import PathCandidate, angles_of, shape_of
 from planning.request import PlanTiming
 from sim.path import Lissajous, branches_along, phase_over_time, tool_poses
 
@@ -63,7 +63,7 @@ _SAMPLED = ("t", "b", "q", "speed", "acceleration", "tip", "tip_speed")
 
 
 def trajectories(
-    cell: Cell, candidate: Candidate, timing: PlanTiming, *, step: float = STEP
+    cell: Cell, candidate: PathCandidate, timing: PlanTiming, *, step: float = STEP
 ) -> list[Trajectory]:
     """Trajectories in all configurations that reach every sample; none where the robot does not.
 

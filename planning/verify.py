@@ -16,7 +16,7 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_chain, nominal_geometry, robot_frames
 from cell.numerical_inverse import dexterity
 from cell.robot_angles import joints_to_axes
-from planning.candidate import Candidate
+from planning.candidate import PathCandidate
 from planning.clearance import Clearance, distances_along
 from planning.limits import arm_margins, from_singular
 from planning.request import PlanLimits, PlanRequest
@@ -77,7 +77,7 @@ def plant_errors(*, table: bool) -> ErrorSettings:
 def run_in_plant(
     cell: Cell,
     request: PlanRequest,
-    candidate: Candidate,
+    candidate: PathCandidate,
     *,
     seed: int,
     beginning: Array | None = None,

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import Candidate, genome_of, space_of
+from planning.candidate import PathCandidate, genome_of, space_of
 from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
 from planning.first import descent
-from planning.plan import Plan
+from planning.plan import PathPlan
 from planning.questions import CHANGES, Question
-from planning.request import Region
+from planning.workspace import Region
 
 ROOM = 0.3  # [m] by which the ball-bar may move when a path is adapted
 ADAPTING_SEED = 1  # any; fixed, so that an answer can be repeated
@@ -39,7 +39,7 @@ class Answer:
         return None if self.tcp is None else float(np.hypot(self.tcp, self.scale))
 
 
-def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
+def answers(plan: PathPlan, questions: Sequence[Question]) -> Iterator[Answer]:
     """The answer for each value of each question, in their order."""
     request, cell = plan.request, plan.evaluator.cell
     for item in questions:
@@ -56,7 +56,7 @@ def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
             yield _answer(item.key, shown, evaluator, plan.evaluation.candidate)
 
 
-def _answer(key: str, shown: str, evaluator: Evaluator, candidate: Candidate) -> Answer:
+def _answer(key: str, shown: str, evaluator: Evaluator, candidate: PathCandidate) -> Answer:
     scale, note = scale_error(evaluator.cell, evaluator.predictor.grid), ""
     outcome = evaluate(evaluator, candidate)
     if outcome.violations:
@@ -68,7 +68,7 @@ def _answer(key: str, shown: str, evaluator: Evaluator, candidate: Candidate) ->
     return Answer(key, shown, outcome.tcp, scale, note)
 
 
-def _adapted(evaluator: Evaluator, candidate: Candidate) -> Candidate | None:
+def _adapted(evaluator: Evaluator, candidate: PathCandidate) -> PathCandidate | None:
     """The nearest candidate that the evaluator's rig can run; None if none was found."""
     centre, request = candidate.position, evaluator.request
     region = Region(lower=tuple((centre - ROOM).tolist()), upper=tuple((centre + ROOM).tolist()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -78,61 +77,45 @@ def plan(
     with 1 when a move between two poses comes too close.
     """
     from ballbar.commands.result_json import plan_data
-    from ballbar.plan.show import default_folder, parse_position, plan_path
+    from ballbar.plan.show import parse_position, plan_path, plan_poses
     from cell.errors import InputError
-    from planning.poses.request import holds_pose_request
+    from planning.pose_request import PosePlanRequest
+    from planning.request import load_request
 
     changes = overrides or ()
-    if holds_pose_request(request, overrides=changes):
-        _refuse_path_options(
-            {"--path": path, "--position": position, "--what-if": what_if, "--after": after}
-        )
-        raise typer.Exit(_plan_poses(request, out_dir, seconds, changes, as_json=as_json))
+    planned = load_request(request, overrides=changes)
+    folder = out_dir or Path("runs") / f"{planned.name}-plan"
+    of_paths = {"--path": path, "--position": position, "--what-if": what_if, "--after": after}
+    if isinstance(planned, PosePlanRequest) and (
+        given := [key for key, v in of_paths.items() if v]
+    ):
+        raise InputError(f"{given[0]} belongs to trajectories; a plan of still poses has none.")
     if position is not None and path is None:
         raise InputError(
             "--position belongs to --path. For a search, set cell.ballbar_position_m or "
             "cell.ballbar_region_m of the request, here with --set."
         )
     base = None if position is None else parse_position(position)
-    folder = out_dir or default_folder(request, changes)
     if as_json:
         silence()
-    feasible = plan_path(
-        request,
-        folder=folder,
-        path=path,
-        position=base,
-        seconds=seconds,
-        what_if=what_if or (),
-        after=after or (),
-        overrides=changes,
-        out=out,
-        err=err,
-    )
+    if isinstance(planned, PosePlanRequest):
+        acceptable = plan_poses(
+            planned, request, folder=folder, seconds=seconds, overrides=changes, out=out, err=err
+        )
+    else:
+        acceptable = plan_path(
+            planned,
+            request,
+            folder=folder,
+            path=path,
+            position=base,
+            seconds=seconds,
+            what_if=what_if or (),
+            after=after or (),
+            overrides=changes,
+            out=out,
+            err=err,
+        )
     if as_json:
-        say_json(plan_data(folder, feasible=feasible))
-    raise typer.Exit(0 if feasible else 1)
-
-
-def _plan_poses(
-    request: Path, folder: Path | None, seconds: float, changes: Sequence[str], *, as_json: bool
-) -> int:
-    """Plans still poses; returns the exit code."""
-    from ballbar.commands.result_json import plan_data
-    from ballbar.plan.poses import default_pose_folder, plan_poses
-
-    folder = folder or default_pose_folder(request, changes)
-    if as_json:
-        silence()
-    clear = plan_poses(request, folder=folder, seconds=seconds, overrides=changes, out=out, err=err)
-    if as_json:
-        say_json(plan_data(folder, feasible=clear))
-    return 0 if clear else 1
-
-
-def _refuse_path_options(options: dict[str, object]) -> None:
-    from cell.errors import InputError
-
-    for name, value in options.items():
-        if value:
-            raise InputError(f"{name} belongs to trajectories; a plan of still poses has none.")
+        say_json(plan_data(folder, feasible=acceptable))
+    raise typer.Exit(0 if acceptable else 1)

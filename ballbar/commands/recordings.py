@@ -321,7 +321,7 @@ def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> i
 
 def _check_poses(path: Path, *, explain_reading: bool, as_json: bool) -> int:
     """Prints the page of still poses; gives how many kinds of repairs were needed."""
-    from acquisition.poses import import_poses
+    from acquisition.pose_tables import import_poses
     from ballbar.recordings.check import repairs
     from ballbar.recordings.check_poses import explain_pose_lines, pose_data, pose_lines
     from cell.pose_file import load_poses_file, pose_file_path

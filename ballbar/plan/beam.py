@@ -1,6 +1,6 @@
 """Deflection of the offset plate and elongation of the rod under load (thesis secs. 4.5 and 5.3).
 
-Plate: a cantilever of length L, width b and thickness h, with an end load F and its own weight
+Cantilever: a cantilever of length L, width b and thickness h, with an end load F and its own weight
 w = rho g b h per length,
 
     I = b h^3 / 12
@@ -35,7 +35,7 @@ GRAVITY = 9.81  # [m/s^2] standard gravity, rounded
 
 
 @dataclass(frozen=True)
-class Plate:
+class Cantilever:
     """A rectangular cantilever."""
 
     length: float  # [m]
@@ -55,19 +55,19 @@ class Plate:
         return self.density * GRAVITY * self.width * self.thickness
 
 
-def tip_deflection(plate: Plate, force: float) -> float:
+def tip_deflection(plate: Cantilever, force: float) -> float:
     """Deflection [m] of the free end under a force [N] on it and the plate's own weight."""
     moment = force * plate.length**3 / 3.0 + plate.weight * plate.length**4 / 8.0
     return moment / plate.bending_stiffness
 
 
-def tip_slope(plate: Plate, force: float) -> float:
+def tip_slope(plate: Cantilever, force: float) -> float:
     """Slope [rad] of the free end under a force [N] on it and the plate's own weight."""
     moment = force * plate.length**2 / 2.0 + plate.weight * plate.length**3 / 6.0
     return moment / plate.bending_stiffness
 
 
-def width_for(deflection: float, plate: Plate, force: float) -> float:
+def width_for(deflection: float, plate: Cantilever, force: float) -> float:
     """Width [m] at which the free end deflects by `deflection` [m].
 
     The deflection under the plate's own weight does not depend on the width.
@@ -76,7 +76,7 @@ def width_for(deflection: float, plate: Plate, force: float) -> float:
     return plate.width * (tip_deflection(plate, force) - alone) / (deflection - alone)
 
 
-def thickness_for(deflection: float, plate: Plate, force: float) -> float:
+def thickness_for(deflection: float, plate: Cantilever, force: float) -> float:
     """Thickness [m], between 1 mm and 1 m, at which the free end deflects by `deflection` [m]."""
 
     def excess(thickness: float) -> float:
@@ -97,7 +97,7 @@ def sphere_deviation(rod: float, joint: float, backlash: float) -> float:
 
 PLATE_FORCE = 100.0  # [N] thesis sec. 4.5: half the handling capacity
 PLATE_ALLOWED = 10e-6  # [m] thesis sec. 4.5: "10 urad ... at 1 m distance"
-OFFSET_PLATE = Plate(
+OFFSET_PLATE = Cantilever(
     length=0.250,  # thesis sec. 4.5
     width=0.100,  # cell/plates/plate_250.yaml, assumed
     thickness=0.045,  # thesis sec. 4.5

@@ -23,7 +23,7 @@ from ballbar.units import MM, UM
 from cell.geometry import bar_frames
 from cell.robot_angles import joints_to_axes
 from planning.crlb import EXACT
-from planning.plan import Plan
+from planning.plan import PathPlan
 from planning.what_if import Answer
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ STYLE: dict[RcKeyType, Any] = {
 _UNKNOWNS_SHOWN = ("ra", "rd", "ralpha", "rtheta", "rbeta", "compliance", "backlash")  # prefixes
 
 
-def plan_picture(plan: Plan) -> bytes:
+def plan_picture(plan: PathPlan) -> bytes:
     """SVG of a plan: sphere, axes, loads or lengths, uncertainties."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 8.0), layout="constrained")
@@ -54,7 +54,7 @@ def plan_picture(plan: Plan) -> bytes:
         return svg_text(figure).encode()
 
 
-def what_if_picture(plan: Plan, answers: Sequence[Answer]) -> bytes:
+def what_if_picture(plan: PathPlan, answers: Sequence[Answer]) -> bytes:
     """SVG of the expected TCP error over the values of each what-if question, a panel for each.
 
     Filled marks: from the trajectory; open marks: with the error of the scale added.
@@ -94,7 +94,7 @@ def plate_picture() -> bytes:
         return svg_text(figure).encode()
 
 
-def _sphere(axes: Axes, plan: Plan) -> None:
+def _sphere(axes: Axes, plan: PathPlan) -> None:
     """The rod's direction from above, in Lambert's azimuthal equal-area projection."""
     x, y, z = bar_frames(plan.trajectory.nominal, plan.trajectory.b).z[2]
     scale = np.sqrt(2.0 / (1.0 + np.clip(z, -0.999, 1.0)))
@@ -112,7 +112,7 @@ def _sphere(axes: Axes, plan: Plan) -> None:
     )
 
 
-def _axes(axes: Axes, plan: Plan) -> None:
+def _axes(axes: Axes, plan: PathPlan) -> None:
     """Axis angles over time, as a share of their ranges."""
     robot, trajectory = plan.evaluator.cell.robot, plan.trajectory
     angles = joints_to_axes(robot, trajectory.q)
@@ -124,7 +124,7 @@ def _axes(axes: Axes, plan: Plan) -> None:
     axes.legend(ncols=6, loc="upper center", title="axis", fontsize=7, title_fontsize=7)
 
 
-def _loads(axes: Axes, plan: Plan) -> None:
+def _loads(axes: Axes, plan: PathPlan) -> None:
     """Expected force in the rod over time: each robot drawn with errors, and the median."""
     forces = plan.forces
     if forces is None:
@@ -137,7 +137,7 @@ def _loads(axes: Axes, plan: Plan) -> None:
     axes.set_title(f"expected on soft servo, {len(forces.tension)} robots with 1 mm, 1 mrad")
 
 
-def _lengths(axes: Axes, plan: Plan) -> None:
+def _lengths(axes: Axes, plan: PathPlan) -> None:
     """Expected length of a telescoping bar over time with each drawn robot, and its stroke."""
     lengths, nominal = plan.lengths, plan.evaluator.cell.ballbar.length
     if lengths is None:
@@ -151,7 +151,7 @@ def _lengths(axes: Axes, plan: Plan) -> None:
     axes.set_title(f"expected of {len(lengths.length)} robots with 1 mm, 1 mrad; bold: the stroke")
 
 
-def _sigma(axes: Axes, plan: Plan) -> None:
+def _sigma(axes: Axes, plan: PathPlan) -> None:
     """Predicted standard deviation of each unknown of the robot, relative to its prior."""
     sigma, layout = plan.typical.sigma, plan.typical.layout
     priors = dict(zip(layout.names, layout.sigma, strict=True))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.poses import PoseImport
+from acquisition.pose_tables import PoseImport
 from acquisition.report import report_lines
 from ballbar.units import MM
 from cell.arrays import Array

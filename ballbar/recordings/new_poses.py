@@ -18,12 +18,17 @@ from typing import Any, TypeVar, get_args
 
 import yaml
 
-from acquisition.poses import PoseImport, import_poses
-from acquisition.poses.columns import read_rows
-from acquisition.poses.declared import AXES_OF
-from acquisition.poses.joints import joint_angles
-from acquisition.poses.nominal import orientations
-from acquisition.poses.proposals import (
+from acquisition.declared_columns import AXES_OF
+from acquisition.faults.nominal_robot import orientations
+from acquisition.faults.table_angles import joint_angles
+from acquisition.formats.table_file import FileKind, pose_text
+from acquisition.measured_values import METRES
+from acquisition.pose_tables import PoseImport, import_poses
+from acquisition.pose_times import pose_stamps
+from acquisition.table.quantities import read_rows
+from acquisition.table.text import LogText
+from ballbar.recordings.new_seats import KEYS, RAW, Name, checked_name, named_places
+from ballbar.recordings.proposals import (
     ColumnNames,
     angle_unit,
     column_names,
@@ -37,11 +42,6 @@ from acquisition.poses.proposals import (
     sigma_columns,
     stated_unit,
 )
-from acquisition.poses.text import FileKind, pose_text
-from acquisition.poses.times import pose_stamps
-from acquisition.poses.values import METRES
-from acquisition.table.text import LogText
-from ballbar.recordings.new_seats import KEYS, RAW, Name, checked_name, named_places
 from ballbar.recordings.questions import Ask, answer
 from cell.arrays import Array
 from cell.descriptions import Robot

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses.nominal import judged, reach
+from acquisition.faults.nominal_robot import judged, reach
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.geometry import nominal_chain

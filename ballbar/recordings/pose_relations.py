@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from acquisition.poses.nominal import judged
+from acquisition.faults.nominal_robot import judged
 from ballbar.recordings.pair_of_files import FilePair, Hypothesis, MeasuredFile, PairFit
 from ballbar.units import MM
 from cell.arrays import Array

@@ -42,6 +42,7 @@ from cell.statistics import rms
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
+from planning.request import PlanRequest, load_request
 from sim.path_files import LissajousFile
 from sim.plant.held import hold_targets, pose_distance
 from sim.true_robot import true_machine
@@ -291,16 +292,10 @@ def _planned(day: _Day) -> Scenario:
     file, plan = day.folder / REQUEST, day.folder / PLAN
     write_yaml(file, request_data(day.scenario, day.file.parent))
     said = PlainConsole(file=io.StringIO())
+    request = load_request(file)
+    assert isinstance(request, PlanRequest)
     feasible = plan_path(
-        file,
-        folder=plan,
-        path=None,
-        position=None,
-        seconds=SEARCH,
-        what_if=(),
-        after=[day.folder / FIRST],
-        out=said,
-        err=said,
+        request, file, folder=plan, seconds=SEARCH, after=[day.folder / FIRST], out=said, err=said
     )
     planned = load_yaml(plan / "plan.yaml").data
     if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on

@@ -23,7 +23,7 @@ from planning.next_step import (
     REPEAT,
     ROD_SIGMA,
     NextStep,
-    Recorded,
+    RecordedPassage,
     next_steps,
     predicted,
     recorded_sensors,
@@ -161,7 +161,7 @@ def _meaning(name: str) -> str:
     return f"{_KINDS[parameter.kind]}, row {parameter.row + 1}"
 
 
-def recorded_passage(fitted: FittedRecording) -> Recorded:
+def recorded_passage(fitted: FittedRecording) -> RecordedPassage:
     """A recording from the first instant of its fit to the last, evenly spaced."""
     estimate, log = fitted.estimate, fitted.recording.ballbar_log
     times = estimate.after.t
@@ -172,7 +172,7 @@ def recorded_passage(fitted: FittedRecording) -> Recorded:
     tension = np.zeros(t.size)
     if estimate.tension is not None:
         tension = np.interp(t, times, estimate.tension)
-    return Recorded(
+    return RecordedPassage(
         passage=Passage(nominal=estimate.geometry, t=t, b=b, q=q),
         tension=tension,
         force_source=estimate.tension_source,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.poses import PoseImport, import_poses
+from acquisition.pose_tables import PoseImport, import_poses
 from ballbar.result.run_recordings import distinct_names
 from cell.errors import InputError
 from cell.pose_file import pose_file_path

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from acquisition.poses import import_poses
+from acquisition.pose_tables import import_poses
 from acquisition.report import ImportReport, finding_line
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import CalibrationFile, existing_calibration, load_calibration

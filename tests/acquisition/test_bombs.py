@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.formats.workbook import workbook_text
-from acquisition.poses import read_poses
+from acquisition.pose_tables import read_poses
 from acquisition.recording import read_recording
 from acquisition.table.header import Layout
 from acquisition.table.table import read_table

@@ -733,14 +733,14 @@ def test_the_plate_sinks_as_the_beam_equation_says() -> None:
 
 def test_width_and_thickness_are_those_that_sink_so_far() -> None:
     plate, force, allowed = beam.OFFSET_PLATE, 100.0, 10e-6
-    wide = beam.Plate(
+    wide = beam.Cantilever(
         plate.length,
         beam.width_for(allowed, plate, force),
         plate.thickness,
         plate.modulus,
         plate.density,
     )
-    thick = beam.Plate(
+    thick = beam.Cantilever(
         plate.length,
         plate.width,
         beam.thickness_for(allowed, plate, force),

@@ -37,8 +37,8 @@ from cell.load import load_robot, robot_names
 from cell.strict_yaml import load_yaml
 from planning.export import pdl2, rapid, table
 from planning.krl import krl
-from planning.poses.export import krl_poses, pdl2_poses, rapid_poses
-from planning.poses.plan import PosePlan
+from planning.pose_plan import PosePlan
+from planning.pose_programs import krl_poses, pdl2_poses, rapid_poses
 from planning.targets import Targets
 from tests.helpers.calibrations import write_calibration_of
 

@@ -12,7 +12,6 @@ from ballbar.scenario import load_any_scenario, load_scenario
 from ballbar.sweep.check import load_sweep
 from cell.errors import DescriptionError
 from cell.strict_yaml import load_yaml
-from planning.poses.request import load_pose_request
 from planning.request import load_request
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
@@ -109,7 +108,7 @@ def test_requests_extend_and_are_set_too(tmp_path: Path) -> None:
     instrument = Path(request.cell.instrument or "")
     assert instrument.samefile(SCENARIOS / "plans" / "telescoping_1000.yaml")
     (tmp_path / "poses.yaml").write_text("extends: irb2400_tracker\nposes: 50\n")
-    poses = load_pose_request(tmp_path / "poses.yaml", overrides=("targets.0.cone_deg=30",))
+    poses = load_request(tmp_path / "poses.yaml", overrides=("targets.0.cone_deg=30",))
     assert (poses.poses, poses.targets[0].cone_deg, poses.name) == (50, 30.0, "irb2400_tracker")
 
 

@@ -8,7 +8,7 @@ import openpyxl
 import pytest
 import yaml
 
-from acquisition.poses import read_poses
+from acquisition.pose_tables import read_poses
 from ballbar.commands import recordings
 from cell.rigid_fit import nominal_frames
 from tests.helpers.command_line import ballbar

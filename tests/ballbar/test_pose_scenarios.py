@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.poses import read_poses
+from acquisition.pose_tables import read_poses
 from ballbar.result.compare_poses import compare_poses_with_truth
 from ballbar.result.limits import pose_limits
 from ballbar.scenario import PoseScenario, load_any_scenario, load_scenario, scenario_file

@@ -22,9 +22,9 @@ from ident.poses.joint_corrections import joint_displacements, regressors_at
 from ident.poses.unknowns import robot_parameters
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
-from planning.poses.candidates import Candidates
-from planning.poses.information import expected_group
-from planning.poses.setup import Setup, Station
+from planning.feasible_poses import Candidates
+from planning.pose_information import expected_group
+from planning.stations import PoseSetup, Station
 
 LENGTH, ANGLE = 3e-4, 1e-3  # [m], [rad] sigma of DH parameters
 SAG = 2e-4  # [rad/m] sigma of a coefficient of ident.corrections.unit_weights
@@ -36,7 +36,7 @@ PLACED = 5e-3  # [m], [rad] sigma of seats and targets about where the request h
 class DrawnRobot:
     """A robot with errors, and where seats and targets really are."""
 
-    setup: Setup
+    setup: PoseSetup
     chain: Chain
     coefficients: Array
     seats: dict[str, Placement]
@@ -79,7 +79,9 @@ class DrawnRobot:
         return position_error(arm.frames(grid).tip.T, self.frames(grid, target).tip.T)
 
 
-def drawn_robot(setup: Setup, rng: np.random.Generator, *, ripple: float = RIPPLE) -> DrawnRobot:
+def drawn_robot(
+    setup: PoseSetup, rng: np.random.Generator, *, ripple: float = RIPPLE
+) -> DrawnRobot:
     """A robot with every error drawn; ripple : [rad] amplitude of the joint errors."""
     rows = {
         kind: getattr(setup.chain, kind).copy() for kind in ("a", "d", "alpha", "theta", "beta")
@@ -99,7 +101,7 @@ def drawn_robot(setup: Setup, rng: np.random.Generator, *, ripple: float = RIPPL
     )
 
 
-def _corrections(setup: Setup) -> tuple:  # type: ignore[type-arg]
+def _corrections(setup: PoseSetup) -> tuple:  # type: ignore[type-arg]
     orders = [(joint, order) for joint in range(setup.robot.joints) for order in ORDERS]
     return unit_weights(setup.robot), joint_harmonics(orders)
 

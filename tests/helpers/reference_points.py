@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses.reference_fit import ReferenceFit, fit_references
+from acquisition.reference_fit import ReferenceFit, fit_references
 from cell.arrays import Array
 from cell.rigid_fit import kabsch
 

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from ballbar.plan.show import given_path, instead, say_gain, worthwhile
+from ballbar.plan.show import given_path
+from ballbar.plan.summary import instead, say_gain, worthwhile
 from ident.estimator.noise import ExcessNoise
 from planning.evaluation import evaluators, tcp_rms, tcp_rms_before
 from planning.known import Known, Stated
-from planning.plan import Plan
+from planning.plan import PathPlan
 from planning.questions import ENCODERS
-from planning.request import PlanCell, PlanRequest, Region
+from planning.request import PlanCell, PlanRequest
+from planning.workspace import Region
 from tests.helpers.simulated_recordings import SCENARIOS
 
 POSITION = (0.897, -0.195, 0.486)  # as in scenarios/irb2400_planned.yaml
@@ -29,11 +31,11 @@ def request() -> PlanRequest:
 
 
 @pytest.fixture(scope="module")
-def plan() -> Plan:
+def plan() -> PathPlan:
     return given_path(request(), PATH, POSITION)
 
 
-def knowing(plan: Plan, share: float) -> Known:
+def knowing(plan: PathPlan, share: float) -> Known:
     """A result of the same path, its covariance times `share`."""
     count, typical = plan.typical.layout.machine.size, plan.typical
     covariance = share * typical.covariance[:count, :count]
@@ -46,14 +48,14 @@ def knowing(plan: Plan, share: float) -> Known:
     )
 
 
-def told(plan: Plan) -> str:
+def told(plan: PathPlan) -> str:
     text = io.StringIO()
     say_gain(Console(file=text, width=200), plan)
     return text.getvalue()
 
 
 @pytest.mark.slow
-def test_before_the_path_the_result_is_what_is_known(plan: Plan) -> None:
+def test_before_the_path_the_result_is_what_is_known(plan: PathPlan) -> None:
     known = knowing(plan, 1.0)
     evaluator = evaluators(request(), known)["lund_600"]
     assert tcp_rms_before(evaluator) == pytest.approx(
@@ -62,7 +64,7 @@ def test_before_the_path_the_result_is_what_is_known(plan: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_a_path_after_a_poor_result_is_worth_its_time(plan: Plan) -> None:
+def test_a_path_after_a_poor_result_is_worth_its_time(plan: PathPlan) -> None:
     after = given_path(request(), PATH, POSITION, knowing(plan, 9.0))
     assert worthwhile(after)
     assert instead(after) == []
@@ -71,14 +73,14 @@ def test_a_path_after_a_poor_result_is_worth_its_time(plan: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_where_a_path_brings_nothing_other_means_are_asked_for(plan: Plan) -> None:
+def test_where_a_path_brings_nothing_other_means_are_asked_for(plan: PathPlan) -> None:
     after = given_path(request(), PATH, POSITION, knowing(plan, 1e-3))
     assert not worthwhile(after)
     assert "less than 10%" in told(after)
     assert [q.key for q in instead(after)] == [ENCODERS, "rod_sigma", "duration"]
 
 
-def prediction(*, telescoping: bool, place_free: bool) -> Plan:
+def prediction(*, telescoping: bool, place_free: bool) -> PathPlan:
     """A path that lowers 10.0 um to 9.9, as far as its sentence needs it."""
     cell = PlanCell(
         robot="irb2400",
@@ -93,7 +95,7 @@ def prediction(*, telescoping: bool, place_free: bool) -> Plan:
     plan: Any = SimpleNamespace(
         tcp_before=1e-5, tcp=np.array([9.9e-6]), request=requested, evaluator=evaluator
     )
-    return cast("Plan", plan)
+    return cast("PathPlan", plan)
 
 
 @pytest.mark.parametrize("place_free", [True, False])

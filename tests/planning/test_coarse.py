@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
 from planning import search as searching
-from planning.candidate import Candidate, genome_of, rounded, space_of
+from planning.candidate import PathCandidate, genome_of, rounded, space_of
 from planning.clearance import FAR, nearest, nearest_of_runs, segment_distance
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
@@ -22,7 +22,7 @@ from planning.first import first_path
 from planning.force import predicted_forces
 from planning.plan import known_path
 from planning.request import load_request
-from planning.search import Start, neighbours, search
+from planning.search import RatedCandidate, neighbours, search
 from planning.trajectory import trajectories, trajectories_of_many
 from planning.workers import evaluating_processes
 from sim.path import Lissajous
@@ -41,14 +41,14 @@ def genomes(evaluator: Evaluator) -> Array:
     """The planned path, random ones that can be run, and ones beside them."""
     space, rng = space_of(evaluator.request), np.random.default_rng(3)
     shape, position = known_path(SCENARIOS / "paths" / "irb2400_planned.yaml")
-    paths = [Candidate(shape, np.array(position)), *(random_path(k) for k in range(13))]
+    paths = [PathCandidate(shape, np.array(position)), *(random_path(k) for k in range(13))]
     runnable = np.array([genome_of(space, path) for path in paths])
     beside = runnable.copy()
     beside[:, FREE] += 0.02 * rng.standard_normal((len(beside), FREE.size))
     return np.concatenate((runnable, beside))
 
 
-def random_path(k: int) -> Candidate:
+def random_path(k: int) -> PathCandidate:
     """The k-th of the study's random paths."""
     with (
         SCENARIOS.parent / "docs" / "studies" / "planned_paths_random_irb2400.csv"
@@ -59,7 +59,7 @@ def random_path(k: int) -> Candidate:
         np.array([float(row[f"{key}_b{j}"]) for j in range(1, 6)]) for key in keys
     )
     shape = Lissajous(np.radians(centre), np.radians(amplitude), cycles, np.radians(phase))
-    return Candidate(shape, np.array([float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]))
+    return PathCandidate(shape, np.array([float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]))
 
 
 @pytest.mark.slow
@@ -177,7 +177,7 @@ def test_neighbours_of_a_path_have_one_cycle_more_or_less(evaluator: Evaluator) 
     cycles = space.candidate(genome).shape.cycles
     changes = [
         space.candidate(start.genome).shape.cycles - cycles
-        for start in neighbours(space, Start("lund_600", genome, 3.0))
+        for start in neighbours(space, RatedCandidate("lund_600", genome, 3.0))
     ]
     assert not changes[0].any()
     assert len(changes) == 1 + 8  # the first has no fewer, the last no more

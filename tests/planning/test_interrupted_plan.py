@@ -13,7 +13,7 @@ from ballbar.plan import show as command
 from planning import plan as planned
 from planning.plan import plans
 from planning.request import load_request
-from planning.search import Progress
+from planning.search import SearchProgress
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 
@@ -25,12 +25,12 @@ POSITION = (0.897, -0.195, 0.486)
 def plan_into(folder: Path) -> None:
     silent = Console(file=io.StringIO())
     command.plan_path(
+        load_request(REQUEST),
         REQUEST,
         folder=folder,
         path=PATH,
         position=POSITION,
         seconds=0.0,
-        what_if=(),
         out=silent,
         err=silent,
     )
@@ -40,7 +40,7 @@ def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It ended as a fault of the program: StopIteration."""
-    stopped = Progress(stopped=True)
+    stopped = SearchProgress(stopped=True)
     monkeypatch.setattr(planned, "evaluating_processes", lambda *_: nullcontext())
     monkeypatch.setattr(planned, "search", lambda *_, **__: stopped)
     (only,) = plans(

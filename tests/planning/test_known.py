@@ -11,8 +11,16 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import nominal_geometry
 from ident.estimator.noise import ExcessNoise
-from planning.candidate import Candidate
-from planning.crlb import EXACT, Prediction, Predictor, before, planned_unknowns, predict, predictor
+from planning.candidate import PathCandidate
+from planning.crlb import (
+    EXACT,
+    PathPrediction,
+    Predictor,
+    before,
+    planned_unknowns,
+    predict,
+    predictor,
+)
 from planning.known import Known, Stated
 from planning.request import PlanSensors, PlanTiming
 from planning.trajectory import trajectories
@@ -23,9 +31,9 @@ EXCESS = ExcessNoise(1e-5, 2e-5, 1e-5, 1e-6)
 SAMPLES = 120
 
 
-def along(on: Predictor, path: str) -> Prediction:
+def along(on: Predictor, path: str) -> PathPrediction:
     shape = load_lissajous(SCENARIOS / "paths" / f"irb2400_{path}.yaml")
-    candidate = Candidate(shape, np.array([0.70, 0.0, 0.54]))
+    candidate = PathCandidate(shape, np.array([0.70, 0.0, 0.54]))
     trajectory = next(iter(trajectories(on.cell, candidate, on.timing)))
     return predict(on, trajectory, np.zeros(trajectory.t.size))
 
@@ -42,11 +50,11 @@ def about_machine(normal: Array, count: int) -> Array:
 
 
 @pytest.fixture(scope="module")
-def first(cell: Cell) -> Prediction:
+def first(cell: Cell) -> PathPrediction:
     return along(plain(cell), "a")
 
 
-def known_by(prediction: Prediction, results: int = 1) -> Known:
+def known_by(prediction: PathPrediction, results: int = 1) -> Known:
     count = prediction.layout.machine.size
     covariance = prediction.covariance[:count, :count]
     stated = Stated(prediction.layout.names[:count], covariance)
@@ -59,7 +67,9 @@ def known_by(prediction: Prediction, results: int = 1) -> Known:
     )
 
 
-def test_a_path_after_a_result_knows_what_both_recordings_do(cell: Cell, first: Prediction) -> None:
+def test_a_path_after_a_result_knows_what_both_recordings_do(
+    cell: Cell, first: PathPrediction
+) -> None:
     count = first.layout.machine.size
     alone, after = along(plain(cell), "b"), along(plain(cell, known_by(first)), "b")
     assert after.layout.names == alone.layout.names
@@ -81,7 +91,7 @@ def known_normal(cell: Cell, known: Known, **sensors: float) -> tuple[Array, tup
     return before(on, layout), layout.names
 
 
-def test_two_results_hold_their_priors_once(cell: Cell, first: Prediction) -> None:
+def test_two_results_hold_their_priors_once(cell: Cell, first: PathPrediction) -> None:
     one, names = known_normal(cell, known_by(first))
     two, _ = known_normal(cell, known_by(first, results=2))
     i = names.index("bd1")  # which no path shows: prior alone
@@ -90,7 +100,7 @@ def test_two_results_hold_their_priors_once(cell: Cell, first: Prediction) -> No
     assert two[j, j] > 1.5 * one[j, j]
 
 
-def test_a_measured_rod_adds_to_what_is_known(cell: Cell, first: Prediction) -> None:
+def test_a_measured_rod_adds_to_what_is_known(cell: Cell, first: PathPrediction) -> None:
     normal, names = known_normal(cell, known_by(first))
     measured, _ = known_normal(cell, known_by(first), rod_sigma_m=5e-6)
     i = names.index("bd3")
@@ -98,7 +108,7 @@ def test_a_measured_rod_adds_to_what_is_known(cell: Cell, first: Prediction) -> 
     assert measured[i, i] - normal[i, i] == pytest.approx(gained, rel=1e-3)
 
 
-def test_what_a_result_took_as_exact_stays_exact(cell: Cell, first: Prediction) -> None:
+def test_what_a_result_took_as_exact_stays_exact(cell: Cell, first: PathPrediction) -> None:
     known = known_by(first)
     (stated,) = known.results
     left = [k for k, name in enumerate(stated.names) if name != "ra3"]
@@ -109,7 +119,7 @@ def test_what_a_result_took_as_exact_stays_exact(cell: Cell, first: Prediction) 
 
 
 def test_results_that_state_less_than_their_priors_leave_a_plan_sound(
-    cell: Cell, first: Prediction
+    cell: Cell, first: PathPrediction
 ) -> None:
     """A widened length is known worse than its file says; three such results know it once."""
     known = known_by(first)

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from ballbar.commands.cli import app
 from ballbar.plan import show as command
-from ballbar.plan.show import say_answers
+from ballbar.plan.summary import say_answers
 from cell.errors import DescriptionError, InputError
 from cell.geometry import bar_frames
 from cell.load import load_cell, load_robot
@@ -25,7 +25,7 @@ from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
 from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import Candidate, genome_of, rounded, space_of
+from planning.candidate import PathCandidate, genome_of, rounded, space_of
 from planning.clearance import clearance, nearest
 from planning.crlb import moving, predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
@@ -37,8 +37,8 @@ from planning.krl import krl
 from planning.limits import violations
 from planning.plan import assess, covered, hints
 from planning.questions import question
-from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
-from planning.search import Progress, ranked, search
+from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
+from planning.search import SearchProgress, ranked, search
 from planning.targets import SAG, Targets, targets_of
 from planning.trajectory import trajectories
 from planning.verify import (
@@ -51,6 +51,7 @@ from planning.verify import (
 )
 from planning.what_if import answers
 from planning.workers import evaluating_processes
+from planning.workspace import KeepOut
 from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, load_lissajous
@@ -72,8 +73,8 @@ def evaluator() -> Evaluator:
 
 
 @pytest.fixture(scope="module")
-def manual() -> Candidate:
-    return Candidate(load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"), MANUAL_POSITION)
+def manual() -> PathCandidate:
+    return PathCandidate(load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"), MANUAL_POSITION)
 
 
 @given(st.integers(0, 10_000))
@@ -91,7 +92,7 @@ def test_a_candidate_has_the_numbers_that_gave_it(seed: int) -> None:
 
 
 def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
-    evaluator: Evaluator, manual: Candidate
+    evaluator: Evaluator, manual: PathCandidate
 ) -> None:
     trajectory = check(evaluator, manual).trajectory
     assert trajectory is not None
@@ -109,7 +110,7 @@ def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
 
 
 def test_the_prediction_is_the_bound_of_fits_afterwards(
-    evaluator: Evaluator, manual: Candidate
+    evaluator: Evaluator, manual: PathCandidate
 ) -> None:
     with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
         bounds = [
@@ -131,7 +132,7 @@ def test_the_prediction_is_the_bound_of_fits_afterwards(
 
 
 def test_better_sensors_and_more_time_never_predict_less(
-    evaluator: Evaluator, manual: Candidate
+    evaluator: Evaluator, manual: PathCandidate
 ) -> None:
     trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
     still = np.zeros(trajectory.t.size)
@@ -148,7 +149,9 @@ def test_better_sensors_and_more_time_never_predict_less(
     assert sigma(encoders=(1, 2, 4)) > usual
 
 
-def test_a_path_run_in_half_the_time_is_too_fast(evaluator: Evaluator, manual: Candidate) -> None:
+def test_a_path_run_in_half_the_time_is_too_fast(
+    evaluator: Evaluator, manual: PathCandidate
+) -> None:
     limits = PlanLimits(axis_speed_share=0.13)
     slow, fast = (
         trajectories(evaluator.cell, manual, PlanTiming(duration_s=d, dwell_s=1.0, stops=0))[0]
@@ -174,7 +177,7 @@ def test_a_path_run_in_half_the_time_is_too_fast(evaluator: Evaluator, manual: C
     ],
 )
 def test_every_limit_of_motion_can_be_violated(
-    evaluator: Evaluator, manual: Candidate, limit: str, value: float
+    evaluator: Evaluator, manual: PathCandidate, limit: str, value: float
 ) -> None:
     trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
     assert limit not in {v.limit for v in violations(evaluator.cell, PlanLimits(), trajectory)}
@@ -184,7 +187,9 @@ def test_every_limit_of_motion_can_be_violated(
     assert found[limit].excess > 0.0
 
 
-def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(manual: Candidate) -> None:
+def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(
+    manual: PathCandidate,
+) -> None:
     cell = load_cell("irb2400", "lund_600", "plate_250")
     trajectory = trajectories(cell, manual, PlanTiming())[0]
     highest = trajectory.tip[:, 2].max()
@@ -211,7 +216,7 @@ def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(manual: 
     assert found.distance < free.distance
 
 
-def test_capsules_are_as_far_apart_as_two_segments(manual: Candidate) -> None:
+def test_capsules_are_as_far_apart_as_two_segments(manual: PathCandidate) -> None:
     """Oracle: the rod against the forearm by brute force over points of both axes."""
     cell = load_cell("irb2400", "lund_600", "plate_250")
     of = clearance(cell, request().cell)
@@ -319,7 +324,7 @@ def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
 
 
 @pytest.fixture(scope="module")
-def runnable() -> tuple[Evaluator, Candidate]:
+def runnable() -> tuple[Evaluator, PathCandidate]:
     requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
     given = evaluators(requested)
     start, _ = first_path(given)
@@ -361,7 +366,7 @@ def test_a_program_for_a_telescoping_bar_leaves_the_servo_as_it_is(
 
 
 @pytest.mark.slow
-def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, Candidate]) -> None:
+def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, PathCandidate]) -> None:
     evaluator, candidate = runnable
     trajectory = evaluate(evaluator, candidate).trajectory
     assert trajectory is not None
@@ -391,7 +396,7 @@ def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, Candidate]) 
 
 @pytest.mark.slow
 def test_the_expected_force_is_what_mujoco_measures(
-    evaluator: Evaluator, manual: Candidate
+    evaluator: Evaluator, manual: PathCandidate
 ) -> None:
     requested, trajectory = evaluator.request, trajectories(evaluator.cell, manual, PlanTiming())[0]
     motion = run_in_plant(evaluator.cell, requested, manual, seed=0)
@@ -426,7 +431,7 @@ def test_the_planned_paths_keep_every_limit_in_mujoco(robot: str) -> None:
     scenario = load_scenario(SCENARIOS / f"{robot}_planned.yaml")
     evaluator = evaluators(requested)[scenario.cell.ballbar]
     shape = load_lissajous(SCENARIOS / scenario.path.file)
-    candidate = Candidate(shape, np.array(scenario.cell.ballbar_position_m))
+    candidate = PathCandidate(shape, np.array(scenario.cell.ballbar_position_m))
     motion = run_in_plant(evaluator.cell, requested, candidate, seed=2)
     found = checks(evaluator.cell, requested.limits, evaluator.clearance, motion)
     assert violations_in(found) == 0, [c for c in found if c.instants]
@@ -441,7 +446,7 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
     start, _ = first_path(evaluators(requested))
     seen: list[float] = []
 
-    def stop_when_better(progress: Progress) -> None:
+    def stop_when_better(progress: SearchProgress) -> None:
         seen.append(progress.tcp)
         if progress.best is not None and progress.best.objective < start.objective:
             raise KeyboardInterrupt
@@ -474,10 +479,10 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
     violating: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    runnable: tuple[Evaluator, Candidate],
+    runnable: tuple[Evaluator, PathCandidate],
 ) -> None:
     best = assess(*runnable)
-    moved = Candidate(
+    moved = PathCandidate(
         best.evaluation.candidate.shape,
         best.evaluation.candidate.position + np.array([1e-3, 0.0, 0.0]),
     )
@@ -493,7 +498,7 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
     )
     file, said = SCENARIOS / "plans" / "irb2400.yaml", Console(file=io.StringIO(), width=120)
     kept = command.plan_path(
-        file, folder=tmp_path, path=None, position=None, seconds=1.0, what_if=(), out=said, err=said
+        load_request(file), file, folder=tmp_path, seconds=1.0, out=said, err=said
     )
     assert kept == (violating < 2)
     taken = found[min(violating, 1)].evaluation.candidate
@@ -505,7 +510,7 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
 
 
 @pytest.mark.slow
-def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, Candidate]) -> None:
+def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, PathCandidate]) -> None:
     evaluator, candidate = runnable
     plan = assess(evaluator, candidate)
     requested = [
@@ -523,7 +528,7 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, Candidat
 
 
 @pytest.mark.slow
-def test_the_table_of_what_if_states_its_units(runnable: tuple[Evaluator, Candidate]) -> None:
+def test_the_table_of_what_if_states_its_units(runnable: tuple[Evaluator, PathCandidate]) -> None:
     """Regression: rich took [um] for a style and left it out."""
     evaluator, candidate = runnable
     shown = io.StringIO()
@@ -547,7 +552,7 @@ def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
 
 @pytest.mark.long
 def test_the_command_writes_a_scenario_that_can_be_loaded(
-    tmp_path: Path, runnable: tuple[Evaluator, Candidate]
+    tmp_path: Path, runnable: tuple[Evaluator, PathCandidate]
 ) -> None:
     from ballbar.scenario import load_scenario  # noqa: PLC0415
 

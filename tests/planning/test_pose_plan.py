@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from typer.testing import CliRunner
 
 from acquisition.formats.rapid import jointtarget_text
-from acquisition.poses import import_poses
+from acquisition.pose_tables import import_poses
 from acquisition.table.text import LogText
 from ballbar.commands.cli import app
 from cell.arrays import Array
@@ -28,15 +28,16 @@ from cell.poses import PoseTable
 from ident.poses.fit import pose_equations
 from ident.poses.identify import PoseOptions, identify_poses
 from ident.poses.model import Discrepancy, PoseModel
-from planning.poses.bodies import arm_of, segment_distance, smallest_distance, station_frames
-from planning.poses.candidates import Candidates, Screen, feasible, random_candidates
-from planning.poses.design import APART, Design, decrease, exchanged, greedy
-from planning.poses.export import krl_poses, pdl2_poses, rapid_poses
-from planning.poses.information import expected_group, information_of
-from planning.poses.plan import PosePlan, pose_plan
-from planning.poses.request import SCHEMA, PosePlanRequest, load_pose_request
-from planning.poses.route import clear_moves, nearest_neighbours, two_opt
-from planning.poses.setup import Setup, setup_of
+from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
+from planning.pose_clearance import arm_of, segment_distance, smallest_distance, station_frames
+from planning.pose_design import APART, Design, decrease, exchanged, greedy
+from planning.pose_information import expected_group, information_of
+from planning.pose_plan import PosePlan, pose_plan
+from planning.pose_programs import krl_poses, pdl2_poses, rapid_poses
+from planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from planning.request import load_request
+from planning.route import clear_moves, nearest_neighbours, two_opt
+from planning.stations import PoseSetup, setup_of
 from tests.helpers.measured_plans import DrawnRobot, drawn_robot
 
 PLANS = Path(__file__).parents[2] / "scenarios" / "plans"
@@ -44,17 +45,17 @@ TRACKER, WIRE = PLANS / "irb2400_tracker.yaml", PLANS / "irb2400_drawwire.yaml"
 RUNNER = CliRunner()
 
 
-def changed(path: Path, **values: object) -> Setup:
+def changed(path: Path, **values: object) -> PoseSetup:
     """The setup of a shipped request with other values and fewer candidates."""
-    request = load_pose_request(path).model_copy(update={"candidates": 250, "poses": 30, **values})
+    request = load_request(path).model_copy(update={"candidates": 250, "poses": 30, **values})
     return setup_of(request, relative_to=PLANS)
 
 
-def socket_setup(**values: object) -> Setup:
+def socket_setup(**values: object) -> PoseSetup:
     """Two sockets 50 mm apart before an IRB 1600, which come from above."""
     sockets = (("a", 0.0), ("b", 0.05))
     data = {
-        "schema": SCHEMA,
+        "schema": f"{POSE_SCHEMA}/1",
         "name": "sockets",
         "robot": "irb1600",
         "instrument": "socket_pair_50",
@@ -71,7 +72,7 @@ def socket_setup(**values: object) -> Setup:
     return setup_of(request, relative_to=PLANS)
 
 
-def planned(setup: Setup) -> PosePlan:
+def planned(setup: PoseSetup) -> PosePlan:
     return pose_plan(setup, seconds=100.0, since=lambda: 0.0)
 
 
@@ -85,7 +86,7 @@ def wire() -> PosePlan:
     return planned(changed(WIRE, poses=40))  # one length a pose: more than the unknowns
 
 
-def keeps_limits(setup: Setup, poses: Candidates) -> None:
+def keeps_limits(setup: PoseSetup, poses: Candidates) -> None:
     """Fails for a pose outside the axis box or too close."""
     assert (poses.axes >= setup.lower).all()
     assert (poses.axes <= setup.upper).all()
@@ -123,7 +124,7 @@ def test_planned_lengths_stay_within_the_stroke_and_its_margin(wire: PosePlan) -
 
 
 def test_a_stroke_of_two_millimetres_is_met_by_inverse_kinematics() -> None:
-    request = load_pose_request(WIRE).model_dump(mode="json", by_alias=True)
+    request = load_request(WIRE).model_dump(mode="json", by_alias=True)
     request |= {"instrument": "qc20w_300", "seats": [{"position_m": [0.9, 0.0, 0.6]}]}
     setup = setup_of(PosePlanRequest.model_validate_json(json.dumps(request)), relative_to=PLANS)
     poses = random_candidates(setup, 100, np.random.default_rng(1))
@@ -342,7 +343,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.slow
 def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path: Path) -> None:
-    request = load_pose_request(TRACKER).model_dump(mode="json", by_alias=True)
+    request = load_request(TRACKER).model_dump(mode="json", by_alias=True)
     request |= {"candidates": 200, "poses": 30}
     file, folder = tmp_path / "request.yaml", tmp_path / "plan"
     write_yaml(file, request)
@@ -360,7 +361,7 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
     }
     rows = rows_of(folder / "poses.csv")
     axes = np.radians([[float(row[f"axis{i}_deg"]) for i in range(1, 7)] for row in rows])
-    setup = setup_of(load_pose_request(file), relative_to=tmp_path)
+    setup = setup_of(load_request(file), relative_to=tmp_path)
     measured = drawn_robot(setup, np.random.default_rng(1)).measured(
         Candidates(axes, np.zeros(30, dtype=np.intp)), np.random.default_rng(2)
     )
@@ -436,7 +437,7 @@ def test_what_excludes_poses_is_counted() -> None:
 def test_a_request_that_does_not_fit_the_robot_is_refused(
     change: dict[str, object], words: str
 ) -> None:
-    data = load_pose_request(WIRE).model_dump(mode="json", by_alias=True) | change
+    data = load_request(WIRE).model_dump(mode="json", by_alias=True) | change
     request = PosePlanRequest.model_validate_json(json.dumps(data))
     with pytest.raises(InputError, match=words):
         setup_of(request, relative_to=PLANS)
@@ -459,10 +460,10 @@ def test_a_request_that_does_not_fit_the_robot_is_refused(
 def test_a_wrong_request_is_refused_with_its_key(
     tmp_path: Path, change: dict[str, object], words: str
 ) -> None:
-    data = load_pose_request(WIRE).model_dump(mode="json", by_alias=True) | change
+    data = load_request(WIRE).model_dump(mode="json", by_alias=True) | change
     write_yaml(tmp_path / "request.yaml", data)
     with pytest.raises(DescriptionError, match=words):
-        load_pose_request(tmp_path / "request.yaml")
+        load_request(tmp_path / "request.yaml")
 
 
 def test_options_of_trajectories_are_refused_for_still_poses(tmp_path: Path) -> None:

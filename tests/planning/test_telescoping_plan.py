@@ -28,7 +28,7 @@ from ident.identify import identify_together
 from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import tcp_error
 from ident.verdict import Status
-from planning.candidate import Candidate, space_of
+from planning.candidate import PathCandidate, space_of
 from planning.clearance import nearest
 from planning.crlb import EXACT, predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
@@ -55,8 +55,8 @@ PATH = SCENARIOS / "paths" / "ur10e_telescoping.yaml"
 IRB2400 = Path(__file__).parents[2] / "cell" / "robots" / "irb2400.yaml"
 
 
-def known() -> Candidate:
-    return Candidate(load_lissajous(PATH), np.array([0.273, -0.011, 0.126]))
+def known() -> PathCandidate:
+    return PathCandidate(load_lissajous(PATH), np.array([0.273, -0.011, 0.126]))
 
 
 @pytest.fixture(scope="module")
@@ -339,7 +339,7 @@ def test_what_a_small_path_leaves_open_is_stated(
     the tool 2.3 sigma off.
     """
     at = known().position if position is None else np.array(position)
-    outcome = check(evaluator, Candidate(shape, at))
+    outcome = check(evaluator, PathCandidate(shape, at))
     assert outcome.trajectory is not None
     t = np.arange(0.0, evaluator.request.timing.duration_s, 0.02)
     q = CubicSpline(outcome.trajectory.t, outcome.trajectory.q)(t)

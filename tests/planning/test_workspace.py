@@ -10,9 +10,8 @@ import pytest
 from cell.errors import DescriptionError
 from cell.load import load_robot
 from ident.robot.accuracy import accuracy_grid
-from planning.poses.request import load_pose_request
-from planning.request import Workspace, load_request
-from planning.workspace import workspace_grid
+from planning.request import load_request
+from planning.workspace import Workspace, workspace_grid
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 
@@ -46,10 +45,9 @@ def test_a_workspace_without_room_is_refused_by_its_key(
     name: str, upper: tuple[float, ...], words: str
 ) -> None:
     """Of a single pose 0.0 um were foretold, since the base is aligned to it."""
-    load = load_pose_request if "tracker" in name else load_request
     changes = [f"workspace.lower_deg={list(LOWER)}", f"workspace.upper_deg={list(upper)}"]
     with pytest.raises(DescriptionError, match=words):
-        load(SCENARIOS / "plans" / f"{name}.yaml", overrides=changes)
+        load_request(SCENARIOS / "plans" / f"{name}.yaml", overrides=changes)
 
 
 @pytest.mark.parametrize(

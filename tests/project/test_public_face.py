@@ -33,16 +33,12 @@ def test_every_public_name_is_the_object_of_its_module() -> None:
         assert value is getattr(import_module(value.__module__), name)
 
 
-def test_type_checkers_see_the_same_names() -> None:
-    tree = ast.parse((ROOT / "ballbar/__init__.py").read_text())
-    (typed,) = (n for n in tree.body if isinstance(n, ast.If))
-    seen = {
-        alias.asname: node.module
-        for node in typed.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
+def test_the_package_and_type_checkers_read_the_same_names() -> None:
+    tree = ast.parse((ROOT / "ballbar/__init__.pyi").read_text())
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    seen = {alias.asname: node.module for node in imports for alias in node.names}
     assert seen == ballbar._HOME
+    assert "identify" in seen
 
 
 def test_an_unknown_name_is_refused_with_the_public_ones() -> None:

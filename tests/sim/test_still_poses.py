@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses import read_poses
+from acquisition.pose_tables import read_poses
 from cell.errors import DescriptionError, InputError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot

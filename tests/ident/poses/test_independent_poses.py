@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.poses import read_poses
+from acquisition.pose_tables import read_poses
 from cell.chain import Chain, forward
 from cell.load import load_robot
 from cell.poses import PoseTable

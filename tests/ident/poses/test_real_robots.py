@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.poses import read_poses
+from acquisition.pose_tables import read_poses
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
 from ident.poses.identify import PoseOptions, identify_poses

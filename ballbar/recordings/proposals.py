@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.poses.columns import PoseRows, header_names, quantities, read_rows, split_unit
-from acquisition.poses.nominal import judged, spread_of
-from acquisition.poses.text import FileKind
-from acquisition.poses.values import METRES
+from acquisition.faults.nominal_robot import judged, spread_of
+from acquisition.formats.table_file import FileKind
+from acquisition.measured_values import METRES
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE
+from acquisition.table.quantities import PoseRows, header_names, quantities, read_rows, split_unit
 from acquisition.table.text import LogText
 from cell.arrays import Array
 from cell.descriptions import Robot

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.poses.text import FileKind, first_separator
+from acquisition.formats.table_file import FileKind, first_separator
 from acquisition.report import Finding
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE, Kind, Layout, Remedies

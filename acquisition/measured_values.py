@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses.columns import PoseRows
 from acquisition.report import Finding, finding
+from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.errors import LogError
 from cell.instrument import Instrument

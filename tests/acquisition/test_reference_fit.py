@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.poses.reference_fit import Knock, _Normal, fit_references, fit_with_knocks
+from acquisition.reference_fit import Knock, _Normal, fit_references, fit_with_knocks
 from cell.statistics import rms
 from tests.helpers.reference_points import (
     COUNT,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from acquisition.poses.columns import PoseRows
 from acquisition.report import Finding, finding
+from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.pose_file import AngleUnit
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.poses.columns import PoseRows, Quantity, read_rows
-from acquisition.poses.declared import (
+from acquisition.declared_columns import (
     TableColumns,
     TableContext,
     angle_unit,
@@ -18,18 +17,22 @@ from acquisition.poses.declared import (
     table_columns,
     value_units,
 )
-from acquisition.poses.joints import joint_angles, limit_findings, may_be_rad, refuse_other_unit
-from acquisition.poses.nominal import (
+from acquisition.faults.nominal_robot import (
     better_as_rad,
     check_lengths,
     check_positions,
     check_rotations,
     orientations,
 )
-from acquisition.poses.remarks import angle_findings, repeated
-from acquisition.poses.text import pose_text
-from acquisition.poses.times import pose_stamps
-from acquisition.poses.values import (
+from acquisition.faults.table_angles import (
+    joint_angles,
+    limit_findings,
+    may_be_rad,
+    refuse_other_unit,
+)
+from acquisition.faults.table_remarks import angle_findings, repeated
+from acquisition.formats.table_file import pose_text
+from acquisition.measured_values import (
     METRES,
     RADIANS,
     column_sigma,
@@ -39,7 +42,9 @@ from acquisition.poses.values import (
     si_values,
     with_sigma_of_instrument,
 )
+from acquisition.pose_times import pose_stamps
 from acquisition.report import FileSummary, Finding, finding
+from acquisition.table.quantities import PoseRows, Quantity, read_rows
 from cell.arrays import Array
 from cell.errors import LogError
 from cell.pose_file import AngleUnit, NamedColumn

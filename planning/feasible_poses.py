@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.chain import Frames, joint_screws
 from cell.errors import InputError
-from planning.poses.bodies import arm_of, smallest_distance, station_frames
-from planning.poses.setup import Aim, Setup, Station
+from planning.pose_clearance import arm_of, smallest_distance, station_frames
+from planning.stations import Aim, PoseSetup, Station
 
 STEPS = 25  # Gauss-Newton steps towards a distance or a socket
 LONGEST_STEP = 0.3  # [rad] of an axis in one of them
@@ -73,13 +73,13 @@ class Screen:
         return f"of {self.drawn} drawn, excluded: {each}; the most by {worst}{nearest}"
 
 
-def random_candidates(setup: Setup, count: int, rng: np.random.Generator) -> Candidates:
+def random_candidates(setup: PoseSetup, count: int, rng: np.random.Generator) -> Candidates:
     """Feasible poses, as many for each station. Raises InputError where there are too few."""
     share = -(-count // len(setup.stations))
     return joined([_of_station(setup, k, share, rng) for k in range(len(setup.stations))])
 
 
-def _of_station(setup: Setup, index: int, count: int, rng: np.random.Generator) -> Candidates:
+def _of_station(setup: PoseSetup, index: int, count: int, rng: np.random.Generator) -> Candidates:
     screen, parts, have = Screen(), list[Array](), 0
     for batch in range(1, MOST_BATCHES + 1):
         drawn = rng.uniform(setup.lower, setup.upper, (BATCH, setup.robot.joints))
@@ -100,7 +100,7 @@ def _of_station(setup: Setup, index: int, count: int, rng: np.random.Generator) 
 
 
 def feasible(
-    setup: Setup, index: int, axes: Array, rng: np.random.Generator, screen: Screen
+    setup: PoseSetup, index: int, axes: Array, rng: np.random.Generator, screen: Screen
 ) -> tuple[Array, NDArray[np.intp]]:
     """Poses that can be measured at a station, from where the search for them begins.
 
@@ -126,7 +126,7 @@ def feasible(
     return moved[rest[clear]], rest[clear]
 
 
-def clearance_at(setup: Setup, station: Station, axes: Array) -> Array:
+def clearance_at(setup: PoseSetup, station: Station, axes: Array) -> Array:
     """(N,) [m] smallest distance at axis angles (N, J) [rad], rod or beam included."""
     frames = station_frames(setup, station, axes)
     line = setup.instrument.measured != "socket"
@@ -134,7 +134,7 @@ def clearance_at(setup: Setup, station: Station, axes: Array) -> Array:
 
 
 def _masks(
-    setup: Setup, station: Station, axes: Array, frames: Frames, distance: Array
+    setup: PoseSetup, station: Station, axes: Array, frames: Frames, distance: Array
 ) -> dict[str, NDArray[np.bool_]]:
     """(N,) whether poses keep each limit but that of clearance.
 
@@ -166,7 +166,7 @@ def _aimed(aim: Aim | None, line: Array) -> NDArray[np.bool_]:
 
 
 def _closed(
-    setup: Setup, station: Station, axes: Array, rng: np.random.Generator
+    setup: PoseSetup, station: Station, axes: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Axis angles (N, J) [rad] moved to drawn distances (N,) [m] of the target from the seat.
 

@@ -20,8 +20,8 @@ from cell.foreign_text import comment
 from cell.poses import Measured
 from planning.export import APPROACH_OVERRIDE, FAR
 from planning.krl import program, ptp
-from planning.poses.plan import PosePlan
-from planning.poses.setup import Setup
+from planning.pose_plan import PosePlan
+from planning.stations import PoseSetup
 
 SPEED = "v100"  # mm/s and deg/s of the moves
 ATTACHED: frozenset[Measured] = frozenset({"length", "socket"})  # a person attaches these
@@ -125,12 +125,14 @@ def pose_table(plan: PosePlan) -> str:
     return "\n".join(lines) + "\n"
 
 
-def axis_columns(setup: Setup) -> list[str]:
+def axis_columns(setup: PoseSetup) -> list[str]:
     """Names of the columns of the axis angles."""
     return [f"axis{i + 1}_deg" for i in range(setup.robot.joints)]
 
 
-def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> dict[str, object]:
+def poses_data(
+    setup: PoseSetup, table: str, *, relative_to: Path, folder: Path
+) -> dict[str, object]:
     """poses.yaml of the filled table; folder : where it stands, relative_to : the request's.
 
     Files of one's own are copied into the folder.
@@ -173,7 +175,7 @@ def _stops(plan: PosePlan) -> Iterator[_Stop]:
         yield _Stop(f"p{k + 1}", axes, measured=True)
 
 
-def _rest(setup: Setup, stop: str, wait: str, unit: float) -> list[str]:
+def _rest(setup: PoseSetup, stop: str, wait: str, unit: float) -> list[str]:
     """Lines of the rest at a pose; unit : of the language's waiting time, per second."""
     if setup.instrument.measured in ATTACHED:
         return [f"{stop} attach the instrument and measure, then go on"]

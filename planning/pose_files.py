@@ -9,9 +9,9 @@ import numpy as np
 from cell.files import DESCRIPTIONS, write_whole, write_yaml
 from planning.export import SUFFIXES, program_files, without_program
 from planning.files import REQUEST
-from planning.poses.export import krl_poses, pdl2_poses, pose_table, poses_data, rapid_poses
-from planning.poses.plan import PosePlan
-from planning.poses.request import PosePlanRequest
+from planning.pose_plan import PosePlan
+from planning.pose_programs import krl_poses, pdl2_poses, pose_table, poses_data, rapid_poses
+from planning.pose_request import PosePlanRequest
 
 TABLE, DESCRIPTION, NUMBERS = "poses.csv", "poses.yaml", "plan.yaml"
 PROGRAMS = {"rapid": rapid_poses, "pdl2": pdl2_poses, "krl": krl_poses}

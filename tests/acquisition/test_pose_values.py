@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses import import_poses, read_poses
+from acquisition.pose_tables import import_poses, read_poses
 from cell.arrays import Array
 from cell.load import load_instrument
 from cell.robot_angles import joints_to_axes

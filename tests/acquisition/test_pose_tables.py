@@ -7,7 +7,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from acquisition.poses import import_poses, read_poses
+from acquisition.pose_tables import import_poses, read_poses
 from cell.errors import DescriptionError
 from cell.poses import PoseTable
 from tests.helpers.pose_files import NAMES, POINTS, Q, columns, lines, write

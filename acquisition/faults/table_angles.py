@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.poses.columns import PoseRows
 from acquisition.report import Finding, finding
+from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError

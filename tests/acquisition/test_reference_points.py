@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses import PoseImport, import_poses
+from acquisition.pose_tables import PoseImport, import_poses
 from acquisition.report import finding_line, report_lines
 from cell.arrays import Array
 from cell.errors import DescriptionError, InputError, LogError

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.poses.declared import TableContext
-from acquisition.poses.file_poses import FilePoses, file_poses
-from acquisition.poses.reference import steadied
+from acquisition.declared_columns import TableContext
+from acquisition.pose_rows import FilePoses, file_poses
+from acquisition.reference_points import steadied
 from acquisition.report import Finding, ImportReport
 from cell.errors import DescriptionError
 from cell.foreign_files import repeated

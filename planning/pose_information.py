@@ -32,9 +32,9 @@ from ident.poses.model import Discrepancy, PoseModel
 from ident.poses.unknowns import PoseUnknowns, pose_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
-from planning.poses.bodies import station_frames
-from planning.poses.candidates import Candidates
-from planning.poses.setup import Setup, Station
+from planning.feasible_poses import Candidates
+from planning.pose_clearance import station_frames
+from planning.stations import PoseSetup, Station
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
@@ -45,7 +45,7 @@ ORDERS, AMPLITUDE = (1, 2, 3), 1e-4
 class Information:
     """The model of a setup, and the workspace over which the TCP error counts."""
 
-    setup: Setup
+    setup: PoseSetup
     layout: PoseUnknowns
     corrections: tuple[Correction, ...]
     grid: Array  # (G, J) [rad] DH joint angles
@@ -126,7 +126,7 @@ class Information:
         return PoseModel(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
 
 
-def information_of(setup: Setup) -> Information:
+def information_of(setup: PoseSetup) -> Information:
     """The model of a setup at its nominal robot, seats and targets."""
     middle = 0.5 * (setup.lower + setup.upper)[None]
     groups = tuple(expected_group(setup, station, middle) for station in setup.stations)
@@ -151,7 +151,7 @@ def smooth_joint_errors(robot: Robot) -> Correction:
     return replace(correction, coefficients=expected)
 
 
-def expected_group(setup: Setup, station: Station, axes: Array) -> PoseGroup:
+def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
     """What the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
     frames = station_frames(setup, station, axes)
     rod = frames.tip - station.origin[:, None]
@@ -177,7 +177,7 @@ def expected_group(setup: Setup, station: Station, axes: Array) -> PoseGroup:
 
 
 def _nominal_arm(
-    setup: Setup, layout: PoseUnknowns, corrections: tuple[Correction, ...]
+    setup: PoseSetup, layout: PoseUnknowns, corrections: tuple[Correction, ...]
 ) -> IdentifiedArm:
     """The nominal robot in the form that has the derivatives of a target."""
     station = setup.stations[0]

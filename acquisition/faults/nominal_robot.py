@@ -12,9 +12,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.poses.columns import PoseRows
-from acquisition.poses.values import rotation
+from acquisition.measured_values import rotation
 from acquisition.report import Finding, finding
+from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.chain import Frames
 from cell.descriptions import Robot

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from ident.estimator.gauss_newton import inverse
-from planning.poses.candidates import Candidates, Screen, feasible, joined
-from planning.poses.design import APART, decrease
-from planning.poses.information import Information
+from planning.feasible_poses import Candidates, Screen, feasible, joined
+from planning.pose_design import APART, decrease
+from planning.pose_information import Information
 
 NEIGHBOURS = 24  # of each pose in a round
 ROUNDS = 20

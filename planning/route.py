@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from planning.poses.bodies import arm_of, smallest_distance, station_frames
-from planning.poses.candidates import Candidates
-from planning.poses.setup import Setup
+from planning.feasible_poses import Candidates
+from planning.pose_clearance import arm_of, smallest_distance, station_frames
+from planning.stations import PoseSetup
 
 STEP = np.radians(5.0)  # [rad] of the fastest axis between the poses of a move that are checked
 UNKNOWN_SPEED = 1.0  # [rad/s] of an axis whose file states none; only compares moves
@@ -42,7 +42,7 @@ class Route:
 class _Moves:
     """Which moves of one station are clear, as far as they were checked."""
 
-    setup: Setup
+    setup: PoseSetup
     station: int
     axes: Array  # (n, J) [rad]
     time: Array  # (n, n) [s], blocked ones with their penalty
@@ -65,7 +65,7 @@ class _Moves:
         return not clear.all()
 
 
-def route_of(setup: Setup, poses: Candidates, rng: np.random.Generator) -> Route:
+def route_of(setup: PoseSetup, poses: Candidates, rng: np.random.Generator) -> Route:
     """The poses in a short order; rng : draws intermediate poses."""
     order = _order(setup, poses)
     ordered = poses.part(order)
@@ -93,7 +93,7 @@ def route_of(setup: Setup, poses: Candidates, rng: np.random.Generator) -> Route
     return Route(ordered, passing, tuple(blocked), tuple(released), seconds)
 
 
-def clear_moves(setup: Setup, station: int, begin: Array, end: Array) -> NDArray[np.bool_]:
+def clear_moves(setup: PoseSetup, station: int, begin: Array, end: Array) -> NDArray[np.bool_]:
     """(M,) whether moves from begin to end (M, J) [rad] keep the clearance.
 
     A rod is on the target where the move does not leave its stroke; beams may be interrupted.
@@ -116,7 +116,7 @@ def clear_moves(setup: Setup, station: int, begin: Array, end: Array) -> NDArray
     return np.asarray(np.bincount(owner, close, len(begin)) == 0)
 
 
-def in_stroke(setup: Setup, station: int, begin: Array, end: Array) -> bool:
+def in_stroke(setup: PoseSetup, station: int, begin: Array, end: Array) -> bool:
     """Whether a length instrument may stay on the target during a move (J,) [rad] to (J,)."""
     if setup.instrument.measured != "length":
         return True
@@ -163,7 +163,7 @@ def nearest_neighbours(time: Array, first: int) -> NDArray[np.intp]:
     return np.array(order, dtype=np.intp)
 
 
-def _order(setup: Setup, poses: Candidates) -> NDArray[np.intp]:
+def _order(setup: PoseSetup, poses: Candidates) -> NDArray[np.intp]:
     """Station by station, each order avoiding moves that come too close."""
     out = []
     middle = 0.5 * (setup.lower + setup.upper)
@@ -182,7 +182,7 @@ def _order(setup: Setup, poses: Candidates) -> NDArray[np.intp]:
 
 
 def _intermediate(
-    setup: Setup, station: int, begin: Array, end: Array, rng: np.random.Generator
+    setup: PoseSetup, station: int, begin: Array, end: Array, rng: np.random.Generator
 ) -> Array | None:
     """(2, J) [rad] poses over which a move is clear and short; None without any."""
     free = rng.uniform(setup.lower, setup.upper, (PASSED, setup.robot.joints))
@@ -202,7 +202,7 @@ def _intermediate(
     return np.stack((first[best], second[best]))
 
 
-def _times(setup: Setup, begin: Array, end: Array) -> Array:
+def _times(setup: PoseSetup, begin: Array, end: Array) -> Array:
     """(...) [s] of moves between axis angles (..., J) [rad] at top speed."""
     speed = setup.robot.axis_speed_max
     speed = np.where(np.isfinite(speed), speed, UNKNOWN_SPEED)

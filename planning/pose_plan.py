@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
-from planning.poses.candidates import Candidates, random_candidates
-from planning.poses.design import Design, exchanged, greedy
-from planning.poses.information import Information, information_of
-from planning.poses.refine import refined
-from planning.poses.route import Route, route_of
-from planning.poses.setup import Setup
+from planning.feasible_poses import Candidates, random_candidates
+from planning.pose_design import Design, exchanged, greedy
+from planning.pose_information import Information, information_of
+from planning.pose_refine import refined
+from planning.route import Route, route_of
+from planning.stations import PoseSetup
 
 RANDOM_SETS = 10  # of as many candidates, with which the plan is compared
 
@@ -24,7 +24,7 @@ Show = Callable[[str], None]
 class PosePlan:
     """Poses in their order, and what they are predicted to determine."""
 
-    setup: Setup
+    setup: PoseSetup
     information: Information
     route: Route
     rows: Array  # (n, E, P) whitened rows of the poses
@@ -52,7 +52,7 @@ class PosePlan:
 
 
 def pose_plan(
-    setup: Setup, *, seconds: float, since: Callable[[], float], show: Show = lambda _: None
+    setup: PoseSetup, *, seconds: float, since: Callable[[], float], show: Show = lambda _: None
 ) -> PosePlan:
     """The poses that determine the robot best.
 

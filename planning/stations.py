@@ -21,8 +21,8 @@ from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.pose_file import known_distances
 from cell.poses import KnownDistance
-from planning.poses.request import PosePlanRequest, SeatEntry, TargetEntry
-from planning.workspace import workspace_grid
+from planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
+from planning.workspace import check_axes, workspace_grid
 
 TURN = 2.0 * np.pi  # [rad] an axis that turns further is planned over half a turn to either side
 
@@ -48,7 +48,7 @@ class Station:
 
 
 @dataclass(frozen=True, eq=False)
-class Setup:
+class PoseSetup:
     """A request with its descriptions read and checked."""
 
     request: PosePlanRequest
@@ -64,7 +64,7 @@ class Setup:
     grid: Array  # (G, J) [rad] DH joint angles over which the TCP error counts
 
 
-def setup_of(request: PosePlanRequest, *, relative_to: Path) -> Setup:
+def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
     """The cell of a request; relative_to : folder of the request's file.
 
     Raises DescriptionError for a wrong description, InputError for limits that allow nothing
@@ -75,7 +75,7 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> Setup:
     lower, upper = _axis_box(request, robot)
     limits, stroke = request.limits, instrument.upper - instrument.lower
     margin = limits.stroke_margin_share * stroke if instrument.measured == "length" else 0.0
-    return Setup(
+    return PoseSetup(
         request=request,
         robot=robot,
         chain=nominal_chain(robot),
@@ -106,7 +106,7 @@ def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
     ):
         if values is None:
             continue
-        _check_length(f"limits.{key}", values, robot)
+        check_axes(f"limits.{key}", values, robot)
         if key == "axis_lower_deg":
             lower = np.maximum(robot.axis_lower + margin, np.radians(values))
         else:
@@ -120,14 +120,6 @@ def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
             "axis_lower_deg and axis_upper_deg, or reduce axis_margin_deg."
         )
     return lower, upper
-
-
-def _check_length(key: str, values: tuple[float, ...], robot: Robot) -> None:
-    if len(values) != robot.joints:
-        raise InputError(
-            f"{key}: {len(values)} values, but {robot.name} has {robot.joints} axes. Give one for "
-            "each axis."
-        )
 
 
 def _station(seat: SeatEntry, target: TargetEntry) -> Station:

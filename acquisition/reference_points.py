@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from acquisition.poses.file_poses import FilePoses
-from acquisition.poses.reference_fit import Knock, ReferenceFit, fit_with_knocks
+from acquisition.pose_rows import FilePoses
+from acquisition.reference_fit import Knock, ReferenceFit, fit_with_knocks
 from acquisition.report import Finding, finding
 from cell.arrays import Array
 from cell.errors import LogError

@@ -18,7 +18,7 @@ from cell.arrays import Array
 from cell.chain import Frames, forward
 from cell.robot_angles import controller_to_joints
 from ident.poses.closure import Placement, target_frames
-from planning.poses.setup import Setup, Station
+from planning.stations import PoseSetup, Station
 
 # Radii as shares of the chain's length. planning.clearance has 0.14 of the upper arm for the arm
 # and 0.09 for the wrist; the upper arm of the IRB 2400 is 0.31 of its chain.
@@ -55,7 +55,7 @@ class Arm:
         ]
 
 
-def arm_of(setup: Setup, station: Station) -> Arm:
+def arm_of(setup: PoseSetup, station: Station) -> Arm:
     """The capsules of the robot with the station's target."""
     chain = setup.chain
     lengths = [
@@ -87,14 +87,14 @@ def _radius(rows: int, total: float, row: int) -> float:
     return total * (ARM if row < rows - LAST_ROWS else WRIST)
 
 
-def station_frames(setup: Setup, station: Station, axes: Array) -> Frames:
+def station_frames(setup: PoseSetup, station: Station, axes: Array) -> Frames:
     """Nominal frames at axis angles (N, J) [rad]; the last is that of the target."""
     flange = forward(setup.chain, controller_to_joints(setup.robot, axes))
     return target_frames(flange, Placement(np.eye(3), station.point))
 
 
 def smallest_distance(
-    setup: Setup, station: Station, arm: Arm, frames: Frames, *, line: bool
+    setup: PoseSetup, station: Station, arm: Arm, frames: Frames, *, line: bool
 ) -> Array:
     """(N,) [m] of the arm from itself, floor, boxes and, if asked, the rod or beam; at most FAR."""
     limits = setup.request.limits
@@ -131,7 +131,7 @@ def segment_distance(first: Array, second: Array) -> Array:
     return np.asarray(np.linalg.norm(between + s * along - t * other, axis=0))
 
 
-def _axes(setup: Setup, arm: Arm, frames: Frames) -> Array:
+def _axes(setup: PoseSetup, arm: Arm, frames: Frames) -> Array:
     """(S, 2, 3, N) [m] ends of the capsules' axes."""
     chain, out = setup.chain, []
     for row, part in zip(arm.rows, arm.parts, strict=True):

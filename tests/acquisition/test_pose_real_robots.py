@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.poses import import_poses
-from acquisition.poses.reading import PoseImport
+from acquisition.pose_tables import PoseImport, import_poses
 from tests.helpers import real_robots
 
 pytestmark = pytest.mark.skipif(

@@ -5,21 +5,27 @@ Schema `ballbar-pose-plan/1`. Lists of axes have one value for each axis of the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.extended_yaml import load_extended
+from cell.description_files import Positive
 from cell.pose_file import KnownDistances
 from cell.schema import Name, Strict
 from cell.schema_errors import wrong_key
-from cell.strict_yaml import parse_model
-from planning.request import REQUESTS, Axes, Cone, KeepOut, Positive, Workspace
+from planning.workspace import Axes, KeepOut, Workspace
 from sim.settings import Vector3
 
-SCHEMA = "ballbar-pose-plan/1"
+POSE_SCHEMA = "ballbar-pose-plan"
+Cone = Annotated[float, Field(gt=0.0, le=180.0)]
+PlanName = Annotated[
+    str,
+    Field(
+        pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$",
+        description="Name of the plan and of the controller's module.",
+    ),
+]
+Seed = Annotated[int, Field(ge=0, description="Seed of all drawn values.")]
 
 
 class SeatEntry(Strict):
@@ -74,13 +80,7 @@ class PosePlanRequest(Strict):
     """A request for still poses, such as `scenarios/plans/irb2400_tracker.yaml`."""
 
     schema_: Annotated[Literal["ballbar-pose-plan/1"], Field(alias="schema")]
-    name: Annotated[
-        str,
-        Field(
-            pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$",
-            description="Name of the plan and of the controller's module.",
-        ),
-    ]
+    name: PlanName
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     instrument: str = Field(description="A file of cell/instruments, or a path.")
     seats: Annotated[tuple[SeatEntry, ...], Field(min_length=1)] = Field(
@@ -113,7 +113,7 @@ class PosePlanRequest(Strict):
     candidates: Annotated[int, Field(ge=200, le=20_000)] = Field(
         2000, description="Number of feasible poses from which the plan is selected."
     )
-    seed: Annotated[int, Field(ge=0)] = Field(1, description="Seed of all drawn values.")
+    seed: Seed = 1
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
@@ -134,20 +134,3 @@ class PosePlanRequest(Strict):
                 if part.axis is not None and not any(part.axis):
                     raise wrong_key(key, i, "axis", message="expected a direction, found zero")
         return self
-
-
-def holds_pose_request(path: Path, *, overrides: Sequence[str] = ()) -> bool:
-    """Whether a request's file asks for still poses. Raises DescriptionError for no YAML file.
-
-    overrides : as of `load_pose_request`.
-    """
-    schema = load_extended(path, REQUESTS, overrides=overrides).data.get("schema")
-    return str(schema).startswith(SCHEMA.partition("/")[0] + "/")
-
-
-def load_pose_request(path: Path, *, overrides: Sequence[str] = ()) -> PosePlanRequest:
-    """The checked request. Raises DescriptionError naming file, line and key.
-
-    overrides : texts `KEY=VALUE`, such as `poses=60`, that replace values of the file.
-    """
-    return parse_model(load_extended(path, REQUESTS, overrides=overrides), PosePlanRequest)

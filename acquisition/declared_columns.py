@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.formats.rapid import COLUMNS as JOINTTARGET
-from acquisition.poses.columns import Quantity, header_names, quantities, selector, unit_stated
-from acquisition.poses.text import FileKind
-from acquisition.poses.values import METRES, RADIANS
+from acquisition.formats.table_file import FileKind
+from acquisition.measured_values import METRES, RADIANS
+from acquisition.table.quantities import Quantity, header_names, quantities, selector, unit_stated
 from acquisition.table.text import LogText
 from cell.descriptions import Robot
 from cell.errors import DescriptionError

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.poses import import_poses, read_poses
+from acquisition.pose_tables import import_poses, read_poses
 from cell.errors import DescriptionError, InputError, LogError
 from cell.rigid_fit import nominal_frames
 from tests.helpers.pose_files import (

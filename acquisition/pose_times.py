@@ -9,8 +9,8 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.poses.columns import PoseRows
 from acquisition.report import Finding, finding
+from acquisition.table.quantities import PoseRows
 from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
 from cell.dialect import TimeForm
 from cell.errors import DescriptionError, LogError

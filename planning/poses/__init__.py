@@ -1,1 +1,0 @@
-"""Plans of still poses: which poses an instrument should measure to determine the robot best."""
