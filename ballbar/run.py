@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ballbar.outputs import Progress, write_outputs
+from ballbar.outputs import Progress, write_outputs, write_pose_outputs
 from ballbar.result.compare import identification_against_truth
+from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
 from ballbar.result.iterations import IterationLog
-from ballbar.result.limits import plant_limits, result_limits
-from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
+from ballbar.result.limits import Limit, plant_limits, pose_limits, result_limits
+from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
+from ballbar.result.pose_run import PoseRun, identify_pose_folders
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import (
     SCENARIOS,
+    PoseScenario,
     Scenario,
     scenario_path,
     with_copied_descriptions,
@@ -27,13 +30,30 @@ from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.extended_yaml import files_of
 from cell.files import DESCRIPTIONS, claimed_folder
+from cell.pose_file import load_poses_file
 from cell.processes import Begin
 from cell.recording import load_recording_file
-from sim.recording_files import truth_path, write_recording
+from sim.recording_files import TABLE, truth_path, write_poses, write_recording
 from sim.simulate import Simulation, simulate
+from sim.still_poses import PoseSimulation, simulate_poses
 
 if TYPE_CHECKING:  # a run without --live imports no viewer
     from ballbar.replay.live import LiveRun
+
+
+@dataclass(frozen=True, eq=False)
+class PoseScenarioRun:
+    """A scenario of still poses from simulation to limits."""
+
+    simulation: PoseSimulation
+    run: PoseRun
+    comparison: PoseComparison
+    limits: tuple[Limit, ...]
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether the verdict is acceptable and every limit met."""
+        return self.run.acceptable and all(limit.met for limit in self.limits)
 
 
 def simulate_scenario(
@@ -51,7 +71,7 @@ def simulate_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or a
     real recording.
     """
-    with _claimed_recording(folder):
+    with _claimed(folder, still=False):
         progress("simulating the cell")
         files = scenario_file.parent
         on_motion = live.moved if live else None
@@ -70,18 +90,46 @@ def simulate_scenario(
         return simulation
 
 
-@contextmanager
-def _claimed_recording(folder: Path) -> Iterator[None]:
-    """A folder that a simulated recording may be written to.
+def simulate_pose_scenario(
+    scenario: PoseScenario, scenario_file: Path, folder: Path, *, progress: Progress
+) -> PoseSimulation:
+    """Simulates a scenario of still poses and writes its table, and beside it truth and scenario.
 
-    Raises InputError where it holds something else, or a real recording, which is never replaced.
+    Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
+    poses.
     """
-    with claimed_folder(folder, {"recording.yaml", "raw", DESCRIPTIONS}, "a recording"):
-        if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
-            raise InputError(
-                f"{folder}: holds a real recording; nothing was written. Choose another folder "
-                "with --out."
-            )
+    with _claimed(folder, still=True):
+        progress("simulating the poses")
+        files = scenario_file.parent
+        try:
+            simulation = simulate_poses(scenario, relative_to=files)
+        except InputError as error:
+            raise InputError(f"{scenario_file}: {error}") from None
+        progress("writing the table")
+        write_scenario(scenario, files, folder)
+        write_poses(simulation, scenario, folder, relative_to=files)
+        return simulation
+
+
+@contextmanager
+def _claimed(folder: Path, *, still: bool) -> Iterator[None]:
+    """A folder that a simulated recording or table of still poses may be written to.
+
+    Raises InputError where it holds something else, or what was really measured, which is never
+    replaced.
+    """
+    marker, data, what = "recording.yaml", "raw", "a recording"
+    if still:
+        marker, data, what = "poses.yaml", TABLE, "a table of poses"
+    with claimed_folder(folder, {marker, data, DESCRIPTIONS}, what):
+        if (file := folder / marker).exists():
+            stored = load_poses_file(file) if still else load_recording_file(folder)
+            if stored.kind == "real":
+                real = "real poses" if still else "a real recording"
+                raise InputError(
+                    f"{folder}: holds {real}; nothing was written. Choose another folder with "
+                    "--out."
+                )
         yield
 
 
@@ -153,3 +201,23 @@ def _held_out(scenario: Scenario) -> Scenario:
     """The scenario of the recording that takes no part in the fit: another path and noise."""
     path = scenario.path.model_copy(update={"file": scenario.accept.held_out_file})
     return scenario.model_copy(update={"path": path, "recording": scenario.recording + 1})
+
+
+def run_pose_scenario(
+    scenario: PoseScenario, scenario_file: Path, out: Path, *, command: str, progress: Progress
+) -> PoseScenarioRun:
+    """Simulates, identifies, compares with the truth, and writes calibration.yaml and report.html.
+
+    command : the command line, for the report.
+
+    Raises InputError when the scenario cannot be run, or when `out` holds something else.
+    """
+    folder = out / RECORDING
+    beside = {truth_path(folder).name, scenario_path(folder).name}
+    with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
+        simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
+        run = identify_pose_folders([folder], progress=progress)
+        comparison = compare_poses_with_truth(run.identification, simulation.truth)
+        write_pose_outputs(out, run, comparison, command=command, replay=False, progress=progress)
+        limits = pose_limits(run.identification, comparison, scenario.accept)
+        return PoseScenarioRun(simulation, run, comparison, limits)

@@ -1,4 +1,4 @@
-"""What an instrument reads of a target, with its noise; outliers, drift and logged angles."""
+"""Readings of an instrument with noise and outliers, drift of its seats, and logged angles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cell.instrument import Instrument
 from cell.poses import COLUMNS
 from cell.robot_angles import joints_to_axes
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
-from sim.still_settings import PoseErrors
+from sim.errors.pose_errors import PoseErrors
 from sim.streams import stream
 from sim.true_robot import TrueArm
 from sim.truth import SeatMotion, TruePlace

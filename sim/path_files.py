@@ -70,7 +70,7 @@ class LissajousFile(Strict):
     phase_deg: Vector5
     """Phase of each angle at the beginning."""
     rod: tuple[RodHarmonicFile, ...] = ()
-    """Of an instrument's length about its nominal one; absent for a ball-bar."""
+    """Harmonics of an instrument's length about its nominal one; absent for a ball-bar."""
     first_axes_deg: tuple[float, ...] | None = None
     """Axis angles of the robot at the beginning, which choose the configuration of the arm; absent
     for the first that keeps the axis ranges.
@@ -84,7 +84,7 @@ class PushPullFile(Strict):
 
     schema_: Annotated[Literal["ballbar-push/1"], Field(alias="schema")]
     angles_deg: Vector5
-    """Of the ball-bar at the pose, b1 to b5."""
+    """Angles of the ball-bar at the pose, b1 to b5."""
     travel_m: Annotated[float, Field(gt=0.0, le=0.1)]
     """Largest distance of the command from the pose, along the rod."""
     cycles: Annotated[int, Field(gt=0)]

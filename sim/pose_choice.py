@@ -18,7 +18,7 @@ from cell.errors import InputError
 from cell.instrument import Instrument
 from cell.point_inverse import reach_points
 from cell.robot_angles import controller_to_joints
-from sim.still_settings import PosesSettings
+from sim.settings import PosesSettings
 from sim.true_robot import TrueArm
 from sim.truth import TruePlace
 
@@ -30,7 +30,7 @@ _MARGIN = np.deg2rad(1.0)  # [rad] of the axis limits
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """What one seat measures of one target: N poses and their places in the order of time."""
+    """N poses at which one seat measures one target, and their places in the order of time."""
 
     seat: str
     target: str

@@ -1,4 +1,4 @@
-"""What was simulated as files, and the truth beside the folder.
+"""Files of a simulation, and the truth beside their folder.
 
 A recording is device logs and recording.yaml, a table of still poses is poses.csv and poses.yaml.
 """
@@ -22,8 +22,7 @@ from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 from sim.logging.robot_files import robot_source, write_robot_log
-from sim.settings import SimulationSettings
-from sim.still_settings import PoseSimulationSettings
+from sim.settings import PoseSimulationSettings, SimulationSettings
 from sim.streams import stream
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The simulated half of a scenario: the cell, its motion, its errors and its logs.
+"""The simulated half of a scenario: the cell, its motion or its still poses, its errors and logs.
 
 Every key carries its unit. Every error source is absent by default. The docstrings and descriptions
 are printed in the scenario reference.
@@ -7,7 +7,7 @@ are printed in the scenario reference.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -24,26 +24,28 @@ from sim.errors.clock_errors import (
     StampQuantum,
 )
 from sim.errors.plant_errors import PlantErrors
+from sim.errors.pose_errors import PoseErrors
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import EncoderNumber, JointLag, JointNoise, Outliers, SensorErrors
 from sim.errors.static_errors import CellErrors
 from sim.logging.load_logs import DeviceLogs
 from sim.streams import recording_seed
 
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
 Position = Annotated[tuple[Coordinate, ...], Field(min_length=3, max_length=3)]
 
 
 class CellSettings(Strict):
-    """What stands in the cell, and where."""
+    """The machines of the cell, and where the instrument stands."""
 
     robot: str
     """A file of cell/robots, or a path that ends in .yaml."""
     ballbar: str | None = None
     """A ball-bar with encoders: a file of cell/instruments, or a path."""
     instrument: str | None = None
-    """In place of ballbar, an instrument that measures a length: a telescoping ball-bar or a
+    """An instrument in place of ballbar that measures a length: a telescoping ball-bar or a
     draw-wire.
     """
     plate: str = "plate_250"
@@ -97,7 +99,7 @@ class PathSettings(Strict):
 
 
 class RodAndWire(Strict):
-    """What a telescoping rod or a wire does to the robot in MuJoCo."""
+    """Forces of a telescoping rod or a wire on the robot in MuJoCo."""
 
     rod_mass_kg: Positive = 0.25
     """Mass of a telescoping rod. Assumed."""
@@ -178,9 +180,9 @@ class ClockSettings(Strict):
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
     """Share of the ball-bar's rows that come one 5 ms task late."""
     wander: ClockWander | None = None
-    """Of the ball-bar's clock."""
+    """Wander of the ball-bar's clock."""
     robot_wander: ClockWander | None = None
-    """Of the robot's clock."""
+    """Wander of the robot's clock."""
     step: ClockStep | None = None
     quantum: StampQuantum | None = None
     jitter: StampJitter | None = None
@@ -226,7 +228,7 @@ class SimulationSettings(Strict):
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of all drawn values; each error source has its own stream."""
     recording: Annotated[int, Field(ge=1)] = 1
-    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn anew for
+    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn again for
     each, everything else is the same.
     """
 
@@ -265,3 +267,85 @@ class SimulationSettings(Strict):
                 message = f"joint {encoder} has no encoder; encoders.fitted are: {fitted}"
                 raise wrong_key(*key, "encoder", message=message)
         return self
+
+
+class PoseCell(Strict):
+    """The machines of the cell."""
+
+    robot: str
+    """A file of cell/robots, or a path that ends in .yaml."""
+    instrument: str
+    """A file of cell/instruments, or a path."""
+
+
+class PlacementSettings(Strict):
+    """A place with a name."""
+
+    name: Name
+    position_m: Position
+    rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
+    """Orientation, as rotation vector; only where it is measured."""
+
+
+class PosesSettings(Strict):
+    """The poses at which the robot stands, drawn at random within what robot and instrument reach.
+
+    A tracker measures every target at each pose. A rod, a wire or a socket has poses of its own for
+    each pair of seat and target; the robot is moved until the reading is within the range.
+    """
+
+    count: Annotated[int, Field(ge=10, le=100_000)]
+    """Poses of each seat; of a rod, wire or socket for each target too."""
+    seed: Annotated[int, Field(ge=0)] | None = None
+    """Seed of the poses, to keep them while errors vary; by default seed."""
+    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
+    """Time from one pose to the next."""
+    seats: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
+    """Placements of the instrument in the robot's base frame."""
+    targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
+    """Balls or reflectors in the flange's frame."""
+    reference: tuple[PlacementSettings, ...] = ()
+    """Three or more fixed points in the robot's base frame, which a tracker reads once at each
+    pose.
+    """
+    axis_lower_deg: tuple[float, ...] | None = None
+    """Limits of the axis angles; by default those of the robot."""
+    axis_upper_deg: tuple[float, ...] | None = None
+    lowest_m: float = 0.0
+    """Least height of flange and target in the robot's base frame."""
+    elevation_min_deg: Annotated[float, Field(ge=-90.0, le=80.0)] = -90.0
+    """Least elevation of a rod or wire over the horizontal."""
+    tilt_max_deg: Annotated[float, Field(ge=10.0, le=180.0)] = 180.0
+    """Largest angle between straight down and the line from flange to target."""
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        for key, places in (
+            ("seats", self.seats),
+            ("targets", self.targets),
+            ("reference", self.reference),
+        ):
+            names = [place.name for place in places]
+            if len(set(names)) < len(names):
+                raise wrong_key(key, message=f"names must differ; there are {', '.join(names)}")
+        return self
+
+
+class PosePlant(RodAndWire):
+    """The plant that holds the robot at a pose."""
+
+    kind: Literal["auto", "mujoco", "kinematic"] = "auto"
+    """MuJoCo, in static equilibrium with the rod or wire; or kinematic, with the robot's own weight
+    as only load. auto takes MuJoCo for a rod or wire on elastic gears.
+    """
+
+
+class PoseSimulationSettings(Strict):
+    """Everything that a simulated table of still poses is made from."""
+
+    cell: PoseCell
+    poses: PosesSettings
+    plant: PosePlant = PosePlant()
+    errors: PoseErrors = PoseErrors()
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of all drawn values; each error source has its own stream."""

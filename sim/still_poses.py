@@ -30,7 +30,7 @@ from sim.instrument_readings import (
 )
 from sim.plant.held import hold_with_instrument
 from sim.pose_choice import Stand, choose_poses
-from sim.still_settings import PlacementSettings, PoseSimulationSettings
+from sim.settings import PlacementSettings, PoseSimulationSettings
 from sim.streams import stream
 from sim.true_robot import TrueArm, true_arm
 from sim.truth import DHRows, PoseTruth, RippleTruth, SeatMotion, TruePlace
@@ -168,7 +168,7 @@ def _places(stated: tuple[PlacementSettings, ...]) -> dict[str, TruePlace]:
 
 @dataclass(frozen=True, eq=False)
 class _Measurement:
-    """What is true while the poses are measured."""
+    """The true robot, seats and targets while the poses are measured."""
 
     settings: PoseSimulationSettings
     instrument: Instrument

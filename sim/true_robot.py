@@ -24,11 +24,11 @@ from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.instrument import Instrument
 from cell.load import load_cell, load_instrument, load_plate, load_robot, load_telescoping_bar
+from sim.errors.pose_errors import PoseErrors
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from sim.errors.static_errors import true_geometry
 from sim.plant.effects import PlantEffects, Ripple, plant_effects
 from sim.settings import CellSettings, SimulationSettings
-from sim.still_settings import PoseErrors
 from sim.streams import stream
 
 _ROUNDS = 4  # of sag; each gains three digits

@@ -247,7 +247,7 @@ class DHRows(Strict):
 
 
 class PoseTruth(Strict):
-    """What a table of still poses was simulated from, as its truth file states it.
+    """The truth of a table of still poses, as its truth file states it.
 
     Outliers and unsettled poses are lines of the table, its header being line 1. The force is the
     least and the largest along rod or wire.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ballbar.result.compare import Comparison
-from ballbar.scenario import AcceptSettings, PoseAcceptSettings, TcpLimits
+from ballbar.scenario import AcceptSettings, TcpLimits
 from ballbar.units import MM, PPM, UM, US
 from cell.arrays import Array
 from cell.number_text import significant_text
@@ -104,7 +104,7 @@ def corrected_limits(distance: Array, accept: AcceptSettings) -> tuple[Limit, ..
 
 
 def pose_limits(
-    identified: PoseIdentification, comparison: PoseComparison, accept: PoseAcceptSettings
+    identified: PoseIdentification, comparison: PoseComparison, accept: TcpLimits
 ) -> tuple[Limit, ...]:
     """Likewise of still poses."""
     measured = _tcp(comparison.tcp, identified.tcp_sigma)

@@ -109,7 +109,7 @@ class RodBacklash(Strict):
     gimbal_m: NotNegative | None = None
     """Total width of the gimbal; by default that of the ball-bar file."""
     universal_joint_m: NotNegative | None = None
-    """Likewise of the universal joint."""
+    """Total width of the universal joint; by default that of the ball-bar file."""
 
 
 class BarFriction(Strict):
@@ -163,9 +163,9 @@ class ThermalGrowth(Strict):
     a2_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
     """Growth of a2 from the start to the end of the recording."""
     d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
-    """Likewise of d4."""
+    """Growth of d4 from the start to the end of the recording."""
     time_constant_s: Positive | None = None
-    """Of an exponential growth; none for a linear one."""
+    """Time constant of an exponential growth; none for a linear one."""
 
 
 class PlantErrors(Strict):

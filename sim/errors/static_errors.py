@@ -168,8 +168,8 @@ def static_deviations(
     """Deviation [m, rad] of each parameter, from thesis Table 3.1 or drawn."""
     if errors.table == "thesis_3_1":
         return {name: value * _MILLI for name, value in THESIS_3_1.items()}
-    # Table 3.1 comes first, so that its parameters are always drawn alike. The plate is the known
-    # length: only errors.plate_length changes it.
+    # Table 3.1 comes first, so that its parameters always get the same draws. The plate is the
+    # known length: only errors.plate_length changes it.
     names = tuple(THESIS_3_1)
     others = tuple(name for name in table.names if name not in (*names, table.plate))
     if errors.parameters == "all":

@@ -30,7 +30,7 @@ CYCLE = 1e-3  # [s]
 
 
 class Program(Protocol):
-    """What the PLC samples."""
+    """The program that the PLC samples."""
 
     def due(self, elapsed_ns: int) -> int:
         """Samples made in the time since the program was started."""

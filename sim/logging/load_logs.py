@@ -1,4 +1,4 @@
-"""What is logged beside angles: motor torques, a force sensor at the flange, an optical tracker.
+"""Logs other than angles: motor torques, a force sensor at the flange, an optical tracker.
 
 Torques are those that the motors exert, N m at the motor, positive along its angle; the gain error
 is one number per axis. The sensor (such as the JR3 of thesis sec. 5.3) gives force and torque that
@@ -147,7 +147,7 @@ class LoadLogs(Strict):
 
 
 class DeviceLogs(LoadLogs):
-    """What is logged beside angles, and in which form."""
+    """The form of the logs, and what is logged in addition to angles."""
 
     robot: RobotLog = RobotLog()
     ballbar: BallbarLog = BallbarLog()

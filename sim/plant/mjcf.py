@@ -262,7 +262,7 @@ def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
 
 @dataclass(frozen=True)
 class _Shaft:
-    """What a motor turns: its rotor, or with rigid gears a joint or a combination of joints."""
+    """The part that a motor turns: its rotor, or with rigid gears one or several joints."""
 
     part: mujoco.MjsJoint | mujoco.MjsTendon
     kind: mujoco.mjtTrn

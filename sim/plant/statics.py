@@ -73,7 +73,7 @@ class _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Machine:
-    """What does not change during the search."""
+    """Quantities that do not change during the search."""
 
     plant: Plant
     joint_to_gear: Array  # (6, 6)

@@ -15,8 +15,8 @@ from ballbar.result.limits import Limit, corrected_limits, plant_limits, pose_li
 from ballbar.scenario import (
     SHIPPED,
     AcceptSettings,
-    PoseAcceptSettings,
     Scenario,
+    TcpLimits,
     load_any_scenario,
     load_scenario,
 )
@@ -98,7 +98,7 @@ def test_a_limit_is_met_above_what_was_measured_and_missed_below(key: str) -> No
 def test_no_key_is_without_a_limit() -> None:
     others = {"verdict", "held_out_file", *CORRECTED}
     assert set(SIZES) | others == set(AcceptSettings.model_fields)
-    assert set(PoseAcceptSettings.model_fields) <= set(AcceptSettings.model_fields)
+    assert set(TcpLimits.model_fields) <= set(AcceptSettings.model_fields)
 
 
 def test_a_verdict_worse_than_the_limit_misses_it() -> None:
@@ -110,12 +110,12 @@ def test_a_verdict_worse_than_the_limit_misses_it() -> None:
 
 def test_still_poses_have_the_limits_of_the_tool_and_the_verdict() -> None:
     found: Any = SimpleNamespace(tcp_sigma=np.array([2e-5, 3e-5]), verdict=FOUND.verdict)
-    accept = PoseAcceptSettings.model_validate(
-        {key: 0.9 * SIZES[key] for key in PoseAcceptSettings.model_fields if key != "verdict"}
+    accept = TcpLimits.model_validate(
+        {key: 0.9 * SIZES[key] for key in TcpLimits.model_fields if key != "verdict"}
         | {"verdict": "good"}
     )
     stated = pose_limits(found, cast(Any, COMPARISON), accept)
-    assert len(stated) == len(PoseAcceptSettings.model_fields)
+    assert len(stated) == len(TcpLimits.model_fields)
     assert not any(limit.met for limit in stated)
 
 

@@ -308,7 +308,7 @@ def linear_growth() -> Size:
 
 
 def exponential_growth() -> Size:
-    """Of the same size at the end."""
+    """Growth of the same size at the end."""
     stated = -np.expm1(-np.arange(7) / 3.0) / -np.expm1(-2.0)
     growth = grown({"a2_m": 5e-5, "d4_m": 2e-5, "time_constant_s": 30.0})
     return Size(growth, np.outer(stated, (5e-5, 2e-5)))
@@ -370,7 +370,7 @@ def outlier_sizes(side: str) -> Size:
 
 
 def zeros() -> Size:
-    """Of a sensed length; one value a seed."""
+    """Zeros of a sensed length, one a seed."""
     drawn = [
         true_of(ErrorSettings(), plate_sigma=0.0, seed=s, zero_sigma=2e-3)["bd3"]
         for s in range(1000)
@@ -428,7 +428,7 @@ def lags(**errors: float) -> Array:
 
 
 def signal_noise() -> Size:
-    """Of an encoder at rest, in rad at its shaft; a count is a hundredth of it."""
+    """Readings of an encoder at rest, in rad at its shaft; a count is a hundredth of it."""
     noise = ErrorSettings.model_validate({"signal_noise": {"share": 0.01}}).signal_noise
     counts = at_rest(np.zeros(ROWS), noise, bits=13)
     return spread(counts * 2.0 * np.pi / (3600 << 13), 0.01 / 3600.0)
@@ -691,6 +691,6 @@ def test_a_converter_rounds_to_the_nearest_of_its_steps() -> None:
 
 @pytest.mark.parametrize("bits", [8, 12, 13])
 def test_six_bits_of_a_signal_period_are_left_at_any_speed(bits: int) -> None:
-    """Of the terminal's documents (notes/log_formats sec. A.3)."""
+    """Bits that freeze by the terminal's documents (notes/log_formats sec. A.3)."""
     frozen = frozen_bits(np.array([0.0, 100.0, 200.0, 1e9]), 100.0, bits)
     assert frozen.tolist() == [0, 1, min(2, bits - 6), bits - 6]

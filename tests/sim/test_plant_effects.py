@@ -117,7 +117,7 @@ def path_there_and_back(folder: Path, cycles: list[int], *, size: float) -> str:
 
 
 def stated(folder: Path) -> PlantTruth:
-    """What was drawn."""
+    """The plant that was drawn."""
     return load_truth(truth_path(folder / "recording")).plant
 
 
@@ -148,7 +148,7 @@ def springs(logs: Logs) -> tuple[Array, Array, Array]:
 
 
 def assert_stiffness(logs: Logs, expected: Array) -> None:
-    """Of every gear: torque of the motor is that of spring, damper and rotor."""
+    """Motor and gear: torque of the motor is that of spring, damper and rotor."""
     deflection, speed, rotor = springs(logs)
     for i in range(6):
         found = fit([-deflection[:, i], -speed[:, i], rotor[:, i]], logs.torque[:, i])[0]
@@ -327,7 +327,7 @@ def test_masses_and_centres_spread_as_stated_from_robot_to_robot(cell: Cell) -> 
 
 
 def test_the_true_tool_sags_under_the_true_masses() -> None:
-    """Of the reference of all TCP errors; held free in MuJoCo."""
+    """The reference of all TCP errors; held free in MuJoCo."""
     errors = {"joint_compliance": {}, "masses": {"spread": 0.1, "centre_sigma_m": 0.02}}
     chosen = settings(errors=errors)
     truth = simulate(chosen, relative_to=SCENARIOS).truth

@@ -15,10 +15,11 @@ from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.poses import PoseTable
 from sim.errors.plant_errors import JointCompliance
+from sim.errors.pose_errors import PoseErrors
 from sim.plant.held import hold_with_instrument
 from sim.recording_files import truth_path, write_poses
+from sim.settings import PosePlant, PoseSimulationSettings
 from sim.still_poses import PoseSimulation, simulate_poses
-from sim.still_settings import PoseErrors, PosePlant, PoseSimulationSettings
 from sim.true_robot import TrueArm, true_arm
 from sim.truth import TruePlace, load_pose_truth
 
