@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ballbar.outputs import Progress, write_outputs, write_pose_outputs
+from ballbar.outputs import Progress, write_outputs
 from ballbar.result.compare import identification_against_truth
-from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
 from ballbar.result.iterations import IterationLog
-from ballbar.result.limits import Limit, plant_limits, pose_limits, result_limits
-from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
-from ballbar.result.pose_run import PoseRun, identify_pose_folders
+from ballbar.result.limits import plant_limits, result_limits
+from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import (
@@ -39,21 +37,6 @@ from sim.still_poses import PoseSimulation, simulate_poses
 
 if TYPE_CHECKING:  # a run without --live imports no viewer
     from ballbar.replay.live import LiveRun
-
-
-@dataclass(frozen=True, eq=False)
-class PoseScenarioRun:
-    """A scenario of still poses from simulation to limits."""
-
-    simulation: PoseSimulation
-    run: PoseRun
-    comparison: PoseComparison
-    limits: tuple[Limit, ...]
-
-    @property
-    def acceptable(self) -> bool:
-        """Whether the verdict is acceptable and every limit met."""
-        return self.run.acceptable and all(limit.met for limit in self.limits)
 
 
 def simulate_scenario(
@@ -201,23 +184,3 @@ def _held_out(scenario: Scenario) -> Scenario:
     """The scenario of the recording that takes no part in the fit: another path and noise."""
     path = scenario.path.model_copy(update={"file": scenario.accept.held_out_file})
     return scenario.model_copy(update={"path": path, "recording": scenario.recording + 1})
-
-
-def run_pose_scenario(
-    scenario: PoseScenario, scenario_file: Path, out: Path, *, command: str, progress: Progress
-) -> PoseScenarioRun:
-    """Simulates, identifies, compares with the truth, and writes calibration.yaml and report.html.
-
-    command : the command line, for the report.
-
-    Raises InputError when the scenario cannot be run, or when `out` holds something else.
-    """
-    folder = out / RECORDING
-    beside = {truth_path(folder).name, scenario_path(folder).name}
-    with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
-        simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
-        run = identify_pose_folders([folder], progress=progress)
-        comparison = compare_poses_with_truth(run.identification, simulation.truth)
-        write_pose_outputs(out, run, comparison, command=command, replay=False, progress=progress)
-        limits = pose_limits(run.identification, comparison, scenario.accept)
-        return PoseScenarioRun(simulation, run, comparison, limits)

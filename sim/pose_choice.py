@@ -79,16 +79,16 @@ class _Draw:
     def poses(self, rng: np.random.Generator, where: str) -> Array:
         """(N, J) [rad] as many poses as the scenario wants. where : for the refusal.
 
-        Raises InputError where too few are found.
+        Raises InputError where too few can be measured.
         """
-        count, batches, found = self.settings.count, list[Array](), 0
-        while len(batches) < (_BATCHES if found else _HOPELESS):
+        count, batches, poses = self.settings.count, list[Array](), 0
+        while len(batches) < (_BATCHES if poses else _HOPELESS):
             batches.append(self._batch(rng))
-            found += len(batches[-1])
-            if found >= count:
+            poses += len(batches[-1])
+            if poses >= count:
                 return np.concatenate(batches)[:count]
         raise InputError(
-            f"poses.count: of {_BATCH * len(batches)} random poses only {found} can be measured "
+            f"poses.count: of {_BATCH * len(batches)} random poses only {poses} can be measured "
             f"from {where}; {count} are wanted. Move the seat to where the robot reaches all "
             "round it, or widen poses.tilt_max_deg, lowest_m and the axis limits."
         )

@@ -99,7 +99,7 @@ def _run_poses(
     """Runs a scenario of still poses, and exits."""
     from ballbar.commands.result_json import pose_scenario_data
     from ballbar.report.pose_terminal import say_pose_comparison, say_poses
-    from ballbar.run import run_pose_scenario
+    from ballbar.run_poses import run_pose_scenario
 
     if live:
         raise InputError(

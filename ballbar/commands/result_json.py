@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.limits import Limit
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
-    from ballbar.run import PoseScenarioRun
+    from ballbar.run_poses import PoseScenarioRun
     from ballbar.sweep.run import Outcome
     from ident.robot.accuracy import TcpError
     from sim.simulate import Simulation
