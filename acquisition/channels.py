@@ -17,7 +17,7 @@ import numpy as np
 
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
-from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds_from
+from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import Kind, Layout
 from acquisition.table.preview import column_names, likely_separator
@@ -101,7 +101,7 @@ def _of_table(
     table = replace(table, columns={STAMP: ns, **table.columns})
     table = in_order(in_sequence(replace(table, findings=(*table.findings, *findings)), None))
     values = np.stack([table.columns[name] for name in chosen], axis=1)
-    log = ChannelLog(path.name, _seconds(table), values, tuple(chosen))
+    log = ChannelLog(path.name, _increasing(table), values, tuple(chosen))
     return log, tuple(f for f in table.findings if f.kind != "column not used")
 
 
@@ -149,9 +149,9 @@ def _form(stamps: TimeCells, declared: str | None) -> TimeForm:
     )
 
 
-def _seconds(table: Table) -> np.ndarray:
+def _increasing(table: Table) -> np.ndarray:
     """(N,) [s] from the first row. Raises LogError where the clock was set back."""
-    t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
+    t = seconds(table)
     back = np.flatnonzero(np.diff(t) <= 0.0) + 1
     if back.size:
         raise LogError(

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
-from acquisition.sources import (
-    LogSource,
-    ballbar_layout,
-    dialect_of,
-    force_layout,
-    inside,
-    length_layout,
-    robot_layout,
-    time_form,
-    tracker_layout,
-)
+from acquisition.sources import Fitted, LogSource, inside, log_source, time_form
 from acquisition.table.fields import SEPARATORS
-from acquisition.table.header import Header, Layout, read_header
+from acquisition.table.header import Header, read_header
 from acquisition.table.rows import PlainRows, plain_rows
 from acquisition.table.text import read_text
 from acquisition.times import TimeCells, stamps_ns, words
-from cell.dialect import Dialect
 from cell.logs import SourceName
-from cell.recording import EncoderFitting, RecordingFile, SourceFile, load_recording_file
+from cell.recording import EncoderFitting, LengthFile, SourceFile, TrackerFile, load_recording_file
 
 _ANGLES = {
     "motors": "motor angles",
@@ -39,66 +29,38 @@ def explain_lines(folder: Path) -> list[str]:
     Raises DescriptionError or LogError as reading would.
     """
     description = load_recording_file(folder)
+    encoders = description.encoders
+    kind = "instrument" if description.ballbar is None else "ball-bar"
     lines = [
-        f"recording of robot {description.robot}, {_held_by(description)}, plate "
+        f"recording of robot {description.robot}, {kind} {description.measured_by}, plate "
         f"{description.plate} (recording.yaml)"
     ]
-    declared: dict[SourceName, SourceFile | None] = {
-        "robot": description.sources.robot,
-        "ballbar": description.sources.ballbar,
-        "length": description.sources.length,
-        "force": description.sources.force,
-        "tracker": description.sources.tracker,
-    }
-    for name, source in declared.items():
-        if source is None:
+    for name in get_args(SourceName):
+        declared: SourceFile | None = getattr(description.sources, name)
+        if declared is None:
             continue
-        dialect = dialect_of(folder, name, source)
-        count = len(source.files)
+        source = log_source(folder, name, declared, encoders=dict(sorted(encoders.items())))
+        count = len(declared.files)
         lines.append(
-            f"{name}: dialect {source.dialect}, as recording.yaml declares; {count} file(s)"
+            f"{name}: dialect {declared.dialect}, as recording.yaml declares; {count} file(s)"
         )
-        lines += [f"  {line}" for line in _meaning(dialect, description)]
-        if source.quantised:
+        lines += [f"  {line}" for line in _meaning(source, encoders)]
+        if declared.quantised:
             lines.append(
                 "  stamps step by more than can be neglected, the rows were taken evenly "
                 "(recording.yaml): put between the steps"
             )
-        layout = _layout(name, source, dialect, description)
-        log = LogSource(folder, name, source, dialect, layout)
-        for file in source.files:
-            if dialect.container == "text":
-                lines += [f"  {line}" for line in _file(log, file)]
+        for file in declared.files:
+            if source.dialect.container == "text":
+                lines += [f"  {line}" for line in _file(source, file)]
             else:
-                lines.append(f"  {file}: {dialect.container}")
+                lines.append(f"  {file}: {source.dialect.container}")
     return lines
 
 
-def _held_by(description: RecordingFile) -> str:
-    kind = "instrument" if description.ballbar is None else "ball-bar"
-    return f"{kind} {description.measured_by}"
-
-
-def _layout(
-    name: SourceName, source: SourceFile, dialect: Dialect, description: RecordingFile
-) -> Layout:
-    match name:
-        case "robot":
-            return robot_layout(source, dialect)
-        case "ballbar":
-            return ballbar_layout(source, dialect, dict(sorted(description.encoders.items())))
-        case "length":
-            if description.sources.length is None:
-                raise ValueError("a recording without sources.length")
-            return length_layout(description.sources.length, dialect)
-        case "force":
-            return force_layout(source, dialect)
-        case "tracker":
-            return tracker_layout(source, dialect)
-
-
-def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
+def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
     """What the numbers of a log mean."""
+    dialect, declared = source.dialect, source.declared
     if dialect.source == "robot":
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"
         why = "the dialect says so; numbers that contradict it are refused"
@@ -109,16 +71,14 @@ def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
     if dialect.source == "ballbar":
         return [
             _encoder(name, encoder, dialect.status.get(name))
-            for name, encoder in sorted(description.encoders.items())
+            for name, encoder in sorted(encoders.items())
         ]
-    if description.sources.length is not None and dialect.source == "length":
-        length = description.sources.length
-        zero = f" from {length.zero_m:g} m on" if length.zero_m else ""
-        return [f"length in {length.unit}{zero}, column {length.column} (recording.yaml)"]
-    if description.sources.tracker is not None and dialect.source == "tracker":
-        tracker = description.sources.tracker
-        accuracy = f"accuracy {tracker.accuracy_m * 1e6:g} um"
-        return [f"points of an LED in {tracker.unit} (recording.yaml), {accuracy}; empty: hidden"]
+    if isinstance(declared, LengthFile):
+        zero = f" from {declared.zero_m:g} m on" if declared.zero_m else ""
+        return [f"length in {declared.unit}{zero}, column {declared.column} (recording.yaml)"]
+    if isinstance(declared, TrackerFile):
+        accuracy = f"accuracy {declared.accuracy_m * 1e6:g} um"
+        return [f"points of an LED in {declared.unit} (recording.yaml), {accuracy}; empty: hidden"]
     return ["forces in N, torques in N m: what the flange feels, in its own frame"]
 
 

@@ -9,83 +9,57 @@ stands in the import report; what cannot be repaired is an error with file and l
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.faults.damaged_values import damaged_values, load_scale
+from acquisition.faults.damaged_values import load_scale
 from acquisition.faults.encoders import (
     WORD,
     counter_scales,
     counter_words,
     encoder_angles,
     powered_up,
-    refuse_standing,
-    with_damaged,
+    with_counts_checked,
     with_jumps_checked,
     with_status_checked,
 )
 from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
-from acquisition.faults.jumps import find_jumps
+from acquisition.faults.gear_torques import gear_torques
+from acquisition.faults.other_angles import with_angle_jumps_checked
 from acquisition.faults.robot_angles import (
     Reading,
-    RobotAngles,
-    axis_speed_limits,
-    gear_torques,
     moves,
     pop_angles_inplace,
-    refuse_other_angles,
     with_limits_checked,
-    within_reach,
     without_sentinels,
 )
-from acquisition.faults.segments import Segments, find_segments
+from acquisition.fit_rows import Channels, fit_rows
 from acquisition.flags import RowFlag, usable
-from acquisition.report import FileSummary, ImportReport
+from acquisition.report import ImportReport
 from acquisition.sources import (
+    Fitted,
     ImportLog,
     LogRows,
-    LogSource,
-    ballbar_layout,
-    dialect_of,
-    force_layout,
     joined,
-    length_layout,
+    log_source,
     read_files,
     refuse_few,
-    robot_layout,
-    tracker_layout,
 )
-from acquisition.stamps.order import STAMP, seconds_from, with_periods_checked
-from acquisition.table.table import Table
-from cell.arrays import Array
+from acquisition.stamps.order import seconds
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
-from cell.neighbours import Mask, Rows
-from cell.recording import (
-    EncoderFitting,
-    EncoderName,
-    LengthFile,
-    RecordingFile,
-    SourceFile,
-    TrackerFile,
-    load_recording_file,
-)
+from cell.recording import LengthFile, RecordingFile, SourceFile, TrackerFile, load_recording_file
 from cell.rigid_fit import nominal_frames
 from cell.selectors import require
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
-# Rows of one log that a fit takes, for its memory: two hours at 250 Hz. Of eight hours at 248 Hz
-# every fourth remains, 62 Hz, of a motion below 3 Hz.
-MOST_ROWS = 2_000_000
 # Factor between the extents of an LED's path and of the flange's; units differ by more, and an LED
 # is no further from the flange than the flange moves
 ALIKE_EXTENT, EXTENT_ROWS = 10.0, 500
@@ -133,19 +107,17 @@ def read_recording(folder: Path) -> Recording:
         force_log, imported["force"] = read_force(folder, sources.force)
     if sources.tracker is not None:
         tracker_log, imported["tracker"] = _read_tracker(folder, sources.tracker, robot, robot_log)
-    logs = imported.values()
     report = ImportReport(
-        files=tuple(file for log in logs for file in log.files),
-        findings=tuple(finding for log in logs for finding in log.findings),
+        files=tuple(file for log in imported.values() for file in log.files),
+        findings=tuple(finding for log in imported.values() for finding in log.findings),
     )
-    rows = {name: log.rows for name, log in imported.items()}
     return Recording(
         description=description,
         robot_log=robot_log,
         ballbar_log=ballbar_log,
         force_log=force_log,
         report=report,
-        rows=rows,
+        rows={name: log.rows for name, log in imported.items()},
         length_log=length_log,
         tracker_log=tracker_log,
     )
@@ -176,279 +148,123 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
 
 def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotLog, ImportLog]:
     """The robot's log of a recording, and what was found in its files."""
-    dialect = dialect_of(folder, "robot", declared).for_axes(robot.joints)
-    source = LogSource(folder, "robot", declared, dialect, robot_layout(declared, dialect))
+    source = log_source(folder, "robot", declared, axes=robot.joints)
+    dialect, reading = source.dialect, Reading(source.dialect.angle_kind, source.dialect.angle_unit)
     tables, summaries = read_files(source)
     table = joined([without_sentinels(table, dialect.angles) for table in tables])
-    reading = Reading(dialect.angle_kind, dialect.angle_unit)
-    t = _seconds(table)
+    t = seconds(table)
     table = with_frozen_motion_checked(table, t, reading.scales(robot, dialect.angles))
     torques = [name for name in dialect.torque_columns if name in table.columns]
-    moving = dict(zip(torques, dialect.angles, strict=False))
-    table = with_frozen_loads_checked(table, moving)
+    table = with_frozen_loads_checked(table, dict(zip(torques, dialect.angles, strict=False)))
     angles = pop_angles_inplace(robot, table, t, dialect.angles, reading)
-    table, reset = _with_robot_jumps_checked(robot, table, angles)
-    table, segments = find_segments(table, angles.joints, reset=reset)
-    joints = [f"joint {k}" for k in range(1, robot.joints + 1)]
-    table = _with_damaged_values_checked(table, segments, angles.joints, joints)
-    table = with_limits_checked(table, angles)
-    selected = _selected(table, segments)
-    q = selected.of(angles.joints)
-    del angles  # more than a fit takes of a log of hours
-    used = _used(source, table, segments, selected, summaries)
-    log = RobotLog(
-        t=used.t,
-        q=q,
-        torque=gear_torques(robot, used.table, dialect),
-        segment=selected.of(segments.segment),
-        flags=used.table.flags,
+    table, reset = with_angle_jumps_checked(table, angles)
+    rows = fit_rows(
+        Channels(source, summaries, [f"joint {k}" for k in range(1, robot.joints + 1)]),
+        table,
+        angles.joints,
+        reset=reset,
+        checked=partial(with_limits_checked, angles=angles),
     )
-    return log, used.imported
-
-
-def _with_robot_jumps_checked(
-    robot: Robot, table: Table, angles: RobotAngles
-) -> tuple[Table, Rows]:
-    """The table with jumps of the angles flagged, and the rows from which they stay away.
-
-    Raises LogError if the angles cannot be what they are declared to be.
-    """
-    rows = np.flatnonzero(usable(table.flags))
-    judged = angles.take(rows)
-    jumps = find_jumps(judged.t, judged.joints, axis_speed_limits(robot), judged.axes_step)
-    table = with_damaged(table, rows[jumps.damaged])
-    if jumps.fast.size or not (moves(angles.joints) and within_reach(angles)):
-        refuse_other_angles(robot, table, angles)
-    reset = rows[jumps.lasting]
-    if not reset.size:
-        return table, reset
-    sentence = (
-        "the angles jump here and do not come back: another start of the logger; a new segment."
-    )
-    table = table.remarked("angles jump", "warning", sentence, rows=reset)
-    return table, reset[np.diff(angles.t)[reset - 1] > 0]  # where the clock goes on
+    torque = gear_torques(robot, rows.table, dialect)
+    log = RobotLog(rows.t, rows.values, torque, rows.segment, rows.table.flags)
+    return log, rows.imported
 
 
 def read_ballbar(
-    folder: Path,
-    declared: SourceFile,
-    encoders: dict[EncoderName, EncoderFitting],
-    *,
-    robot_moves: bool,
+    folder: Path, declared: SourceFile, encoders: Fitted, *, robot_moves: bool
 ) -> tuple[BallBarLog, ImportLog]:
     """The ball-bar's log of a recording, and what was found in its files.
 
     robot_moves : whether standing counters are a fault.
     """
-    dialect = dialect_of(folder, "ballbar", declared)
     fitted = dict(sorted(encoders.items()))
-    status = {name: dialect.status[name] for name in fitted if name in dialect.status}
-    layout = ballbar_layout(declared, dialect, fitted)
-    source = LogSource(folder, "ballbar", declared, dialect, layout, status)
+    source = log_source(folder, "ballbar", declared, encoders=fitted)
+    status = {k: column for k, column in source.dialect.status.items() if k in fitted}
     tables, summaries = read_files(source)
-    table = joined([_with_some_usable(with_status_checked(table, status)) for table in tables])
-    words = counter_words(table, fitted)
-    table = with_frozen_motion_checked(table, _seconds(table), counter_scales(fitted), WORD)
+    tables = [with_status_checked(table, status) for table in tables]
+    for table in tables:
+        if not usable(table.flags).any():
+            raise LogError(
+                f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report "
+                "faults throughout. Check their cables."
+            )
+    table = joined(tables)
+    words, t = counter_words(table, fitted), seconds(table)
+    table = with_frozen_motion_checked(table, t, counter_scales(fitted), WORD)
     for encoder in fitted.values():
         table.columns.pop(encoder.column)  # now in `words`
-    table = with_jumps_checked(table, _seconds(table), words, fitted)
-    angles = encoder_angles(words, usable(table.flags), fitted)
-    reset = np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET))
-    anew = partial(powered_up, words, fitted)
-    table, segments = find_segments(table, angles, reset=reset, powered_up=anew)
-    names = [f"encoder {name}" for name in fitted]
-    table = _with_damaged_values_checked(table, segments, angles, names)
-    refuse_standing(table, words, fitted, robot_moves=robot_moves)
-    selected = _selected(table, segments)
-    used = _used(source, table, segments, selected, summaries)
-    log = BallBarLog(
-        t=used.t,
-        angles=selected.of(angles),
-        joints=tuple(int(name[1]) for name in fitted),
-        segment=selected.of(segments.segment),
-        flags=used.table.flags,
+    table = with_jumps_checked(table, t, words, fitted)
+    rows = fit_rows(
+        Channels(source, summaries, [f"encoder {name}" for name in fitted]),
+        table,
+        encoder_angles(words, usable(table.flags), fitted),
+        reset=np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET)),
+        powered_up=partial(powered_up, words, fitted),
+        checked=partial(with_counts_checked, words=words, fitted=fitted, robot_moves=robot_moves),
     )
-    return log, used.imported
-
-
-def _with_some_usable(table: Table) -> Table:
-    """The table itself; raises LogError if no row of it is usable."""
-    if not usable(table.flags).any():
-        raise LogError(
-            f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report faults "
-            "throughout. Check their cables."
-        )
-    return table
+    joints = tuple(int(name[1]) for name in fitted)
+    log = BallBarLog(rows.t, rows.values, joints, rows.segment, rows.table.flags)
+    return log, rows.imported
 
 
 def _read_length(
     folder: Path, declared: LengthFile, instrument: Instrument
 ) -> tuple[LengthLog, ImportLog]:
     """The log of a length sensor. Raises LogError if the instrument cannot be that long."""
-    dialect = dialect_of(folder, "length", declared)
-    source = LogSource(folder, "length", declared, dialect, length_layout(declared, dialect))
+    source = log_source(folder, "length", declared)
     tables, summaries = read_files(source)
-    table = joined(tables)
-    length = table.columns[declared.column] * METRES[declared.unit] + declared.zero_m
-    scale = {declared.column: METRES[declared.unit]}
-    table = with_frozen_motion_checked(table, _seconds(table), scale)
-    table, segments = find_segments(table, length[:, None])
-    table = _with_damaged_values_checked(table, segments, length[:, None], ["length"])
-    selected = _selected(table, segments)
-    used = _used(source, table, segments, selected, summaries)
-    chosen = selected.of(length)
-    margin = REACH * (instrument.upper - instrument.lower)
-    outside = (chosen < instrument.lower - margin) | (chosen > instrument.upper + margin)
+    table, unit = joined(tables), METRES[declared.unit]
+    length = table.columns[declared.column] * unit + declared.zero_m
+    table = with_frozen_motion_checked(table, seconds(table), {declared.column: unit})
+    rows = fit_rows(Channels(source, summaries, ["length"]), table, length[:, None])
+    length, margin = rows.values[:, 0], REACH * (instrument.upper - instrument.lower)
+    outside = (length < instrument.lower - margin) | (length > instrument.upper + margin)
     if outside.any():
         row = int(np.argmax(outside))
         raise LogError(
-            f"{used.table.location(row)}: a length of {chosen[row]:.6g} m, and {instrument.title} "
-            f"reaches from {instrument.lower:g} to {instrument.upper:g} m. Is {declared.column} in "
-            f"{declared.unit}, and zero at {declared.zero_m:g} m? Correct unit or zero_m of "
-            "sources.length in recording.yaml."
+            f"{rows.table.location(row)}: a length of {length[row]:.6g} m, and "
+            f"{instrument.title} reaches from {instrument.lower:g} to {instrument.upper:g} m. Is "
+            f"{declared.column} in {declared.unit}, and zero at {declared.zero_m:g} m? Correct "
+            "unit or zero_m of sources.length in recording.yaml."
         )
-    log = LengthLog(used.t, chosen, selected.of(segments.segment), used.table.flags)
-    return log, used.imported
+    return LengthLog(rows.t, length, rows.segment, rows.table.flags), rows.imported
 
 
 def read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]:
     """The log of a force sensor of a recording, and what was found in its files."""
-    dialect = dialect_of(folder, "force", declared)
-    source = LogSource(folder, "force", declared, dialect, force_layout(declared, dialect))
+    source = log_source(folder, "force", declared)
+    names = source.dialect.wrench
     tables, summaries = read_files(source)
-    table = joined(tables)
-    table = with_frozen_loads_checked(table, dict.fromkeys(dialect.wrench))
-    wrench = np.stack([table.columns[name] for name in dialect.wrench], axis=1)
-    table, segments = find_segments(table, wrench)
-    table = _with_damaged_values_checked(
-        table, segments, wrench * load_scale(wrench), list(dialect.wrench)
-    )
-    selected = _selected(table, segments)
-    used = _used(source, table, segments, selected, summaries)
-    return ForceLog(used.t, selected.of(wrench)), used.imported
+    table = with_frozen_loads_checked(joined(tables), dict.fromkeys(names))
+    wrench = np.stack([table.columns[name] for name in names], axis=1)
+    channels = Channels(source, summaries, names, scale=load_scale(wrench))
+    rows = fit_rows(channels, table, wrench)
+    return ForceLog(rows.t, rows.values), rows.imported
 
 
 def _read_tracker(
     folder: Path, declared: TrackerFile, robot: Robot, robot_log: RobotLog
 ) -> tuple[TrackerLog, ImportLog]:
     """The log of an optical tracker. Raises LogError if the tool cannot move that far."""
-    dialect = dialect_of(folder, "tracker", declared)
-    source = LogSource(folder, "tracker", declared, dialect, tracker_layout(declared, dialect))
+    source = log_source(folder, "tracker", declared)
     tables, summaries = read_files(source)
     table = joined(tables)
-    points = np.stack([table.columns[name] for name in dialect.point], axis=1)
+    points = np.stack([table.columns[name] for name in source.dialect.point], axis=1)
     points *= METRES[declared.unit]
     hidden = (points == 0.0).all(axis=1)
     if hidden.any():
         sentence = "no point, or zeros: the LED was hidden; row left out."
-        table = table.remarked("hidden LED", "repaired", sentence, rows=hidden)
-        table = table.flagged(hidden, RowFlag.INVALID)
+        kind, flag = "hidden LED", RowFlag.INVALID
+        table = table.remarked(kind, "repaired", sentence, rows=hidden, flag=flag)
         refuse_few(table, int(np.count_nonzero(~hidden)))
-    table, segments = find_segments(table, points)
-    table = _with_damaged_values_checked(table, segments, points, ["x", "y", "z"])
-    selected = _selected(table, segments)
-    used = _used(source, table, segments, selected, summaries)
-    chosen = selected.of(points)
-    every = 1 + robot_log.t.size // EXTENT_ROWS
-    flange = nominal_frames(robot, robot_log.q[::every]).tip.T
-    seen, moved = (float(np.linalg.norm(p.std(axis=0))) for p in (chosen, flange))
+    rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
+    flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
+    seen, moved = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
     if not moved / ALIKE_EXTENT < seen < moved * ALIKE_EXTENT:
         raise LogError(
-            f"{used.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
+            f"{rows.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
             f"over {moved:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
             "sources.tracker in recording.yaml."
         )
-    log = TrackerLog(used.t, chosen, declared.accuracy_m, selected.of(segments.segment))
-    return log, used.imported
-
-
-def _seconds(table: Table) -> Array:
-    """(N,) [s] from the first row of a table."""
-    return seconds_from(table.columns[STAMP], table.columns[STAMP][0])
-
-
-def _with_damaged_values_checked(
-    table: Table, segments: Segments, angles: Array, names: list[str]
-) -> Table:
-    """The table with values flagged and reported that their neighbours contradict.
-
-    angles : (N, C) [rad] of the channels `names`.
-    """
-    valid = usable(table.flags)
-    segment, stamps = _chosen(segments.segment, valid), _chosen(segments.stamps, valid)
-    breaks = np.diff(segment, prepend=np.uint16(0)) != 0
-    damaged = damaged_values(seconds_from(stamps, stamps[0]), _chosen(angles, valid), breaks)
-    if not damaged.any():
-        return table
-    rows = np.flatnonzero(valid)
-    channels = [names[k] for k in np.flatnonzero(damaged.any(axis=0))]
-    return with_damaged(table, rows[damaged.any(axis=1)], channels)
-
-
-@dataclass(frozen=True, eq=False)
-class _Selected:
-    """The rows of a source that a fit uses: all usable ones, or of a long log some of them."""
-
-    usable: Rows  # (U,) indices among all rows
-    every: int  # of the usable rows one in so many is used
-
-    @property
-    def rows(self) -> Rows:
-        """(K,) indices among all rows."""
-        return self.usable[:: self.every]
-
-    def of(self, values: NDArray[Any]) -> NDArray[Any]:
-        """(K, ...) the used ones of values (N, ...), write-protected so that logs share them."""
-        chosen = np.ascontiguousarray(_chosen(values, self.rows))
-        chosen.flags.writeable = False
-        return chosen
-
-
-def _selected(table: Table, segments: Segments) -> _Selected:
-    """The rows that a fit uses; raises LogError if they are too few."""
-    rows = np.flatnonzero(segments.used & usable(table.flags))
-    refuse_few(table, rows.size)
-    return _Selected(rows, -(-rows.size // MOST_ROWS))
-
-
-@dataclass(frozen=True, eq=False)
-class _Used:
-    """What a log takes of the rows that are used, and what was read of the source."""
-
-    table: Table
-    t: Array  # (K,) [s] from the first of them
-    imported: ImportLog
-
-
-def _used(
-    source: LogSource,
-    table: Table,
-    segments: Segments,
-    selected: _Selected,
-    summaries: list[FileSummary],
-) -> _Used:
-    """The used rows, once the times of all usable ones have been checked."""
-    rows, every = selected.usable, selected.every
-    t = seconds_from(_chosen(segments.stamps, rows), segments.stamps[rows[0]])
-    chosen = with_periods_checked(table.take(rows), t, source.dialect.period_s)
-    flags, used = table.flags.copy(), np.zeros(len(table), dtype=bool)
-    flags[rows], used[selected.rows] = chosen.flags, True
-    if every > 1:
-        sentence = (
-            f"{rows.size} usable rows, more than the {MOST_ROWS} that a fit takes: all were "
-            f"checked, and one in {every} is used."
-        )
-        chosen = chosen.remarked("long log", "warning", sentence, count=1)
-        t, chosen = t[::every], chosen.take(np.arange(0, rows.size, every))
-    counts = dict(
-        zip(table.files, np.bincount(chosen.file, minlength=len(table.files)), strict=True)
-    )
-    files = tuple(replace(file, rows_kept=int(counts[file.file])) for file in summaries)
-    log_rows = LogRows(flags, segments.segment, used)
-    return _Used(chosen, t, ImportLog(files, chosen.findings, log_rows))
-
-
-def _chosen(values: NDArray[Any], rows: Rows | Mask) -> NDArray[Any]:
-    """(K, ...) values (N, ...) at ascending rows (K,), or a mask; the values themselves if all."""
-    every = rows.all() if rows.dtype == bool else rows.size == len(values)
-    return values if every else values[rows]
+    log = TrackerLog(rows.t, rows.values, declared.accuracy_m, rows.segment)
+    return log, rows.imported

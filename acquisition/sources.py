@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -38,6 +38,9 @@ _DEVICES: dict[SourceName, str] = {
 }
 
 
+Fitted = Mapping[EncoderName, EncoderFitting]
+
+
 @dataclass(frozen=True, eq=False)
 class LogRows:
     """Every row of one source that was read, also those that no fit uses."""
@@ -65,76 +68,67 @@ class LogSource:
     declared: SourceFile
     dialect: Dialect
     layout: Layout
-    # Status column of each fitted encoder.
-    status: dict[EncoderName, str] = field(default_factory=dict)
 
 
-def robot_layout(source: SourceFile, dialect: Dialect) -> Layout:
-    """The columns of a robot's log."""
-    torques = dialect.torque_columns
-    optional = _all(torques, "float") | _sequence(dialect)
-    return replace(
-        _layout(source, dialect, _all(dialect.angles, "float"), optional), together=torques
-    )
+def log_source(
+    folder: Path,
+    name: SourceName,
+    declared: SourceFile,
+    *,
+    axes: int | None = None,
+    encoders: Fitted | None = None,
+) -> LogSource:
+    """One source of a recording; axes : of the robot whose log it is, encoders : the ball-bar's.
+
+    Raises DescriptionError if there is no such dialect, or it does not fit the source.
+    """
+    dialect = _dialect(folder, name, declared)
+    if axes is not None:
+        dialect = dialect.for_axes(axes)
+    return LogSource(folder, name, declared, dialect, layout_of(declared, dialect, encoders or {}))
 
 
-def ballbar_layout(
-    source: SourceFile, dialect: Dialect, fitted: dict[EncoderName, EncoderFitting]
-) -> Layout:
-    """The columns of a ball-bar's log."""
-    status = [dialect.status[name] for name in fitted if name in dialect.status]
-    counters = [encoder.column for encoder in fitted.values()]
-    optional = _all(status, "integer") | _sequence(dialect)
-    return _layout(source, dialect, _all(counters, "integer"), optional)
-
-
-def length_layout(source: LengthFile, dialect: Dialect) -> Layout:
-    """The columns of a length sensor's log."""
-    return _layout(source, dialect, {source.column: "float"}, _sequence(dialect))
-
-
-def force_layout(source: SourceFile, dialect: Dialect) -> Layout:
-    """The columns of a force sensor's log."""
-    return _layout(source, dialect, _all(dialect.wrench, "float"), _sequence(dialect))
-
-
-def tracker_layout(source: SourceFile, dialect: Dialect) -> Layout:
-    """The columns of a tracker's log; a hidden LED leaves them empty."""
-    columns = _layout(source, dialect, _all(dialect.point, "float"), _sequence(dialect))
-    return replace(columns, all_empty=dialect.point)
-
-
-def _sequence(dialect: Dialect) -> dict[str, Kind]:
-    return {} if dialect.sequence is None else {dialect.sequence: "integer"}
-
-
-def _all(columns: Sequence[str], kind: Kind) -> dict[str, Kind]:
-    return dict.fromkeys(columns, kind)
-
-
-def _layout(
-    source: SourceFile, dialect: Dialect, required: dict[str, Kind], optional: dict[str, Kind]
-) -> Layout:
-    time = dialect.time
+def layout_of(source: SourceFile, dialect: Dialect, encoders: Fitted | None = None) -> Layout:
+    """The columns of a log; encoders : those of a ball-bar, by name."""
+    time, fitted = dialect.time, encoders or {}
+    required: dict[str, Kind] = {}
+    optional: dict[str, Kind] = dict.fromkeys(dialect.torque_columns, "float")
+    match dialect.source:
+        case "robot":
+            required = dict.fromkeys(dialect.angles, "float")
+        case "ballbar":
+            required = dict.fromkeys((encoder.column for encoder in fitted.values()), "integer")
+            status = (dialect.status[name] for name in fitted if name in dialect.status)
+            optional = dict.fromkeys(status, "integer")
+        case "length" if isinstance(source, LengthFile):
+            required = {source.column: "float"}
+        case "force":
+            required = dict.fromkeys(dialect.wrench, "float")
+        case "tracker":
+            required = dict.fromkeys(dialect.point, "float")
     if time.column in required:
         raise DescriptionError(
             f"column {time.column} holds the time stamps; it cannot be an encoder's too. "
             "Name another one for the encoder."
         )
+    if dialect.sequence is not None:
+        optional[dialect.sequence] = "integer"
     stamps: Kind = "text" if time.type is None else "decimal" if time.type == "float" else "integer"
     return Layout(
         separators=dialect.separators,
         required={time.column: stamps, **required},
         optional=optional,
+        together=dialect.torque_columns,
         instead={time.column: time.halves} if time.halves else {},
         names=source.columns,
         headerless=dialect.headerless,
         decimal=dialect.decimal,
+        all_empty=dialect.point,  # a hidden LED has no coordinates
         damaged_rows=source.damaged_rows,
     )
 
 
-def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
+def _dialect(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
     """The dialect of one source: a shipped one, or a file of the recording folder.
 
     Raises DescriptionError if there is none, or it is of another source.
@@ -160,15 +154,23 @@ def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
 
 
 def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
-    """All files of one source, each with stamps in order, and how each was read."""
+    """All files of one source, each with stamps in order, and how each was read.
+
+    Raises LogError for columns that only some files have: joining would lose them to all.
+    """
     if twice := repeated(source.folder, source.declared.files):
         raise DescriptionError(
             f"{source.folder / 'recording.yaml'}: sources.{source.name}.files: {twice[0]!r} and "
             f"{twice[1]!r} are one file. Name it once."
         )
     read = [_read_file(source, file) for file in source.declared.files]
-    tables = [table for table, _ in read]
-    _refuse_differing(tables, source.layout.together)
+    tables, together = [table for table, _ in read], source.layout.together
+    without = [table.files[0] for table in tables if not table.columns.keys() >= set(together)]
+    if without and len(without) < len(tables):
+        raise LogError(
+            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source "
+            "have them. Log them in every file, or remove them from all."
+        )
     return tables, [summary for _, summary in read]
 
 
@@ -189,16 +191,6 @@ def refuse_few(table: Table, rows: int) -> None:
         raise UnfinishedLogError(
             f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed. "
             "Log a longer run, or at a higher rate."
-        )
-
-
-def _refuse_differing(tables: list[Table], together: tuple[str, ...]) -> None:
-    """Raises LogError for columns that only some files have: joining would lose them to all."""
-    without = [table.files[0] for table in tables if not table.columns.keys() >= set(together)]
-    if without and len(without) < len(tables):
-        raise LogError(
-            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source "
-            "have them. Log them in every file, or remove them from all."
         )
 
 

@@ -24,13 +24,14 @@ import numpy as np
 
 from ballbar.compensation.joint_targets import read_targets
 from ballbar.export.result import load_result
-from ballbar.rehearsal.day import CORRECTED, GIVEN, RESULT, SIMULATED
+from ballbar.rehearsal.day import RESULT, SIMULATED
+from ballbar.rehearsal.targets import CORRECTED, GIVEN
 from ballbar.scenario import load_scenario
 from cell.files import write_whole
 from cell.geometry import robot_frames
 from ident.robot.accuracy import position_error
 from ident.robot.inverse_calibration import corrected_targets
-from sim.plant.held import hold_targets, pose_distance
+from sim.plant.held import hold_machine, pose_distance
 from sim.true_robot import true_machine
 from tests.helpers.plant_robot import known_robot, robot_row
 
@@ -52,7 +53,7 @@ def say_rehearsed(day: Path) -> None:
     wanted = robot_frames(plant.nominal, q)
     by_truth = corrected_targets(known_robot(plant), plant.nominal, q).q
     for words, targets in (("by the result", corrected), ("known", by_truth)):
-        held = hold_targets(plant, targets)
+        held = hold_machine(plant, targets)
         aligned = position_error(wanted.tip.T, held.tool[:, :3, 3])
         print(
             f"corrected {words}: "

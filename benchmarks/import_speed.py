@@ -24,7 +24,7 @@ import yaml
 
 from acquisition.formats.registry import read_file
 from acquisition.recording import read_recording
-from acquisition.sources import ballbar_layout, robot_layout
+from acquisition.sources import layout_of
 from cell.dialect import load_dialect
 from cell.load import load_robot
 from cell.recording import SourceFile, load_recording_file
@@ -87,7 +87,7 @@ def with_read_table(folder: Path) -> None:
     sources = [
         SourceFile(files=(name,), dialect="") for name in ("raw/robot.csv", "raw/ballbar.csv")
     ]
-    layouts = robot_layout(sources[0], dialects[0]), ballbar_layout(sources[1], dialects[1], fitted)
+    layouts = layout_of(sources[0], dialects[0]), layout_of(sources[1], dialects[1], fitted)
     for source, dialect, layout in zip(sources, dialects, layouts, strict=True):
         read_file(folder / source.files[0], source.files[0], dialect, layout)
 

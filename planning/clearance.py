@@ -1,11 +1,10 @@
-"""Distances between robot, plate, rod and their surroundings as capsules and boxes.
+"""Distances between robot, plate, rod and their surroundings along a path, as capsules and boxes.
 
 MuJoCo's `mj_geomDistance` measures them. The bodies connect frames of the kinematic chains, so
 nothing is simulated; MuJoCo only gets their poses, and only of pairs that lower bounds leave in
-question. Radii are assumed shares of the upper arm's
-length, since neither maker publishes hulls. Neighbours touch and are not compared. Of an arm
-without parallel axes 2 and 3 and spherical wrist the capsules run along d and a of its DH rows, as
-in planning.pose_clearance: links that stand beside them, as the upper arm of a UR, are not seen.
+question. Radii are assumed shares of the upper arm's length, since neither maker publishes hulls.
+Neighbours touch and are not compared. An arm without parallel axes 2 and 3 and spherical wrist has
+the capsules of planning.capsules along its DH rows.
 """
 
 from __future__ import annotations
@@ -17,14 +16,16 @@ import mujoco
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Chain, Frames
+from cell.chain import Frames
 from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_chain, robot_frames
+from planning.capsules import ROD, Links, links_of, segment_distance
 from planning.request import PlanCell
 
-COLUMN, ARM, FOREARM, WRIST = 0.38, 0.14, 0.11, 0.09  # radii, shares of the upper arm's length
-ROD, PEDESTAL = 0.02, 0.0525  # [m] radii: tube assumed, adapter of thesis sec. 4.5
+# Radii as shares of the upper arm's length.
+SHARES = {"column": 0.38, "upper arm": 0.14, "forearm": 0.11, "wrist": 0.09}
+PEDESTAL = 0.0525  # [m] radius, adapter of thesis sec. 4.5
 # [m] cell/plates; the overhang beyond flange axis and universal joint is assumed
 PLATE_WIDTH, PLATE_THICKNESS, PLATE_OVERHANG = 0.10, 0.045, 0.05
 GIMBAL = 0.10  # [m] between a ball's centre and the beginning of rod or pedestal; assumed
@@ -55,8 +56,7 @@ class Nearest:
     t: float
 
 
-CAPSULES = ("column", "upper arm", "forearm", "wrist", "rod", "pedestal")
-MOVING = (*CAPSULES, "plate")
+MOVING = (*SHARES, "rod", "pedestal", "plate")
 NEIGHBOURS = {
     ("column", "upper arm"),
     ("upper arm", "forearm"),
@@ -67,11 +67,6 @@ NEIGHBOURS = {
     ("column", "pedestal"),
 }
 ON_FLOOR = ("column", "pedestal")
-
-
-LINK, LINK_OF_WRIST, WRIST_ROWS = 0.045, 0.03, 3  # radii, shares of the chain's length; rows
-SHORT = 1e-6  # [m] a row that has no body of its own
-PARALLEL = 1e-12  # squared sine below which two axes are parallel
 TOUCHING = 0.05  # [m] along the chain beyond both radii up to which bodies always are near
 
 
@@ -80,13 +75,17 @@ def clearance(cell: Cell, around: PlanCell) -> Clearance:
     spec, kind = mujoco.MjSpec(), mujoco.mjtGeom
     world, chain = spec.worldbody, nominal_chain(cell.robot)
     rows: tuple[tuple[int, int], ...] = ()
+    radii = {"rod": ROD, "pedestal": PEDESTAL}
+    apart: Callable[[str, str], bool] = _compared
     if has_closed_form(chain):
         arm = float(cell.robot.a[1])
-        sizes = (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL)
-        radii = dict(zip(CAPSULES, sizes, strict=True))
+        radii = {name: share * arm for name, share in SHARES.items()} | radii
     else:
-        rows = _rows(chain)
-        radii = _links(chain, rows) | {"rod": ROD, "pedestal": PEDESTAL}
+        links = links_of(chain)
+        rows = links.rows
+        link_names = [f"link {row + 1} along {'da'[part]}" for row, part in rows]
+        radii = dict(zip(link_names, links.radii.tolist(), strict=True)) | radii
+        apart = _apart(links, link_names, radii, cell.plate.length)
     for name, radius in radii.items():
         world.add_geom(name=name, type=kind.mjGEOM_CAPSULE, size=[radius, 0.1, 0.0])
     plate = [0.5 * cell.plate.length + PLATE_OVERHANG, 0.5 * PLATE_WIDTH, 0.5 * PLATE_THICKNESS]
@@ -99,7 +98,6 @@ def clearance(cell: Cell, around: PlanCell) -> Clearance:
         world.add_geom(name=f"box {box.name}", type=kind.mjGEOM_BOX, size=half, pos=centre)
     model = spec.compile()
     names = tuple(model.geom(i).name for i in range(model.ngeom))
-    apart = _apart(chain, rows, radii, cell.plate.length) if rows else _compared
     pairs = tuple(
         (i, j)
         for i in range(len(names))
@@ -118,37 +116,18 @@ def clearance(cell: Cell, around: PlanCell) -> Clearance:
     )
 
 
-def _rows(chain: Chain) -> tuple[tuple[int, int], ...]:
-    """Rows of a chain and their parts, 0 along d or 1 along a, that have a body."""
-    lengths = np.abs(np.stack((chain.d, chain.a), axis=1))
-    return tuple((int(row), int(part)) for row, part in np.argwhere(lengths > SHORT))
-
-
-def _link(row: int, part: int) -> str:
-    return f"link {row + 1} along {'da'[part]}"
-
-
-def _links(chain: Chain, rows: Sequence[tuple[int, int]]) -> dict[str, float]:
-    """[m] radius of the capsule of each row, by name."""
-    total = float(np.abs(chain.a).sum() + np.abs(chain.d).sum())
-    wrist = chain.rows - WRIST_ROWS
-    return {
-        _link(row, part): total * (LINK if row < wrist else LINK_OF_WRIST) for row, part in rows
-    }
-
-
 def _apart(
-    chain: Chain, rows: Sequence[tuple[int, int]], radii: dict[str, float], plate: float
+    links: Links, names: Sequence[str], radii: dict[str, float], plate: float
 ) -> Callable[[str, str], bool]:
-    """Which bodies are compared: those between which the chain is longer than their radii."""
-    names = [_link(*row) for row in rows]
-    lengths = [float(abs((chain.d, chain.a)[part][row])) for row, part in rows]
-    end = dict(zip(names, np.cumsum(lengths), strict=True))
-    begin = {name: end[name] - length for name, length in zip(names, lengths, strict=True)}
-    flange = end[names[-1]]
-    begin |= {"plate": flange, "rod": flange + plate}
+    """Which bodies are compared: those between which the chain is longer than their radii.
+
+    names : of the links. plate : [m] its length.
+    """
+    end = dict(zip(names, links.end, strict=True))
+    begin = dict(zip(names, links.begin, strict=True))
+    begin |= {"plate": links.end[-1], "rod": links.end[-1] + plate}
     size = radii | {"plate": 0.5 * PLATE_WIDTH}
-    fixed = {_link(row, part) for row, part in rows if row == 0}
+    fixed = {name for name, (row, _) in zip(names, links.rows, strict=True) if row == 0}
 
     def compared(body: str, other: str) -> bool:
         if body in end and other in begin:
@@ -263,24 +242,6 @@ def _lower_bounds(of: Clearance, half: Array, centres: Array, turned: Array) -> 
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         out[k] = outside + np.minimum(beyond.max(axis=1), 0.0) - length[:, i] - radius[i]
     return out
-
-
-def segment_distance(p: Array, u: Array, q: Array, v: Array) -> Array:
-    """(...) [m] distance of segments from p - u to p + u and from q - v to q + v, all (3, ...) [m].
-
-    Ericson 2005, sec. 5.1.9.
-    """
-    r = p - q
-    a, e, b = (u * u).sum(axis=0), (v * v).sum(axis=0), (u * v).sum(axis=0)
-    c, f = (u * r).sum(axis=0), (v * r).sum(axis=0)
-    a, e = np.maximum(a, SHORT**2), np.maximum(e, SHORT**2)
-    slanted = a * e - b * b
-    parallel = slanted < PARALLEL * a * e
-    s = np.where(parallel, 0.0, (b * f - c * e) / np.where(parallel, 1.0, slanted))
-    t = np.clip((b * np.clip(s, -1.0, 1.0) + f) / e, -1.0, 1.0)
-    s = np.clip((b * t - c) / a, -1.0, 1.0)
-    apart = r + s * u - t * v
-    return np.asarray(np.sqrt((apart * apart).sum(axis=0)))
 
 
 def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:

@@ -26,7 +26,7 @@ from cell.clock import Clock
 from cell.geometry import BAR_ROWS, bar_frames, nominal_geometry, robot_frames
 from ident.corrections.base import State
 from ident.estimator.closure import Closure
-from ident.estimator.model import Evaluation, Model, gearing, noise_columns
+from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.normal_equations import NormalEquations, jacobian
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import RecordingStart, Unknowns
@@ -90,7 +90,7 @@ def coarse_normals(
     at = _sampled(of, trajectory)
     model = _model(of, trajectory, tension, at)
     point = _evaluated(of, model, trajectory, carried, at)
-    sources = noise_columns(point, excess_noise(of.on), model.backlash_uncertainty(of.x, point))
+    sources = point.noise_columns(excess_noise(of.on), model.backlash_uncertainty(of.x, point))
     if of.on.masses is not None:
         free = of.tension_sigma * model.tension_column(of.x, point)
         sources = np.concatenate((sources, free[None]))
@@ -126,7 +126,7 @@ def _model(
 ) -> Model:
     samples = replace(of.samples, times=trajectory.t[at], tension=tension[at])
     cell, corrections = of.on.cell, of.on.corrections
-    return Model(gearing(cell), of.on.masses, corrections, of.layout, (samples,))
+    return Model(gearing(cell.robot), of.on.masses, corrections, of.layout, (samples,))
 
 
 def _evaluated(

@@ -209,7 +209,7 @@ def predict(
     knots, t = layout.own[0].knots, samples.times
     if knots is not None:
         x[knots] = on.to_knots @ np.interp(t, trajectory.t, tension)
-    model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
+    model = Model(gearing(on.cell.robot), on.masses, on.corrections, layout, (samples,))
     bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
     points = previous.points if previous else ()
     linear = normal_equations(model, x, [bar], excess_noise(on), previous=points)

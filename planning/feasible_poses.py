@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.chain import Frames, joint_screws
 from cell.errors import InputError
-from planning.pose_clearance import arm_of, smallest_distance, station_frames
-from planning.stations import Aim, PoseSetup, Station
+from planning.capsules import smallest_distance
+from planning.stations import Aim, PoseSetup, Station, station_frames
 
 STEPS = 25  # Gauss-Newton steps towards a distance or a socket
 LONGEST_STEP = 0.3  # [rad] of an axis in one of them
@@ -120,17 +120,12 @@ def feasible(
         screen.keep(limit, mask | ~good)
         good &= mask
     rest = np.flatnonzero(good)
-    apart = clearance_at(setup, station, moved[rest])
+    frames = station_frames(setup, station, moved[rest])
+    line = setup.instrument.measured != "socket"
+    apart = smallest_distance(setup, station, frames, line=line)
     clear = apart >= setup.request.limits.clearance_m
     screen.keep("clearance_m", clear)
     return moved[rest[clear]], rest[clear]
-
-
-def clearance_at(setup: PoseSetup, station: Station, axes: Array) -> Array:
-    """(N,) [m] smallest distance at axis angles (N, J) [rad], rod or beam included."""
-    frames = station_frames(setup, station, axes)
-    line = setup.instrument.measured != "socket"
-    return smallest_distance(setup, station, arm_of(setup, station), frames, line=line)
 
 
 def _masks(

@@ -93,7 +93,7 @@ class PathPlan:
         """(6,) sign changes of each gear's load, median over the robots; (0,) without forces."""
         if self.forces is None:
             return np.zeros(0)
-        width = backlash_transition(self.evaluator.cell)
+        width = backlash_transition(self.evaluator.cell.robot)
         return np.median(load_reversals(self.forces, width), axis=0)
 
     @property

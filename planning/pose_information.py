@@ -1,7 +1,7 @@
 """What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
 
-The rows are those of an identification (ident.poses.model): seats, targets, DH parameters and sag
-with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors of
+The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
+The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
 the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
 joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
 gain over random poses was lost (docs/planning). With the unknowns
@@ -19,6 +19,8 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Robot
+from cell.geometry import geometry_of_chain, parameter_table
+from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
 from cell.robot_angles import controller_to_joints
 from cell.rotation import rotvec_from_matrix
@@ -26,15 +28,15 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.gauss_newton import inverse
-from ident.poses.closure import Placement
-from ident.poses.fit import pose_equations
-from ident.poses.model import Discrepancy, PoseModel
-from ident.poses.unknowns import PoseUnknowns, pose_unknowns
+from ident.estimator.model import Model, still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import whole_jacobian
+from ident.estimator.robust_fit import equations_at
+from ident.estimator.unknowns import Unknowns, still_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
-from planning.pose_clearance import station_frames
-from planning.stations import PoseSetup, Station
+from planning.stations import PoseSetup, Station, station_frames
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
@@ -46,7 +48,7 @@ class Information:
     """The model of a setup, and the workspace over which the TCP error counts."""
 
     setup: PoseSetup
-    layout: PoseUnknowns
+    layout: Unknowns
     corrections: tuple[Correction, ...]
     grid: Array  # (G, J) [rad] DH joint angles
 
@@ -57,9 +59,10 @@ class Information:
             own = np.flatnonzero(poses.station == k)
             group = expected_group(self.setup, self.setup.stations[k], poses.axes[own])
             model = self._model((group,))
-            (point,) = model.evaluate(layout.mean)
-            weights = model.weights(point, self._discrepancy)
-            rows = model.jacobian(layout.mean, point, weights).transpose(2, 1, 0) * layout.sigma
+            (point,) = model.at_rest(layout.mean)
+            weights = model.weights(layout.mean, point, self._excess)
+            jacobian = whole_jacobian(model, layout.mean, 0, point, weights)
+            rows = jacobian.transpose(2, 1, 0) * layout.sigma
             if not out.size:
                 out = np.empty((poses.size, *rows.shape[1:]))
             out[own] = rows
@@ -68,7 +71,7 @@ class Information:
     @cached_property
     def prior(self) -> Array:
         """(P, P) information of priors and known distances, per their standard deviations."""
-        equations = pose_equations(self._model(()), self.layout.mean, self._discrepancy, ())
+        equations = equations_at(self._model(()), self.layout.mean, self._excess, ())
         return equations.normal * np.outer(self.layout.sigma, self.layout.sigma)
 
     @cached_property
@@ -109,32 +112,32 @@ class Information:
         arm = _nominal_arm(setup, layout, self.corrections)
         each = arm.jacobian(self.grid)
         machine, first = layout.machine, layout.targets[target].start
-        count = machine.stop - machine.start
+        count = machine.size
         moves = np.zeros((layout.count, 3, len(self.grid)))
         moves[machine], moves[first : first + 3] = each[:count], each[count : count + 3]
         return arm.tool(self.grid), moves
 
     @property
-    def _discrepancy(self) -> Discrepancy:
+    def _excess(self) -> ExcessNoise:
         request = self.setup.request
-        rotation = request.unexplained_rad if self.setup.instrument.measured == "pose" else 0.0
-        return Discrepancy(request.unexplained_m, rotation)
+        rotation = request.unexplained_rad if self.setup.instrument.kind.target_turns else 0.0
+        return ExcessNoise(position=request.unexplained_m, rotation=rotation)
 
-    def _model(self, groups: tuple[PoseGroup, ...]) -> PoseModel:
+    def _model(self, groups: tuple[PoseGroup, ...]) -> Model:
         setup = self.setup
         table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
-        return PoseModel(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
+        return still_model(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
 
 
 def information_of(setup: PoseSetup) -> Information:
     """The model of a setup at its nominal robot, seats and targets."""
     middle = 0.5 * (setup.lower + setup.upper)[None]
     groups = tuple(expected_group(setup, station, middle) for station in setup.stations)
-    table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
     seats = {s.seat: Placement(np.eye(3), s.origin) for s in setup.stations}
     targets = {s.target: Placement(np.eye(3), s.point) for s in setup.stations}
     corrections = (unit_weights(setup.robot), smooth_joint_errors(setup.robot))
-    layout = pose_unknowns(table, setup.chain, seats, targets, corrections)
+    nominal = geometry_of_chain(parameter_table(setup.robot), setup.chain)
+    layout = still_unknowns(setup.robot, nominal, groups, seats, targets, corrections)
     return Information(setup, layout, corrections, setup.grid)
 
 
@@ -177,7 +180,7 @@ def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup
 
 
 def _nominal_arm(
-    setup: PoseSetup, layout: PoseUnknowns, corrections: tuple[Correction, ...]
+    setup: PoseSetup, layout: Unknowns, corrections: tuple[Correction, ...]
 ) -> IdentifiedArm:
     """The nominal robot in the form that has the derivatives of a target."""
     station = setup.stations[0]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates
-from planning.pose_clearance import arm_of, smallest_distance, station_frames
-from planning.stations import PoseSetup
+from planning.stations import PoseSetup, station_frames
 
 STEP = np.radians(5.0)  # [rad] of the fastest axis between the poses of a move that are checked
 UNKNOWN_SPEED = 1.0  # [rad/s] of an axis whose file states none; only compares moves
@@ -99,18 +99,17 @@ def clear_moves(setup: PoseSetup, station: int, begin: Array, end: Array) -> NDA
     A rod is on the target where the move does not leave its stroke; beams may be interrupted.
     """
     place = setup.stations[station]
-    arm = arm_of(setup, place)
     counts = np.ceil(np.abs(end - begin).max(axis=1) / STEP).astype(int) + 1
     owner = np.repeat(np.arange(len(begin)), counts)
     share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])[:, None]
     axes = begin[owner] + share * (end - begin)[owner]
     frames = station_frames(setup, place, axes)
-    apart = smallest_distance(setup, place, arm, frames, line=False)
+    apart = smallest_distance(setup, place, frames, line=False)
     if setup.instrument.measured == "length":
         length = np.linalg.norm(frames.tip - place.origin[:, None], axis=0)
         outside = (length < setup.instrument.lower) | (length > setup.instrument.upper)
         left = np.bincount(owner, outside, len(begin)) > 0
-        rod = smallest_distance(setup, place, arm, frames, line=True)
+        rod = smallest_distance(setup, place, frames, line=True)
         apart = np.where(left[owner], apart, rod)
     close = apart < setup.request.limits.clearance_m
     return np.asarray(np.bincount(owner, close, len(begin)) == 0)

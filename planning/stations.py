@@ -13,14 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Chain
+from cell.chain import Chain, Frames, forward
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
+from cell.placement import Placement, target_frames
 from cell.pose_file import known_distances
 from cell.poses import KnownDistance
+from cell.robot_angles import controller_to_joints
 from planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
 from planning.workspace import check_axes, workspace_grid
 
@@ -90,6 +92,12 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
         longest=instrument.upper - margin,
         grid=workspace_grid(robot, request.workspace),
     )
+
+
+def station_frames(setup: PoseSetup, station: Station, axes: Array) -> Frames:
+    """Nominal frames at axis angles (N, J) [rad]; the last is that of the target."""
+    flange = forward(setup.chain, controller_to_joints(setup.robot, axes))
+    return target_frames(flange, Placement(np.eye(3), station.point))
 
 
 def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:

@@ -9,10 +9,13 @@ and nothing is concluded.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from acquisition.flags import RowFlag
+from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.neighbours import (
     CLEAR,
@@ -105,6 +108,17 @@ def load_scale(loads: Array) -> Array:
     grain = np.where(step > _ROUNDING, step, np.inf).min(axis=0, initial=np.inf)
     floor = np.maximum(SMALLEST_LOAD, np.where(np.isfinite(grain), _GRAINS * grain, 0.0))
     return np.asarray(SMALLEST / floor)
+
+
+def with_damaged(table: Table, rows: Rows, channels: Sequence[str] = ()) -> Table:
+    """The table with rows flagged and reported whose values no motion explains.
+
+    channels : names of those that are damaged, if known.
+    """
+    which = f" ({', '.join(channels)})" if channels else ""
+    sentence = f"the rows around it lead elsewhere{which}: a damaged number; row left out."
+    kind, flag = "implausible value", RowFlag.IMPLAUSIBLE
+    return table.remarked(kind, "repaired", sentence, rows=rows, flag=flag)
 
 
 def _noise(t: Array, values: Array) -> Array:

@@ -8,20 +8,21 @@ objects 6000 and 6001.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.jumps import Jumps, find_jumps
+from acquisition.faults.damaged_values import with_damaged
+from acquisition.faults.jumps import find_jumps
 from acquisition.flags import RowFlag, usable
+from acquisition.sources import Fitted
 from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.errors import LogError
-from cell.neighbours import Mask, Rows
-from cell.recording import EncoderFitting, EncoderName
+from cell.neighbours import Mask
+from cell.recording import EncoderName
 
-Fitted = Mapping[EncoderName, EncoderFitting]
 Counts = NDArray[np.int64]
 
 # [rad/s] half of what an EL5021 follows at 13 bits (40 kHz, 3600 lines); a ball-bar moves at
@@ -93,6 +94,7 @@ def with_status_checked(table: Table, status: Mapping[EncoderName, str]) -> Tabl
 
     status : column of each encoder's status word; columns may be absent.
     Rows at which a counter was preset have the flag PRESET.
+    Raises LogError for a number that is no status word.
     """
     silent = [encoder for encoder, column in status.items() if column not in table.columns]
     if silent:
@@ -115,29 +117,21 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
             "status word. Log the status word as UINT, 0 to 65535."
         )
     preset = np.flatnonzero(np.diff(word & SET_COUNTER_DONE) > 0) + 1
-    if preset.size:
-        sentence = f"the counter of encoder {encoder} was preset here; a new segment."
-        table = table.remarked("counter preset", "warning", sentence, rows=preset)
-        table = table.flagged(preset, RowFlag.PRESET)
+    sentence = f"the counter of encoder {encoder} was preset here; a new segment."
+    table = table.remarked("counter preset", "warning", sentence, rows=preset, flag=RowFlag.PRESET)
     late = (word & SYNC_ERROR) != 0
-    if late.any():
-        sentence = f"encoder {encoder} missed the bus cycle; its sample may be one cycle old."
-        table = table.remarked("sync error", "warning", sentence, rows=late)
-        table = table.flagged(late, RowFlag.SYNC)
+    sentence = f"encoder {encoder} missed the bus cycle; its sample may be one cycle old."
+    table = table.remarked("sync error", "warning", sentence, rows=late, flag=RowFlag.SYNC)
     for bit, (flag, kind, meaning) in FAULTS.items():
-        rows = (word & bit) != 0
-        if rows.any():
-            sentence = f"encoder {encoder}: {meaning}; rows left out."
-            table = table.remarked(kind, "repaired", sentence, rows=rows).flagged(rows, flag)
+        sentence = f"encoder {encoder}: {meaning}; rows left out."
+        table = table.remarked(kind, "repaired", sentence, rows=(word & bit) != 0, flag=flag)
     stale = np.concatenate(([False], np.diff(word & TOGGLE) == 0))
-    if 0 < stale.sum() <= (1.0 - _TOGGLES) * len(table):
-        sentence = (
-            f"the toggle bit of encoder {encoder} stands still: its data are those of the row "
-            "before."
-        )
-        table = table.remarked("stale process data", "warning", sentence, rows=stale)
-        table = table.flagged(stale, RowFlag.STALE)
-    return table
+    if stale.sum() > (1.0 - _TOGGLES) * len(table):
+        return table  # not every bus cycle is logged
+    sentence = (
+        f"the toggle bit of encoder {encoder} stands still: its data are those of the row before."
+    )
+    return table.remarked("stale process data", "warning", sentence, rows=stale, flag=RowFlag.STALE)
 
 
 def counter_scales(fitted: Fitted) -> dict[str, float]:
@@ -198,53 +192,28 @@ def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) ->
     limits = np.full(scale.size, SPEED_LIMIT)
     jumps = find_jumps(t[rows], words, limits, lambda a, b: signed_word(a - b) * scale)
     if jumps.many():
-        row = jumps.fast[0]
-        step = signed_word(words[row] - words[row - 1]) * scale
-        _refuse_jumps(table, t[rows], rows, jumps, dict(zip(names, step.tolist(), strict=True)))
+        row, steps = int(jumps.fast[0]), signed_word(np.diff(words, axis=0)) * scale
+        k = int(np.abs(steps[row - 1]).argmax())
+        ms = float(t[rows[row]] - t[rows[row - 1]]) * 1e3
+        raise LogError(
+            f"{table.location(rows[row])}: encoder {names[k]} jumps by {steps[row - 1, k]:.4g} rad "
+            f"within {ms:.4g} ms ({jumps.speed[0].max():.3g} rad/s; a ball-bar stays below "
+            f"{SPEED_LIMIT:g}). {jumps.fast.size} such rows. Was the counter reset, are lines and "
+            "bits of the encoder declared wrong, or the time column in another unit? Correct these "
+            "in recording.yaml, or cut the log before this line."
+        )
     if jumps.damaged.any():
         table = with_damaged(table, rows[jumps.damaged])
-    if jumps.lasting.size:
-        row = jumps.lasting[0]
-        size = np.abs(signed_word(words[row] - words[row - 1])) * scale
-        encoder = names[int(size.argmax())]
-        sentence = (
-            f"the counter of encoder {encoder} jumps by {size.max():.4g} rad: reset, or moved "
-            "on unseen."
-        )
-        reset = rows[jumps.lasting]
-        table = table.remarked("counter jumped", "warning", sentence, rows=reset)
-        table = table.flagged(reset, RowFlag.PRESET)
-    return table
-
-
-def _refuse_jumps(
-    table: Table, t: Array, rows: Rows, jumps: Jumps, steps: Mapping[EncoderName, float]
-) -> None:
-    """Raises LogError for encoders that turn too fast.
-
-    t : (N,) [s] of the rows (N,). steps : [rad] of each encoder to the first row that comes too
-        fast.
-    """
-    row = int(jumps.fast[0])
-    encoder, step = max(steps.items(), key=lambda item: abs(item[1]))
-    raise LogError(
-        f"{table.location(rows[row])}: encoder {encoder} jumps by {step:.4g} rad within "
-        f"{float(t[row] - t[row - 1]) * 1e3:.4g} ms ({jumps.speed[0].max():.3g} rad/s; a ball-bar "
-        f"stays below {SPEED_LIMIT:g}). {jumps.fast.size} such rows. Was the counter reset, are "
-        "lines and bits of the encoder declared wrong, or the time column in another unit? "
-        "Correct these in recording.yaml, or cut the log before this line."
+    if not jumps.lasting.size:
+        return table
+    row = jumps.lasting[0]
+    size = np.abs(signed_word(words[row] - words[row - 1])) * scale
+    sentence = (
+        f"the counter of encoder {names[int(size.argmax())]} jumps by {size.max():.4g} rad: reset, "
+        "or moved on unseen."
     )
-
-
-def with_damaged(table: Table, rows: Rows, channels: Sequence[str] = ()) -> Table:
-    """The table with rows flagged and reported whose values no motion explains.
-
-    channels : names of those that are damaged, if known.
-    """
-    which = f" ({', '.join(channels)})" if channels else ""
-    sentence = f"the rows around it lead elsewhere{which}: a damaged number; row left out."
-    table = table.remarked("implausible value", "repaired", sentence, rows=rows)
-    return table.flagged(rows, RowFlag.IMPLAUSIBLE)
+    reset, flag = rows[jumps.lasting], RowFlag.PRESET
+    return table.remarked("counter jumped", "warning", sentence, rows=reset, flag=flag)
 
 
 def powered_up(words: Counts, fitted: Fitted, before: int | None, behind: int | None) -> bool:
@@ -271,10 +240,10 @@ def encoder_angles(words: Counts, valid: Mask, fitted: Fitted) -> Array:
     return np.stack(columns).T
 
 
-def refuse_standing(table: Table, words: Counts, fitted: Fitted, *, robot_moves: bool) -> None:
-    """Raises LogError for a counter that stands while others, or the robot, move.
+def with_counts_checked(table: Table, words: Counts, fitted: Fitted, *, robot_moves: bool) -> Table:
+    """The table itself; words : (N, E) counter words.
 
-    words : (N, E) counter words.
+    Raises LogError for a counter that stands while others, or the robot, move.
     """
     valid = usable(table.flags)
     first = words[int(np.argmax(valid))]
@@ -286,3 +255,4 @@ def refuse_standing(table: Table, words: Counts, fitted: Fitted, *, robot_moves:
             f"{name} is {first[standing[0]]} in every row while the others or the robot move. "
             "Check the cable, or remove the encoder from recording.yaml."
         )
+    return table

@@ -1,7 +1,8 @@
 """Messages of an MCAP bag, read as a stream: of a bag cut off by a crash, all complete chunks.
 
-Chunks are unpacked here, not by the library: what they claim to unpack to is checked first, and no
-more is unpacked. Needs the extra `ros`. Source: MCAP format specification, version 0.
+Read by the library mcap; rosbags refuses a bag that was cut off, and unpacks whatever a chunk
+holds. Chunks are unpacked here: what they claim to unpack to is checked first, and no more is
+unpacked. Needs the extra `ros`. Source: MCAP format specification, version 0.
 """
 
 from __future__ import annotations
@@ -12,13 +13,12 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, cast
+from typing import BinaryIO, cast
 
 import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Schema
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
 from acquisition.report import Finding, finding
@@ -27,8 +27,6 @@ from cell.errors import LogError
 _RECOVER = "The bag is damaged: copy it again, or save its other chunks with `mcap recover`."
 _LARGEST_CHUNK = 100_000_000  # bytes unpacked; recorders make chunks of 1 to 4 MB
 _MAGIC = b"\x89MCAP0\r\n"
-_RECORD = struct.Struct("<BQ")  # what every record begins with: its kind and length
-_MESSAGE_HEAD = 22  # bytes: channel uint16, sequence uint32, two times uint64
 _DAMAGE = (
     McapError,
     CRCValidationError,
@@ -37,13 +35,6 @@ _DAMAGE = (
     ValueError,
     OverflowError,
 )
-
-
-class _Message(NamedTuple):
-    """A message within a chunk."""
-
-    channel_id: int
-    data: bytes
 
 
 def mcap_messages(
@@ -78,7 +69,7 @@ def mcap_messages(
                             "2 writes cdr. Record it again with ROS 2."
                         )
                     topics[record.id] = record.topic
-                elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
+                elif isinstance(record, Message) and record.channel_id in topics:
                     yield topics[record.channel_id], record.data
         except LogError as error:
             raise LogError(f"{file}: behind byte {complete}: {error}") from None
@@ -94,42 +85,19 @@ def mcap_messages(
             findings.append(finding("torn end", "repaired", file, sentence, count=1))
 
 
-def _records(stream: mmap.mmap, size: int) -> Iterator[Any]:
+def _records(stream: mmap.mmap, size: int) -> Iterator[McapRecord]:
     """All records of the bag, those of the chunks included."""
     bag = cast("BinaryIO", stream)  # an mmap reads and seeks as a file does
     reader = StreamReader(bag, emit_chunks=True, validate_crcs=True, record_size_limit=size)
     for record in reader.records:
-        if isinstance(record, Chunk):
-            yield from _broken_up(replace(record, compression="", data=_unpack(record)))
-        else:
+        if not isinstance(record, Chunk):
             yield record
-
-
-def _broken_up(chunk: Chunk) -> Iterator[Any]:
-    """The records of an unpacked chunk.
-
-    Messages, of which there are many, are taken apart here; the others by the library.
-    """
-    data, at, size = chunk.data, 0, len(chunk.data)
-    while at < size:
-        if size - at < _RECORD.size:
-            raise LogError(
-                f"a chunk ends within a record, {size - at} bytes into its head. {_RECOVER}"
-            )
-        opcode, length = _RECORD.unpack_from(data, at)
-        begin, end = at + _RECORD.size, at + _RECORD.size + length
-        if end > size:
-            raise LogError(
-                f"a record of its chunk claims {length} bytes, {size - begin} are left. {_RECOVER}"
-            )
-        if opcode != Opcode.MESSAGE:
-            yield from breakup_chunk(replace(chunk, data=data[at:end]))
-        elif length < _MESSAGE_HEAD:
-            raise LogError(f"a message of {length} bytes is shorter than its head. {_RECOVER}")
-        else:
-            channel = int.from_bytes(data[begin : begin + 2], "little")
-            yield _Message(channel, data[begin + _MESSAGE_HEAD : end])
-        at = end
+            continue
+        try:
+            content = breakup_chunk(replace(record, compression="", data=_unpack(record)))
+        except _DAMAGE as error:
+            raise LogError(f"a chunk is damaged: {error}. {_RECOVER}") from None
+        yield from content
 
 
 def _unpack(chunk: Chunk) -> bytes:

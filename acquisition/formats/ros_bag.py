@@ -11,16 +11,19 @@ import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
 
 from acquisition.formats.columns import check_stored, one_file, wanted_columns
-from acquisition.formats.joint_state import JointState, JointStateDecoder
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
 from cell.errors import DescriptionError, LogError
+
+if TYPE_CHECKING:
+    from acquisition.formats.joint_state import JointState
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _SQLITE = b"SQLite format 3\0"
@@ -41,43 +44,62 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     """
     check_stored(path, file, largest=_LARGEST_BAG)
     findings: list[Finding] = []
-    topics: dict[str, list[bytes]] = {}
-    for topic, message in _messages(path, file, findings):
-        topics.setdefault(topic, []).append(message)
+    wanted = [name for name in layout.required if name != time]
+    topic, states = _holder(_states(path, file, findings), wanted, time, layout, file)
+    holds = np.array([set(wanted) <= set(state.positions) for state in states])
+    stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
+    table = one_file({time: stamps}, file, np.arange(1, holds.size + 1), findings)
+    sentence = f"{topic}: messages without the joints {', '.join(wanted)}; left out."
+    table = table.remarked("other joints", "warning", sentence, rows=~holds)
+    sentence = "header.stamp is zero; message left out."
+    table = table.remarked("no stamp", "repaired", sentence, rows=holds & (stamps == 0))
+    chosen = np.flatnonzero(holds & (stamps != 0))
+    if not chosen.size:
+        raise LogError(
+            f"{file}: header.stamp is zero in all messages; the publisher must stamp them."
+        )
+    table = table.take(chosen)
+    positions = {n: np.array([states[i].positions[n] for i in chosen]) for n in wanted}
+    form = Form("CDR", "none", "none", holds.size)
+    return replace(table, columns=table.columns | positions), form
+
+
+def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[JointState]]:
+    """The JointState messages of each topic; what is found on the way is appended to `findings`.
+
+    Raises LogError if the bag or a message is damaged, or there are none.
+    """
+    try:
+        from acquisition.formats.joint_state import decode  # noqa: PLC0415 - needs the extra `ros`
+        from acquisition.formats.mcap_file import mcap_messages  # noqa: PLC0415
+    except ImportError as error:
+        raise DescriptionError(
+            f"{file}: ROS bags need the package {error.name}, which is not installed. Install the "
+            "extra: pip install 'ballbar-bench[ros]'"
+        ) from None
+    with path.open("rb") as opened:
+        sqlite = opened.read(len(_SQLITE)) == _SQLITE
+    messages = _sqlite_messages(path, file, findings) if sqlite else None
+    topics: dict[str, list[JointState]] = {}
+    for topic, message in messages or mcap_messages(path, file, _JOINT_STATE, findings):
+        states = topics.setdefault(topic, [])
+        try:
+            states.append(decode(message))
+        except LogError as error:
+            number = len(states) + 1
+            raise LogError(f"{file}: {topic}: message {number}: {error}") from None
     if not topics:
         raise LogError(
             f"{file}: the bag holds no message of type {_JOINT_STATE}. "
             "Record the topic of the joint states."
         )
-    wanted = [name for name in layout.required if name != time]
-    states = {topic: _decoded(messages, f"{file}: {topic}") for topic, messages in topics.items()}
-    topic = _holder(states, wanted, time, layout, file)
-    holds = np.array([set(wanted) <= set(state.positions) for state in states[topic]])
-    stamps = np.array([state.stamp_ns for state in states[topic]], dtype=np.int64)
-    table = one_file({time: stamps}, file, np.arange(1, holds.size + 1), findings)
-    if not holds.all():
-        sentence = f"{topic}: messages without the joints {', '.join(wanted)}; left out."
-        table = table.remarked("other joints", "warning", sentence, rows=~holds)
-    stamped = stamps != 0
-    if not stamped[holds].all():
-        sentence = "header.stamp is zero; message left out."
-        table = table.remarked("no stamp", "repaired", sentence, rows=holds & ~stamped)
-    table = table.take(holds & stamped)
-    if not len(table):
-        raise LogError(
-            f"{file}: header.stamp is zero in all messages; the publisher must stamp them."
-        )
-    chosen = [states[topic][i] for i in np.flatnonzero(holds & stamped)]
-    positions = {n: np.array([state.positions[n] for state in chosen]) for n in wanted}
-    return replace(table, columns=table.columns | positions), Form(
-        "CDR", "none", "none", holds.size
-    )
+    return topics
 
 
 def _holder(
     states: dict[str, list[JointState]], wanted: list[str], time: str, layout: Layout, file: str
-) -> str:
-    """The topic whose messages hold all wanted joints.
+) -> tuple[str, list[JointState]]:
+    """The topic whose messages hold all wanted joints, and these messages.
 
     Raises LogError if there is none, or several.
     """
@@ -98,30 +120,11 @@ def _holder(
             f"{file}: no message holds all of the joints {', '.join(wanted)}. "
             "Record them in one message, or correct the names in recording.yaml."
         )
-    return holders[0]
-
-
-def _messages(path: Path, file: str, findings: list[Finding]) -> Iterator[tuple[str, bytes]]:
-    """Topic and CDR bytes of each JointState.
-
-    What is found on the way is appended to `findings`, since a bag is read as a stream.
-    """
-    with path.open("rb") as opened:
-        start = opened.read(len(_SQLITE))
-    if start == _SQLITE:
-        return _sqlite_messages(path, file, findings)
-    try:
-        from acquisition.formats.mcap_file import mcap_messages  # noqa: PLC0415 - needs the extra `ros`
-    except ImportError as error:
-        raise DescriptionError(
-            f"{file}: MCAP bags need the package {error.name}, which is not installed. Install the "
-            "extra: pip install 'ballbar-bench[ros]'"
-        ) from None
-    return mcap_messages(path, file, _JOINT_STATE, findings)
+    return holders[0], states[holders[0]]
 
 
 def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator[tuple[str, bytes]]:
-    """As `_messages`; the database is opened as it stands, and never written to."""
+    """Topic and CDR bytes of each JointState of a database, which is never written to."""
     log = path.with_name(path.name + "-wal")
     if log.is_file() and log.stat().st_size:
         sentence = (
@@ -198,8 +201,8 @@ def _check_size(path: Path, file: str) -> None:
 
 def _lock_down(connection: sqlite3.Connection, checks: int) -> None:
     """Keeps views, triggers and functions from running, and everything else from running long."""
-    left = iter(range(checks))
-    connection.set_progress_handler(lambda: int(next(left, None) is None), _STEPS)
+    checks_left = iter(range(checks))
+    connection.set_progress_handler(lambda: int(next(checks_left, None) is None), _STEPS)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
     connection.execute("PRAGMA query_only = ON")
@@ -225,13 +228,3 @@ def _blob(data: object, location: str) -> bytes:
             "`ros2 bag convert`."
         )
     return data
-
-
-def _decoded(messages: list[bytes], location: str) -> list[JointState]:
-    decoder, states = JointStateDecoder(), []
-    for number, message in enumerate(messages, 1):
-        try:
-            states.append(decoder.decode(message))
-        except LogError as error:
-            raise LogError(f"{location}: message {number}: {error}") from None
-    return states

@@ -179,6 +179,11 @@ def seconds_from(stamps: Stamps, first: int | np.integer) -> Array:
     return t
 
 
+def seconds(table: Table) -> Array:
+    """(N,) [s] from the first row of a table."""
+    return seconds_from(table.columns[STAMP], table.columns[STAMP][0])
+
+
 def with_periods_checked(table: Table, t: Array, usual_s: tuple[float, float]) -> Table:
     """The table with overruns and gaps flagged; they and an unusual period are reported.
 

@@ -86,11 +86,12 @@ class Table:
         *,
         rows: NDArray[Any] | None = None,
         count: int | None = None,
+        flag: RowFlag | None = None,
     ) -> Table:
         """The table with one finding more for each file that has some of the rows.
 
         rows : mask or indices; none for a finding about the first file as a whole.
-        count : how often it was found; default the number of rows.
+        count : how often it was found; default the number of rows. flag : set at the rows.
         """
         if rows is None:
             entries = [finding(kind, severity, self.files[0], sentence, count=count)]
@@ -100,7 +101,8 @@ class Table:
                 finding(kind, severity, self.files[k], sentence, lines=line[file == k], count=count)
                 for k in np.unique(file)
             ]
-        return replace(self, findings=(*self.findings, *entries))
+        table = replace(self, findings=(*self.findings, *entries))
+        return table if flag is None or rows is None else table.flagged(rows, flag)
 
 
 @dataclass(frozen=True)

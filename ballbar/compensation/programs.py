@@ -23,15 +23,8 @@ from ballbar.compensation.frames import (
 )
 from ballbar.compensation.krl import read_krl
 from ballbar.compensation.pdl2 import read_pdl2
-from ballbar.compensation.program_text import (
-    Number,
-    Program,
-    ProgramError,
-    ProgramTarget,
-    number_text,
-    refuse,
-    rewritten,
-)
+from ballbar.compensation.program_source import Program, ProgramTarget, refuse
+from ballbar.compensation.program_text import Number, ProgramError, number_text, rewritten
 from ballbar.compensation.rapid import read_rapid
 from ballbar.export.result import AnyResult, PoseResult
 from ballbar.units import MM, MRAD
@@ -335,7 +328,7 @@ LANGUAGES: dict[str, ProgramLanguage] = {
     ".pdl": "pdl2",
 }
 READERS: dict[ProgramLanguage, Callable[[Path, FrameOptions], list[Program]]] = {
-    "rapid": lambda path, options: [read_rapid(path, options)],
+    "rapid": read_rapid,
     "krl": read_krl,
-    "pdl2": lambda path, options: [read_pdl2(path, options)],
+    "pdl2": read_pdl2,
 }

@@ -27,7 +27,7 @@ from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.geometry import Parameter, nominal_chain, parameter_table
-from ident.poses.closure import Placement
+from cell.placement import Placement
 
 EFFECTS = {
     "joint_compliance": "compliance of the gears under the robot's own weight",

@@ -13,10 +13,10 @@ from rich.table import Table
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slope
 from ballbar.terminal import wide_console
 from ballbar.units import MM, UM, URAD
-from planning.export import BALLBAR, TELESCOPING
 from planning.next_step import EVERY_ENCODER, ROD_SIGMA
 from planning.plan import COVERED_WITHIN, PathPlan
 from planning.pose_plan import PosePlan
+from planning.programs import BALLBAR, TELESCOPING
 from planning.questions import CHANGES, ENCODERS, Question
 from planning.verify import Check
 from planning.what_if import Answer

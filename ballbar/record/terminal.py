@@ -17,7 +17,7 @@ from rich.text import Text
 
 from acquisition.faults.encoders import FAULTS, SYNC_ERROR
 from acquisition.live.progress import Progress, State
-from acquisition.live.session import LiveRecording, notes
+from acquisition.live.recorder import LiveRecording, notes
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import line, panel
 

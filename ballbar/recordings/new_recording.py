@@ -18,7 +18,7 @@ import numpy as np
 
 from acquisition.formats.registry import container_of
 from acquisition.recording import Recording
-from acquisition.sources import force_layout, robot_layout
+from acquisition.sources import layout_of
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
 from acquisition.table.preview import HEAD, column_names, likely_separator
@@ -238,10 +238,8 @@ def _refuse_unfit(dialect: Dialect, log: _Preview) -> None:
     shown = _shown_form(dialect, log)
     if shown in ("date", "iec-time") and shown not in dialect.time.possible:
         raise InputError(f"the time stamps of {log.name} are {words(shown)}, not of that dialect.")
-    if dialect.source == "robot":
-        read_header(text, robot_layout(source, dialect))
-    elif dialect.source == "force":
-        read_header(text, force_layout(source, dialect))
+    if dialect.source in {"robot", "force"}:
+        read_header(text, layout_of(source, dialect))
     elif dialect.source == "length":
         if len(_unstamped(log, dialect)) == len(log.columns):
             raise InputError(f"{log.name} has no column {dialect.time.column} of time stamps.")

@@ -19,8 +19,8 @@ from acquisition.faults.nominal_robot import judged
 from ballbar.recordings.pair_of_files import FilePair, Hypothesis, MeasuredFile, PairFit
 from ballbar.units import MM
 from cell.arrays import Array
-from ident.poses.start import PoseStartError
-from ident.poses.steps import LARGEST
+from ident.moved_seats import LARGEST
+from ident.start.placements import PoseStartError
 
 _FEWEST = 10  # poses: fewer fit many seats and targets
 _FEWEST_LENGTHS = 20  # of one equation each instead of three

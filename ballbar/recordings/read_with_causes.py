@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.faults.robot_angles import OtherAnglesError, RobotAngles
+from acquisition.faults.other_angles import OtherAnglesError
+from acquisition.faults.robot_angles import RobotAngles
 from acquisition.recording import Recording, read_ballbar, read_recording
 from cell.errors import InputError, LogError
 from cell.load import load_cell

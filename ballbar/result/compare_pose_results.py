@@ -20,8 +20,8 @@ from ballbar.units import MM
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain, parameter_named, parameter_table
+from ident.estimator.unknowns import arm_parameters
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
-from ident.poses.unknowns import robot_parameters
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
 
@@ -192,7 +192,7 @@ def _true(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
         row = parameter_named(name).row
         d[row] += d[row + 1] - nominal.d[row + 1]
     values = {"d": d, "a": chain.a, "alpha": chain.alpha, "theta": chain.theta, "beta": chain.beta}
-    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in robot_parameters(robot)}
+    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in arm_parameters(robot)}
 
 
 def _differences(

@@ -34,6 +34,7 @@ from cell.errors import DescriptionError, InputError
 from cell.files import copied_description
 from cell.geometry import nominal_chain
 from cell.load import load_robot
+from cell.placement import Placement
 from cell.pose_file import pose_file_path
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from cell.schema import Strict
@@ -44,9 +45,8 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
 from ident.corrections.unit_weights import unit_weights
-from ident.poses.closure import Placement
-from ident.poses.identify import JointErrors
-from ident.poses.unknowns import robot_parameters
+from ident.estimator.unknowns import arm_parameters
+from ident.identify_poses import JointErrors
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_arm
 
@@ -88,7 +88,7 @@ class GroupEntry(Strict):
     """Poses of one seat and one target."""
 
     file: str
-    measured: Literal["length", "point", "pose", "socket"]
+    measured: str
     seat: str
     target: str
     poses: int
@@ -176,7 +176,7 @@ class PoseCalibrationFile(Strict):
         """DH rows of the identified robot; what still poses cannot tell is nominal."""
         nominal = nominal_chain(robot)
         rows = {f.name: getattr(nominal, f.name).copy() for f in fields(Chain)}
-        for p in robot_parameters(robot):
+        for p in arm_parameters(robot):
             rows[p.kind][p.row] = self.parameters[p.name].value
         return Chain(**rows)
 
@@ -277,7 +277,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
     result, description = run.identification, run.folders[0][2].description
     fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
     sigma, gain = result.sigma, result.information_gain
-    machine = range(layout.geometry.start, layout.geometry.stop)
+    machine = range(layout.shared.size)
     arm, validation = result.arm(), result.cross_validation
     named = list(layout.names)
     entries: dict[str, dict[str, CoefficientEntry]] = {}
@@ -340,14 +340,14 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
         ),
         recordings=tuple(
             GroupEntry.model_construct(
-                file=point.group.file,
-                measured=point.group.measured,
-                seat=point.group.seat,
-                target=point.group.target,
-                poses=point.group.size,
+                file=point.still.file,
+                measured=point.still.measured,
+                seat=point.still.seat,
+                target=point.still.target,
+                poses=point.still.size,
                 position_rms_m=float(np.sqrt((point.closure.error[:3] ** 2).sum(axis=0).mean())),
             )
-            for point in fit.equations.points
+            for point in fit.linear.evaluations
         ),
         cross_validation=CrossValidationEntry.model_construct(
             mean_m=validation.mean,
@@ -364,7 +364,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             poses=result.table.size,
             tcp_sigma_at_poses_m=float(result.sigma_at_poses.mean()),
             tcp_sigma_mean_m=float(result.tcp_sigma.mean()),
-            discrepancy_m=fit.discrepancy.position,
+            discrepancy_m=fit.excess.position,
             residual_mean_m=result.residual_means[0],
             nominal_mean_m=result.residual_means[1],
         ),
@@ -413,7 +413,7 @@ def load_pose_calibration(path: Path) -> PoseCalibration:
             f"{path}: ranges of {len(file.ranges)} joints, robot {file.robot} has {robot.joints}. "
             "Was the robot's file changed since?"
         )
-    expected = {p.name for p in robot_parameters(robot)}
+    expected = {p.name for p in arm_parameters(robot)}
     for name in sorted(expected.symmetric_difference(file.parameters)):
         what = "missing" if name in expected else "no parameter that still poses tell"
         raise DescriptionError(

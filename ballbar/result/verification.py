@@ -19,9 +19,9 @@ from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path
 from cell.recording import RecordingFile
 from ident.options import SILENT, Listener
-from ident.poses.start import PoseStartError
-from ident.poses.verification import Verification, verify
+from ident.pose_verification import Verification, verify
 from ident.start.automatic import StartError
+from ident.start.placements import PoseStartError
 from ident.verdict import Status
 from ident.verification import RecordingVerification, verify_recording
 

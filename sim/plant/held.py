@@ -68,7 +68,7 @@ class HeldPoses:
     drift: Array  # (N,) [m/s] speed of the tool at the end
 
 
-def hold_targets(machine: TrueMachine, targets: Array) -> HeldPoses:
+def hold_machine(machine: TrueMachine, targets: Array) -> HeldPoses:
     """The machine's robot, free of ball-bar and instrument, at targets (N, J) [rad].
 
     Raises PlantError when the simulation diverges.

@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
 from acquisition.formats.egm import read_frames
+from acquisition.formats.joint_state import decode
 from acquisition.formats.registry import read_file
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.table.header import Layout
@@ -332,13 +333,16 @@ def test_packed_messages_are_refused_with_the_way_out(tmp_path: Path) -> None:
         read(tmp_path, made)
 
 
-def test_a_mcap_bag_without_the_extra_names_the_install_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("module", "package"), [("mcap_file", "mcap.exceptions"), ("joint_state", "rosbags.serde")]
+)
+def test_a_bag_without_the_extra_names_the_install_command(
+    module: str, package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "acquisition.formats.mcap_file", raising=False)
-    monkeypatch.setitem(sys.modules, "mcap.exceptions", None)
+    monkeypatch.delitem(sys.modules, f"acquisition.formats.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DescriptionError, match=r"pip install 'ballbar-bench\[ros\]'"):
-        read(tmp_path, mcap())
+        read(tmp_path, db3(tmp_path))
 
 
 def test_a_big_endian_joint_state_is_read_as_well(tmp_path: Path) -> None:
@@ -346,9 +350,7 @@ def test_a_big_endian_joint_state_is_read_as_well(tmp_path: Path) -> None:
     body = struct.pack(">iI", 5, 6) + struct.pack(">I", 1) + b"\0" + bytes(3)
     body += struct.pack(">II", 1, 3) + b"j1\0" + bytes(1) + struct.pack(">I", 1)
     body += bytes(-len(body) % 8) + struct.pack(">d", 0.25) + struct.pack(">II", 0, 0)
-    from acquisition.formats.joint_state import JointStateDecoder  # noqa: PLC0415
-
-    state = JointStateDecoder().decode(b"\0\0\0\0" + body)
+    state = decode(b"\0\0\0\0" + body)
     assert (state.stamp_ns, state.positions) == (5_000_000_006, {"j1": 0.25})
 
 

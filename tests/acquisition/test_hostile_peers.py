@@ -27,7 +27,7 @@ from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
 from acquisition.live.progress import State
-from acquisition.live.session import LiveRecording
+from acquisition.live.recorder import LiveRecording
 from acquisition.live.source import DeviceSilentError
 from acquisition.recording import read_recording
 from cell.plc_ring import RING

@@ -25,12 +25,10 @@ from rich.console import Console
 
 from acquisition.live.ads import AdsMemory
 from acquisition.live.egm_source import EgmSource
-from acquisition.live.folder import CellNames, RecordingFolder
+from acquisition.live.folder import CellNames, RecordingFolder, SegmentFile
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.progress import Progress, State
-from acquisition.live.recorder import POLL, Recorder
-from acquisition.live.segment_file import SegmentFile
-from acquisition.live.session import LiveRecording
+from acquisition.live.progress import Progress, State, Tally
+from acquisition.live.recorder import POLL, LiveRecording, Recorder
 from acquisition.live.source import Batch, Source
 from acquisition.recording import read_recording
 from ballbar.record.terminal import say_recording, status_table, status_words
@@ -401,7 +399,7 @@ def test_a_recorder_killed_at_its_first_record_leaves_a_recording_or_nothing(
         raise KilledError
 
     with monkeypatch.context() as patch:
-        patch.setattr(Recorder, "_give_up", lambda _: None)
+        patch.setattr(Recorder, "_close_file", lambda _: None)
         patch.setattr(PlcSource, "disconnect", lambda _: None)
         if at == "declare":
             patch.setattr("acquisition.live.folder.write_yaml", killed)
@@ -409,7 +407,7 @@ def test_a_recorder_killed_at_its_first_record_leaves_a_recording_or_nothing(
         elif at == "append":
             patch.setattr(SegmentFile, "append", killed)
         else:
-            patch.setattr(Recorder, "_show", killed)
+            patch.setattr(Tally, "count", killed)
         source.connect()
         memory.plc.write(50)
         patch.setattr(PlcSource, "connect", lambda _: None)

@@ -21,7 +21,7 @@ from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import Plant, PlantEffects
-from sim.plant.held import hold_poses, hold_targets, pose_distance
+from sim.plant.held import hold_machine, hold_poses, pose_distance
 from sim.true_robot import TrueMachine, true_machine
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
@@ -93,14 +93,14 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
     robot, q = known_robot(plant), easy_targets(cell, 12)
     done = corrected_targets(robot, plant.nominal, q)
     wanted = robot_frames(plant.nominal, q)
-    before, after = hold_targets(plant, q), hold_targets(plant, done.q)
+    before, after = hold_machine(plant, q), hold_machine(plant, done.q)
     assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
     assert pose_distance(wanted, before)[0].mean() > 1e-3
     assert (
         pose_distance(wanted, after)[0].max() < 5e-6
     )  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
     geometry_only = corrected_targets(UnloadedRobot(cell, plant.true), plant.nominal, q)
-    sagging = pose_distance(wanted, hold_targets(plant, geometry_only.q))[0]
+    sagging = pose_distance(wanted, hold_machine(plant, geometry_only.q))[0]
     assert sagging.mean() > 2e-4, (
         "compliance is worth more than the tolerance: geometry alone does not do"
     )

@@ -36,10 +36,9 @@ from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ident.corrections import CORRECTIONS
 from ident.estimator.fit import fit_kinematics
 from ident.estimator.identifiability import candidates
-from ident.estimator.unknowns import belongs_to_recording
+from ident.estimator.unknowns import arm_parameters, belongs_to_recording
 from ident.identify import kinematic_result, result_of
 from ident.options import FitOptions
-from ident.poses.unknowns import robot_parameters
 from ident.recording_fit import RecordingFit, fit_recording
 from ident.result import Identification
 from ident.robot.tool_covariance import ToolCovariance
@@ -209,9 +208,7 @@ def test_a_refused_result_ends_as_a_fault_with_all_files_written(
     words = ["identify", tmp_path / "in", "--out", out, "--json", *options]
     with monkeypatch.context() as patch:
         patch.setattr(calibration, "covariance_entry", refused_order)
-        patch.setattr(
-            pose_calibration, "robot_parameters", lambda robot: robot_parameters(robot)[1:]
-        )
+        patch.setattr(pose_calibration, "robot_parameters", lambda robot: arm_parameters(robot)[1:])
         code, said, err = ballbar(*words)
     assert code == 3
     assert said == ""

@@ -18,7 +18,7 @@ from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import PlantEffects
-from sim.plant.held import hold_targets, pose_distance
+from sim.plant.held import hold_machine, pose_distance
 from sim.true_robot import TrueMachine, true_machine
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
@@ -69,9 +69,9 @@ def study(plant: TrueMachine, identified: UnloadedRobot, poses: int) -> dict[str
         except TargetError as error:  # at a singularity; counted
             q = np.delete(q, list(error.faults), axis=0)
     wanted = robot_frames(plant.nominal, q)
-    before, after = hold_targets(plant, q), hold_targets(plant, corrected.q)
+    before, after = hold_machine(plant, q), hold_machine(plant, corrected.q)
     known = pose_distance(
-        wanted, hold_targets(plant, corrected_targets(known_robot(plant), plant.nominal, q).q)
+        wanted, hold_machine(plant, corrected_targets(known_robot(plant), plant.nominal, q).q)
     )[0]
     aligned = position_error(wanted.tip.T, after.tool[:, :3, 3])
     (p0, a0), (p1, a1) = pose_distance(wanted, before), pose_distance(wanted, after)

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
 from planning import search as searching
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
-from planning.clearance import FAR, nearest, nearest_of_runs, segment_distance
+from planning.capsules import segment_distance
+from planning.clearance import FAR, nearest, nearest_of_runs
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
@@ -156,6 +158,12 @@ def test_segments_are_no_farther_apart_than_any_of_their_points(seed: int) -> No
     assert distance <= brute + 1e-12
     size = float(np.linalg.norm(u) + np.linalg.norm(v))
     assert distance == pytest.approx(brute, abs=0.01 * size)  # points 0.005 of it apart
+
+    def squared(w: Array) -> float:
+        return float(((p + w[0] * u - q - w[1] * v) ** 2).sum())
+
+    least = minimize(squared, [0.0, 0.0], bounds=[(-1.0, 1.0)] * 2, tol=1e-14)
+    assert distance == pytest.approx(np.sqrt(least.fun), abs=1e-6)  # the minimiser's tolerance
 
 
 def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array) -> None:

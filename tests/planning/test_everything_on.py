@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ballbar.scenario import load_scenario
-from planning.files import EVERYTHING_ON, TWO_CLOCKS
+from planning.planned_scenario import EVERYTHING_ON, TWO_CLOCKS
 from sim.errors.sample_errors import SampleErrors
 from sim.settings import ClockSettings, ErrorSettings
 from tests.helpers.drawn_robots import scenario_of

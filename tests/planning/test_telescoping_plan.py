@@ -32,11 +32,11 @@ from planning.candidate import PathCandidate, space_of
 from planning.clearance import nearest
 from planning.crlb import EXACT, predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
-from planning.files import length_data
 from planning.first import first_path
 from planning.force import ERROR
 from planning.limits import leaning, violations
 from planning.plan import assess
+from planning.planned_scenario import length_data
 from planning.questions import check_questions, question
 from planning.request import Cup, PlanLimits, load_request
 from planning.stroke import DRAWS, predicted_lengths, stroke_model

@@ -36,7 +36,7 @@ from sim.logging.load_logs import (
     sensor_rows,
 )
 from sim.plant.effects import plant_effects
-from sim.plant.held import hold_targets
+from sim.plant.held import hold_machine
 from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
@@ -332,7 +332,7 @@ def test_the_true_tool_sags_under_the_true_masses() -> None:
     chosen = settings(errors=errors)
     truth = simulate(chosen, relative_to=SCENARIOS).truth
     robot, q = true_machine(chosen, relative_to=SCENARIOS), accuracy_grid(load_robot("irb2400"))[:4]
-    actual = hold_targets(robot, q).tool[:, :3, 3]
+    actual = hold_machine(robot, q).tool[:, :3, 3]
     files = replace(truth, plant=truth.plant.model_copy(update={"bodies": {}}))
     with_truth, with_files = (true_tool(robot.cell, t, robot.true, q) for t in (truth, files))
     assert np.abs(with_truth - actual).max() < 1e-6
@@ -597,7 +597,9 @@ def written(loaded: Simulation, folder: Path, **logs: Any) -> Path:
     asked = quiet(logs=logs)
     truth = loaded.truth
     log_truth = truth.logs.model_copy(update={"loads": drawn_loads(asked.logs, asked.seed)})
-    write_recording(replace(loaded, truth=replace(truth, logs=log_truth)), asked, folder)
+    write_recording(
+        replace(loaded, truth=truth.model_copy(update={"logs": log_truth})), asked, folder
+    )
     return folder / "raw"
 
 

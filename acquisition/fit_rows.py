@@ -1,0 +1,115 @@
+"""The rows of one source of a recording that a fit uses, once all of them have been checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.faults.damaged_values import damaged_values, with_damaged
+from acquisition.faults.segments import PoweredUp, Segments, find_segments
+from acquisition.flags import usable
+from acquisition.report import FileSummary
+from acquisition.sources import ImportLog, LogRows, LogSource, refuse_few
+from acquisition.stamps.order import seconds_from, with_periods_checked
+from acquisition.table.table import Table
+from cell.arrays import Array
+from cell.neighbours import Mask, Rows
+
+# Rows of one log that a fit takes, for its memory: two hours at 250 Hz. Of eight hours at 248 Hz
+# every fourth remains, 62 Hz, of a motion below 3 Hz.
+MOST_ROWS = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """What the rows of one source hold."""
+
+    source: LogSource
+    summaries: list[FileSummary]
+    names: Sequence[str]  # (C,)
+    scale: Array | None = None  # (C,) [rad per unit] by which they are judged; none of angles
+
+
+@dataclass(frozen=True, eq=False)
+class FitRows:
+    """The rows of one source that a fit uses, and what was read of it."""
+
+    table: Table
+    t: Array  # (K,) [s] from the first of them
+    values: Array  # (K, C) write-protected, so that logs share them
+    segment: NDArray[np.uint16]  # (K,)
+    imported: ImportLog
+
+
+def fit_rows(
+    channels: Channels,
+    table: Table,
+    values: Array,
+    *,
+    reset: Rows | None = None,
+    powered_up: PoweredUp | None = None,
+    checked: Callable[[Table], Table] = lambda table: table,
+) -> FitRows:
+    """The rows of one source that a fit uses: all usable ones, or of a long log some of them.
+
+    values : (N, C) at the rows of the table. reset, powered_up : as for `find_segments`.
+    checked : what else is to be flagged or refused once damaged values are flagged.
+    Raises LogError if too few rows are usable.
+    """
+    table, segments = find_segments(table, values, reset=reset, powered_up=powered_up)
+    table = checked(_with_damaged_values_checked(channels, table, segments, values))
+    rows = np.flatnonzero(segments.used & usable(table.flags))
+    refuse_few(table, rows.size)
+    every = -(-rows.size // MOST_ROWS)
+    chosen, segment = (_shared(v, rows[::every]) for v in (values, segments.segment))
+    t = seconds_from(_chosen(segments.stamps, rows), segments.stamps[rows[0]])
+    used = with_periods_checked(table.take(rows), t, channels.source.dialect.period_s)
+    flags, in_log = table.flags.copy(), np.zeros(len(table), dtype=bool)
+    flags[rows], in_log[rows[::every]] = used.flags, True
+    if every > 1:
+        sentence = (
+            f"{rows.size} usable rows, more than the {MOST_ROWS} that a fit takes: all were "
+            f"checked, and one in {every} is used."
+        )
+        used = used.remarked("long log", "warning", sentence, count=1)
+        t, used = t[::every], used.take(np.arange(0, rows.size, every))
+    counts = np.bincount(used.file, minlength=len(table.files)).tolist()
+    used_rows = dict(zip(table.files, counts, strict=True))
+    files = tuple(replace(file, rows_kept=used_rows[file.file]) for file in channels.summaries)
+    imported = ImportLog(files, used.findings, LogRows(flags, segments.segment, in_log))
+    return FitRows(used, t, chosen, segment, imported)
+
+
+def _with_damaged_values_checked(
+    channels: Channels, table: Table, segments: Segments, values: Array
+) -> Table:
+    """The table with values (N, C) flagged and reported that their neighbours contradict."""
+    valid = usable(table.flags)
+    segment, stamps, judged = (
+        _chosen(v, valid) for v in (segments.segment, segments.stamps, values)
+    )
+    if channels.scale is not None:
+        judged = judged * channels.scale
+    breaks = np.diff(segment, prepend=np.uint16(0)) != 0
+    damaged = damaged_values(seconds_from(stamps, stamps[0]), judged, breaks)
+    if not damaged.any():
+        return table
+    names = [channels.names[k] for k in np.flatnonzero(damaged.any(axis=0)).tolist()]
+    return with_damaged(table, np.flatnonzero(valid)[damaged.any(axis=1)], names)
+
+
+def _shared(values: NDArray[Any], rows: Rows) -> NDArray[Any]:
+    """(K, ...) write-protected values (N, ...) at ascending rows (K,)."""
+    chosen = np.ascontiguousarray(_chosen(values, rows))
+    chosen.flags.writeable = False
+    return chosen
+
+
+def _chosen(values: NDArray[Any], rows: Rows | Mask) -> NDArray[Any]:
+    """(K, ...) values (N, ...) at ascending rows (K,), or a mask; the values themselves if all."""
+    every = rows.all() if rows.dtype == bool else rows.size == len(values)
+    return values if every else values[rows]
