@@ -29,7 +29,6 @@ from cell.strict_yaml import load_model
 from sim.path import (
     BRANCH,
     Lissajous,
-    PushPull,
     ReferencePath,
     RodHarmonic,
     axis_range_fault,
@@ -114,19 +113,24 @@ def scenario_path(
             )
         return _recorded_path(settings, cell, nominal, recorded)
     file = relative_to / settings.file
-    shape: Lissajous | PushPull
     beginning = None
     if settings.kind == "push_pull":
         push = load_model(file, PushPullFile)
-        shape = PushPull(held=np.radians(push.angles_deg), travel=push.travel_m, cycles=push.cycles)
+        shape = Lissajous(
+            centre=np.radians(push.angles_deg),
+            amplitude=np.zeros(5),
+            cycles=np.full(5, push.cycles),
+            phase=np.zeros(5),
+            rod=(RodHarmonic(push.travel_m, push.cycles, 0.0),),
+        )
     else:
         content = load_model(file, LissajousFile)
         shape, beginning = lissajous(content), _beginning(content, cell.robot, file)
-    if isinstance(shape, Lissajous) and shape.rod and cell.ballbar.stroke is None:
-        raise InputError(
-            f"{file}: the rod of {cell.ballbar.name} does not telescope. Leave out `rod`, or name "
-            "an instrument (cell.instrument)."
-        )
+        if shape.rod and cell.ballbar.stroke is None:
+            raise InputError(
+                f"{file}: the rod of {cell.ballbar.name} does not telescope. Leave out `rod`, or "
+                "name an instrument (cell.instrument)."
+            )
     return reference_path(
         cell.robot,
         nominal,
