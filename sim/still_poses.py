@@ -79,8 +79,8 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
             "reference points. Leave it out, or take a tracker."
         )
     seats, targets = _true_seats(settings, instrument), _places(stated.targets)
-    rng = stream(seed if stated.seed is None else stated.seed, "poses")
-    stands = choose_poses(stated, instrument, arm, seats, targets, rng)
+    chosen = seed if stated.seed is None else stated.seed
+    stands = choose_poses(stated, instrument, arm, seats, targets, stream(chosen, "poses"))
     order = np.concatenate([stand.order for stand in stands])
     later = np.repeat([stand.later for stand in stands], [len(stand.q) for stand in stands])
     rows = np.lexsort((later, order))  # of the stands, in the order of the table
