@@ -142,7 +142,11 @@ def reference_path(
     if beginning is not None:
         turned = [float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()) for q in branches]
         branches = [branches[int(np.argmin(turned))]]
-    q = _branch_in_range(robot, t, [_turned(robot, nominal, branch) for branch in branches])
+    if has_closed_form(nominal.robot):  # less whole turns: about 0, or about the axis ranges
+        branches = [q - 2.0 * np.pi * np.round(q.mean(axis=0) / (2.0 * np.pi)) for q in branches]
+    else:
+        branches = [in_range(robot, q) for q in branches]
+    q = _branch_in_range(robot, t, branches)
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
     return ReferencePath(t, b, q, speed)
@@ -205,13 +209,6 @@ def _out_of_reach(nominal: Geometry, shape: Lissajous, t: Array, phase: Array) -
     return InputError(
         f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles {angles} deg); {remedy}"
     )
-
-
-def _turned(robot: Robot, nominal: Geometry, q: Array) -> Array:
-    """(N, J) [rad] joint angles less whole turns: about 0 in closed form, else about the ranges."""
-    if not has_closed_form(nominal.robot):
-        return in_range(robot, q)
-    return np.asarray(q - 2.0 * np.pi * np.round(q.mean(axis=0) / (2.0 * np.pi)))
 
 
 def _branch_in_range(robot: Robot, t: Array, branches: list[Array]) -> Array:

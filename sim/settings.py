@@ -1,7 +1,7 @@
 """The simulated half of a scenario: the cell, its motion or its still poses, its errors and logs.
 
-Every key carries its unit. Every error source is absent by default. The docstrings and descriptions
-are printed in the scenario reference.
+Every key carries its unit. Every error source is absent by default. The docstrings are printed in
+the scenario reference.
 """
 
 from __future__ import annotations
@@ -86,10 +86,9 @@ class PathSettings(Strict):
     @model_validator(mode="after")
     def _of_its_kind(self) -> PathSettings:
         """The keys of the kind are given, and no others."""
-        recorded = self.kind == "recorded"
-        needed, unused = (
-            ("recording", ("file", "dwell_s", "stops")) if recorded else ("file", ("recording",))
-        )
+        needed, unused = "file", ["recording"]
+        if self.kind == "recorded":
+            needed, unused = "recording", ["file", "dwell_s", "stops"]
         if not getattr(self, needed):
             raise ValueError(f"kind {self.kind} needs {needed}")
         for key in unused:

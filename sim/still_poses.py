@@ -79,8 +79,8 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
             "reference points. Leave it out, or take a tracker."
         )
     seats, targets = _true_seats(settings, instrument), _places(stated.targets)
-    rng = stream(seed if stated.seed is None else stated.seed, "poses")
-    stands = choose_poses(stated, instrument, arm, seats, targets, rng)
+    chosen = seed if stated.seed is None else stated.seed
+    stands = choose_poses(stated, instrument, arm, seats, targets, stream(chosen, "poses"))
     order = np.concatenate([stand.order for stand in stands])
     later = np.repeat([stand.later for stand in stands], [len(stand.q) for stand in stands])
     rows = np.lexsort((later, order))  # of the stands, in the order of the table
@@ -194,12 +194,7 @@ class _Measurement:
 
         wrong : (K, 3) [m] outliers.
         """
-        instrument, arm, plant, scale = (
-            self.instrument,
-            self.arm,
-            self.settings.plant,
-            self._noise_scale,
-        )
+        instrument, plant, scale = self.instrument, self.settings.plant, self._noise_scale
         noise = stream(self.settings.seed, "instrument_noise")
         slide = stream(self.settings.seed, "rod_friction")
         shown, values, forces = [], [], []
@@ -211,7 +206,7 @@ class _Measurement:
                 q = self._put_into(q, target, seat[0].T + play + fault)
             if self.kind == "mujoco":
                 sag, force = hold_with_instrument(
-                    arm,
+                    self.arm,
                     instrument,
                     plant,
                     seat=self.seats[stand.seat],
@@ -220,7 +215,7 @@ class _Measurement:
                     friction=slide.uniform(-plant.rod_friction_N, plant.rod_friction_N, len(q)),
                 )
                 forces.append(force)
-            exact = reading(arm, q, target, seat, sag)
+            exact = reading(self.arm, q, target, seat, sag)
             read = measured(instrument, exact, scale=scale, rng=noise)
             width = min(3, read.shape[1])
             read[:, :width] += fault[:, :width]

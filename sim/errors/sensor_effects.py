@@ -103,18 +103,20 @@ def encoder_effects(
     """Errors of one joint's encoder as a scenario states them; its phases have own streams."""
     disc, mounting = errors.encoder_eccentricity, errors.mounting_eccentricity
     within, frozen = errors.subdivisional_error, errors.frozen_bits
-
-    def drawn(source: str, orders: tuple[int, ...], sizes: tuple[float, ...]) -> Harmonics:
-        return _drawn(orders, sizes, stream(seed, f"{source}_b{joint}"))
-
+    mounted, graduation, signal = Harmonics(), Harmonics(), Harmonics()
+    if mounting:
+        rng = stream(seed, f"mounting_eccentricity_b{joint}")
+        mounted = _drawn((1,), (mounting.amplitude_rad,), rng)
+    if disc:
+        rng = stream(seed, f"encoder_eccentricity_b{joint}")
+        graduation = _drawn((1, 2, 3), disc.amplitude_rad, rng)
+    if within:
+        rng = stream(seed, f"subdivisional_error_b{joint}")
+        signal = _drawn((lines,), (within.amplitude_rad,), rng)
     return EncoderEffects(
-        mounting=drawn("mounting_eccentricity", (1,), (mounting.amplitude_rad,))
-        if mounting
-        else (),
-        own=drawn("encoder_eccentricity", (1, 2, 3), disc.amplitude_rad) if disc else (),
-        subdivisional=drawn("subdivisional_error", (lines,), (within.amplitude_rad,))
-        if within
-        else (),
+        mounting=mounted,
+        own=graduation,
+        subdivisional=signal,
         freezing_onset_Hz=FREEZING_ONSET_HZ[bits] * frozen.onset_factor if frozen else None,
         amplitude_errors=tuple(e for e in errors.amplitude_errors if e.encoder == joint),
         slipped_periods=tuple(e for e in errors.slipped_periods if e.encoder == joint),

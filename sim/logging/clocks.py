@@ -176,18 +176,16 @@ def _bar_stamps(ticks: NDArray[np.int64], t: Array, clocks: ClockSettings) -> ND
 
 def logged_rows(times: LogTimes, clocks: ClockSettings, *, seed: int) -> LoggedRows:
     """The rows that a scenario's loggers write."""
+    lose, repeat = clocks.dropped_rows, clocks.duplicated_rows
+    drawn = {
+        "robot": (stream(seed, "dropped_rows_robot"), stream(seed, "duplicated_rows_robot")),
+        "ballbar": (stream(seed, "dropped_rows_ballbar"), stream(seed, "duplicated_rows_ballbar")),
+    }
     files, counts = {}, {}
     for log, taken in (("robot", times.robot_true.size), ("ballbar", times.bar_true.size)):
         lost, twice = (
-            chosen(
-                taken,
-                getattr(fault, f"{log}_probability") if fault else 0.0,
-                stream(seed, f"{name}_{log}"),
-            )
-            for name, fault in (
-                ("dropped_rows", clocks.dropped_rows),
-                ("duplicated_rows", clocks.duplicated_rows),
-            )
+            chosen(taken, getattr(fault, f"{log}_probability") if fault else 0.0, rng)
+            for fault, rng in zip((lose, repeat), drawn[log], strict=True)
         )
         files[log] = np.repeat(np.arange(taken), np.where(lost, 0, 1 + twice)).astype(np.int64)
         dropped, duplicated = int(lost.sum()), int((twice & ~lost).sum())

@@ -234,11 +234,6 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
     """
     ripples: list[Ripple] = []
     joints, gears = cell.robot.joints, cell.robot.gears
-
-    def phases(source: str) -> Array:
-        """(J,) [rad] a phase for each gear."""
-        return stream(seed, source).uniform(0.0, 2.0 * np.pi, joints)
-
     if (table := errors.transmission_error) is not None:
         rng = stream(seed, "transmission_error")
         for gear, harmonics in enumerate(cell.robot.required("gears").harmonics):
@@ -248,7 +243,7 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
             ]
     if (cycloid := errors.cycloid_ripple) is not None:
         size, lobes = cycloid.amplitude_rad, float(cycloid.lobes)
-        drawn = phases("cycloid_ripple")
+        drawn = stream(seed, "cycloid_ripple").uniform(0.0, 2.0 * np.pi, joints)
         for axis in cycloid.axes:
             phase = float(drawn[axis - 1])
             if cycloid.waveform == "harmonic":
@@ -258,7 +253,7 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
                 share = -2.0 * size / (4 * k * k - 1)
                 ripples.append(Ripple(axis - 1, k * lobes, share, k * phase + 0.5 * np.pi))
     if (sine := errors.sinusoidal_gear_error) is not None:
-        drawn = phases("sinusoidal_gear_error")
+        drawn = stream(seed, "sinusoidal_gear_error").uniform(0.0, 2.0 * np.pi, joints)
         for axis in sine.axes:
             turns = abs(float(cell.robot.transmission[axis - 1, axis - 1]))
             order = 1.0 if sine.side == "output" else 1.0 / turns

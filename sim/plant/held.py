@@ -30,15 +30,8 @@ from cell.robot_angles import joints_to_motors, motors_to_joints
 from sim.errors.sensor_effects import ResolverEffects
 from sim.plant.effects import Plant, servo_gains
 from sim.plant.instrument_plant import add_instrument, is_wire, rod_position
-from sim.plant.mjcf import (
-    ROBOT_JOINTS,
-    ROTORS,
-    add_gear_tendon,
-    add_links,
-    compiled,
-    empty_spec,
-    unloaded_robot_spec,
-)
+from sim.plant.mjcf import ROBOT_JOINTS, ROTORS, unloaded_robot_spec
+from sim.plant.mjcf_parts import add_gear_tendon, add_links, compiled, empty_spec
 from sim.plant.mujoco_plant import PHYSICS, PlantError, full_state
 from sim.plant.statics import gravity_torque
 from sim.settings import RodAndWire

@@ -29,9 +29,9 @@ from sim.plant.mjcf import (
     WELD_SOLREF,
     PlantModel,
     plant_model_of,
-    set_inertia,
     unloaded_robot_spec,
 )
+from sim.plant.mjcf_parts import set_inertia
 from sim.plant.mujoco_plant import (
     CLOSURE_LIMIT,
     PlantError,

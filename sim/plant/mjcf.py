@@ -13,7 +13,6 @@ notes/mujoco secs. 1, 2, 4, 8, 11.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -23,15 +22,13 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.bodies import bar_bodies, flange_on_last_link, robot_bodies
 from cell.chain import row_placements
-from cell.descriptions import Link
 from cell.geometry import BAR_ROWS, Geometry
 from cell.rotation import quat_wxyz
 from sim.plant.effects import Plant, PlantEffects
+from sim.plant.mjcf_parts import add_gear_tendon, add_links, compiled, empty_spec, set_inertia
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # (notes/mujoco sec. 2)
-# Of the implicit solve; from 1e-3 down to 1e-14 no coordinate of 60 s moves by more than 1e-13.
-SOLVER_TOLERANCE = 1e-4
 PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (notes/mujoco sec. 4)
 BRISTLE_TRAVEL = 2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' backlash
 # [rad/s] highest natural frequency of bristle and rotor: MuJoCo integrates the bristle explicitly,
@@ -56,17 +53,6 @@ ROD_JOINT, PLATE_JOINT = "rod", "plate"
 SEAT_JOINT, SLIDE_JOINT = "seat_cup", "slide"  # of a telescoping rod
 
 _OFF = mujoco.mjtDisableBit
-# There are no contacts and no limits, and the solve is linear; a divergence must show, not reset.
-UNUSED = (
-    _OFF.mjDSBL_CONTACT
-    | _OFF.mjDSBL_ISLAND
-    | _OFF.mjDSBL_LIMIT
-    | _OFF.mjDSBL_FRICTIONLOSS
-    | _OFF.mjDSBL_CLAMPCTRL
-    | _OFF.mjDSBL_WARMSTART
-    | _OFF.mjDSBL_SENSOR
-    | _OFF.mjDSBL_AUTORESET
-)
 _HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 
 
@@ -109,17 +95,6 @@ def plant_model_of(spec: mujoco.MjSpec) -> PlantModel:
     )
 
 
-def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of a specification, every site at its own pose.
-
-    MuJoCo takes a site within 1e-6 of its body's frame for identical with it (notes/mujoco
-    sec. 7.1), which would be an error of 0.9 urad.
-    """
-    model = spec.compile()
-    model.site_sameframe[:] = 0
-    return model
-
-
 def plant_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
     """The model of a plant as a specification, to be compiled or written as XML."""
     spec = unloaded_robot_spec(plant, timestep=timestep)
@@ -146,39 +121,6 @@ def unloaded_robot_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
     _add_robot(spec, plant)
     _add_gears(spec, plant)
     return spec
-
-
-def empty_spec(name: str, *, timestep: float, gravity: Array) -> mujoco.MjSpec:
-    """A specification without bodies, with the integrator and solver of all plants."""
-    spec = mujoco.MjSpec()
-    spec.modelname = name
-    spec.compiler.degree = False
-    option = spec.option
-    option.timestep = timestep
-    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.tolerance = SOLVER_TOLERANCE
-    option.gravity = gravity
-    option.disableflags = int(UNUSED)
-    return spec
-
-
-def add_links(
-    spec: mujoco.MjSpec, links: Sequence[Link], rows: Sequence[tuple[Array, Array]]
-) -> tuple[mujoco.MjsBody, Array, Array]:
-    """Adds the links of a robot, each turning about its own z.
-
-    rows : rotation (3, 3) and position (3,) [m] of each DH row in the one before.
-
-    Returns the last link, and rotation and position of the last row in it.
-    """
-    parent, rotation, position = spec.worldbody, np.eye(3), np.zeros(3)
-    for i, (link, row) in enumerate(zip(links, rows, strict=True)):
-        parent = parent.add_body(name=f"link{i + 1}", pos=position, quat=quat_wxyz(rotation))
-        set_inertia(parent, link)
-        parent.add_joint(name=f"q{i + 1}", type=_HINGE, axis=[0, 0, 1])
-        rotation, position = row
-    return parent, rotation, position
 
 
 def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
@@ -302,18 +244,6 @@ def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> _Shaft:
     return _Shaft(add_gear_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
 
 
-def add_gear_tendon(
-    spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | None = None
-) -> mujoco.MjsTendon:
-    """The combination of joints that a gear turns, less the angle of its rotor."""
-    tendon = spec.add_tendon(name=name)
-    for i in np.flatnonzero(coefficients):
-        tendon.wrap_joint(f"q{i + 1}", float(coefficients[i]))
-    if rotor is not None:
-        tendon.wrap_joint(rotor, -1.0)
-    return tendon
-
-
 def _friction(
     spec: mujoco.MjSpec,
     shaft: _Shaft,
@@ -382,9 +312,3 @@ def _add_base(spec: mujoco.MjSpec, geometry: Geometry, stiffness: float) -> mujo
         slide = base.add_joint(name=name, type=_SLIDE, axis=np.eye(3)[axis])
         slide.stiffness[0], slide.damping[0] = stiffness, BASE_DAMPING * stiffness
     return base
-
-
-def set_inertia(body: mujoco.MjsBody, link: Link) -> None:
-    """Gives a body the mass properties of a link, in the body's frame."""
-    body.mass, body.ipos, body.explicitinertial = link.mass, link.com, True
-    body.fullinertia = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
