@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
     from ballbar.run_poses import PoseScenarioRun
-    from ballbar.sweep.run import Outcome
+    from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
     from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
@@ -104,7 +104,19 @@ def plant_data(simulation: Simulation) -> dict[str, object]:
 
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:
-    """JSON of `compare`: errors are model minus reference."""
+    """JSON of `compare`, SI units: errors are model minus reference."""
+    if comparison.target:
+        return {
+            "target": comparison.target,
+            "tcp_difference": _distances(comparison.tcp),
+            "tcp_difference_nominal": _distances(comparison.tcp_nominal),
+            "cross_validated_mean_m": list(comparison.predicted),
+            "parameters": {
+                name: {"difference": size, "z": comparison.z[name]}
+                for name, size in comparison.deviations.items()
+            },
+            "axes_with_unlike_ranges": list(comparison.unlike_ranges),
+        }
     return {
         "tcp_error": _tcp(comparison.tcp),
         "tcp_error_nominal": _tcp(comparison.tcp_nominal),
@@ -126,7 +138,7 @@ def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
     }
 
 
-def sweep_data(outcome: Outcome) -> dict[str, object]:
+def sweep_data(outcome: SweepOutcome) -> dict[str, object]:
     """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
     from ballbar.sweep.summary import failures_of, grid_points
 
@@ -193,8 +205,9 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
 
 
 def _tcp(error: TcpError) -> dict[str, float]:
-    return {
-        "mean_m": float(error.mean),
-        "max_m": float(error.maximum),
-        "mean_without_scale_m": float(error.error_without_scale.mean()),
-    }
+    without_scale = float(error.error_without_scale.mean())
+    return _distances(error) | {"mean_without_scale_m": without_scale}
+
+
+def _distances(error: TcpError) -> dict[str, float]:
+    return {"mean_m": float(error.mean), "max_m": float(error.maximum)}
