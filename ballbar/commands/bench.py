@@ -35,7 +35,7 @@ def run(
     live: Annotated[
         bool,
         typer.Option(
-            "--live", help="Show the cell and the identification in a rerun window while they run."
+            "--live", help="Show the cell in a rerun window while it is simulated, then the replay."
         ),
     ] = False,
     overrides: Overrides = None,
@@ -168,7 +168,7 @@ def simulate(
 def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:
     """Simulates a scenario of still poses."""
     from ballbar.commands.result_json import pose_simulation_data
-    from ballbar.run_poses import simulate_pose_scenario
+    from ballbar.run import simulate_pose_scenario
     from sim.recording_files import truth_path
 
     with progress_bar() as progress:

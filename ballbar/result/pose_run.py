@@ -20,7 +20,7 @@ from ident.pose_result import PoseIdentification
 
 if TYPE_CHECKING:  # an identification of poses does without the simulation
     from ballbar.result.limits import Limit
-    from sim.poses.simulate import PoseSimulation
+    from sim.still_poses import PoseSimulation
 
 
 @dataclass(frozen=True, eq=False)
