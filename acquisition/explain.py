@@ -99,10 +99,15 @@ def _file(source: LogSource, file: str) -> list[str]:
     where = f"header in line {text.number[header.row - 1]}"
     if header.without_header():
         where = "no header, columns as declared"
+    columns = [  # number and name of each wanted one, with its selector where that is another
+        f"{position + 1} {header.names[position]}"
+        + (f" (found by {selector})" if header.names[position] != selector else "")
+        for selector, position in zip(header.columns, header.positions, strict=True)
+    ]
     lines = [
         f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted "
         f"names are found with it), {where}, {len(header.names)} columns",
-        f"  columns: {', '.join(_columns(header))}",
+        f"  columns: {', '.join(columns)}",
     ]
     absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:
@@ -111,16 +116,6 @@ def _file(source: LogSource, file: str) -> list[str]:
     if source.dialect.time.column in header.columns:
         lines.append(f"  time: {_time(source, rows, header)}")
     return lines
-
-
-def _columns(header: Header) -> list[str]:
-    """Number and name of each wanted column, with its selector where that is another."""
-    shown = []
-    for selector, position in zip(header.columns, header.positions, strict=True):
-        name = header.names[position]
-        how = "" if name == selector else f" (found by {selector})"
-        shown.append(f"{position + 1} {name}{how}")
-    return shown
 
 
 def _time(source: LogSource, rows: PlainRows, header: Header) -> str:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -181,7 +181,10 @@ def _parse(rows: PlainRows, header: Header, remedy: str) -> dict[str, NDArray[An
     if columns is None and "text" in wanted.values():
         columns = _numbers(rows, header, {n: k for n, k in wanted.items() if k != "text"})
     if columns is None:
-        _refuse_cell(rows, header, remedy)
+        for row, number in enumerate(rows.number):
+            if reason := _damage(rows, header, row):
+                raise LogError(f"{rows.file}:{number}: {reason} {remedy}")
+        raise LogError(f"{rows.file}: the table holds a cell that is no number. Export it again.")
     for name, position in zip(wanted, header.positions, strict=True):
         coarse = wanted[name] == "decimal" and np.abs(columns[name]).max() > FINE
         if name not in columns or coarse:
@@ -259,13 +262,6 @@ def _damage(rows: PlainRows, header: Header, row: int) -> str:
             written = split_fields(rows.lines[row], rows.separator)[position]
             return f"column {name}: {written!r} {wrong}"
     return ""
-
-
-def _refuse_cell(rows: PlainRows, header: Header, remedy: str) -> NoReturn:
-    for row, number in enumerate(rows.number):
-        if reason := _damage(rows, header, row):
-            raise LogError(f"{rows.file}:{number}: {reason} {remedy}")
-    raise LogError(f"{rows.file}: the table holds a cell that is no number. Export it again.")
 
 
 def _wrong_number(cell: str, kind: str) -> str:
