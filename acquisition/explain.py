@@ -24,7 +24,7 @@ _ANGLES = {
 
 
 def explain_lines(folder: Path) -> list[str]:
-    """What is read from where, and why, as lines of text.
+    """Lines of text that say which file is read as what, and why.
 
     Raises DescriptionError or LogError as reading would.
     """
@@ -59,7 +59,7 @@ def explain_lines(folder: Path) -> list[str]:
 
 
 def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
-    """What the numbers of a log mean."""
+    """The meaning of the numbers of a log, in sentences."""
     dialect, declared = source.dialect, source.declared
     if dialect.source == "robot":
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"

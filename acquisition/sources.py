@@ -52,7 +52,7 @@ class LogRows:
 
 @dataclass(frozen=True, eq=False)
 class ImportLog:
-    """What was read of one source."""
+    """The outcome of reading one source."""
 
     files: tuple[FileSummary, ...]
     findings: tuple[Finding, ...]

@@ -111,7 +111,7 @@ def refine(
 def refine_reachable(
     chain: Chain, q: Array, poses: Array, *, tolerance: float = 1e-13
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """As `refine`, for the poses that the chain can take: angles (K, J) [rad], and which (N,)."""
+    """Angles (K, J) [rad] of `refine` at the poses that the chain can take, and which (N,) it can."""
     try:
         return refine(chain, q, poses, tolerance=tolerance), np.ones(len(q), dtype=bool)
     except UnreachableError:

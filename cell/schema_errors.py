@@ -176,7 +176,7 @@ def _plain(value: Any) -> Any:
 
 
 def _add_it(loc: Loc, model: type[BaseModel], example: Example | None) -> str:
-    """What to add for a missing key, as the example has it, and whether the part is needed."""
+    """The line to add for a missing key, as the example has it, and whether the part is needed."""
     if isinstance(loc[-1], int):
         return f"The list {_dotted(loc[:-1])} needs at least {loc[-1] + 1} items."
     key, place = loc[-1], _dotted(loc[:-1])

@@ -156,7 +156,7 @@ def _root(text: str) -> yaml.Node | None:
     """The root node of a text.
 
     Where libyaml refuses a text, PyYAML gives the reason. libyaml accepts a tab, a `?` and a `!` in
-    places where PyYAML does not; both read a text without these alike.
+    places where PyYAML does not; both read a text without these the same way.
     """
     if yaml.__with_libyaml__ and text.isascii() and not any(mark in text for mark in "\t?!"):
         try:

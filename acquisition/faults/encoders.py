@@ -172,7 +172,7 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
 
 
 def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) -> Table:
-    """The table with rows flagged to which no motion leads, or from which a counter counts anew.
+    """The table with rows flagged to which no motion leads, or from which a counter counts again.
 
     t : (N,) [s]. words : (N, E) counter words. Rows with excluding flags are not looked at.
     Raises LogError if the encoders would turn too fast throughout.

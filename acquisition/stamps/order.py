@@ -1,7 +1,7 @@
 """Time stamps of a log: order, duplicates, gaps, and float seconds counted from the first row.
 
 Stamps are integer nanoseconds until the first one has been subtracted. A stamp that goes back means
-that the clock was set or the recorder started anew: a new segment. Rows are put in another order
+that the clock was set or the recorder started again: a new segment. Rows are put in another order
 only where their sequence numbers say so.
 """
 
@@ -68,8 +68,8 @@ def _by_sequence(table: Table, sequence: str) -> Table:
     sentence = "rows put in the order of their sequence numbers."
     table = table.remarked("rows out of order", "repaired", sentence, rows=late).take(order)
     table = table.flagged(order != np.arange(order.size), RowFlag.REORDERED)
-    anew = np.diff(stretch[order], prepend=0) > 0
-    return replace(table, begins=table.begins | anew)
+    restarted = np.diff(stretch[order], prepend=0) > 0
+    return replace(table, begins=table.begins | restarted)
 
 
 def _without_strays(table: Table) -> Table:

@@ -25,7 +25,7 @@ PREAMBLE = 200  # lines before a header, at most
 
 @dataclass(frozen=True)
 class Remedies:
-    """What errors about a table advise, by the file that describes its columns."""
+    """Advice in errors about a table, by the file that describes its columns."""
 
     description: str = "recording.yaml"
     missing: str = "Log them, or name the dialect of this file."

@@ -57,7 +57,7 @@ class _Lines:
     findings: tuple[Finding, ...] = ()
 
     def take(self, rows: NDArray[np.intp]) -> _Lines:
-        """Those of the lines; a row behind one that is left out begins what that one began."""
+        """The chosen lines; a row behind one that is left out begins what that one began."""
         begins = np.diff(np.cumsum(self.begins)[rows], prepend=0) > 0
         lines = [self.lines[i] for i in rows]
         return replace(self, lines=lines, number=self.number[rows], begins=begins)

@@ -40,7 +40,7 @@ class Table:
     file: NDArray[np.int64]  # (N,) index into files
     line: NDArray[np.int64]  # (N,) line number, counted from 1
     flags: Flags = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (N,) row flags
-    # (N,) rows from which the logger ran anew
+    # (N,) rows at which the logger started again
     begins: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     findings: tuple[Finding, ...] = ()
 
@@ -265,7 +265,7 @@ def _damage(rows: PlainRows, header: Header, row: int) -> str:
 
 
 def _wrong_number(cell: str, kind: str) -> str:
-    """What is wrong with a cell, in words; empty if nothing is."""
+    """The fault of a cell as a clause; empty if there is none."""
     if not cell:
         return "is an empty cell; a number was expected."
     if _NUMBER[kind].fullmatch(cell):
