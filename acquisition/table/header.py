@@ -222,8 +222,8 @@ def _columns_in(
     findings: tuple[Finding, ...] = ()
     if unused:
         absent = (name for name in layout.optional if not positions[name])
-        similar = ((name, near) for name in absent if (near := _nearest(name, unused)))
-        meant = [f" Is {near!r} meant for {name}? Then rename it." for name, near in similar]
+        similar = ((name, other) for name in absent if (other := _nearest(name, unused)))
+        meant = [f" Is {other!r} meant for {name}? Then rename it." for name, other in similar]
         sentence, count = f"{_listed(unused)}.{''.join(meant[:1])}", len(unused)
         findings = (finding("column not used", "warning", line.file, sentence, count=count),)
     return names, columns, tuple(positions[name][0] for name in columns), findings
