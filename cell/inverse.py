@@ -111,7 +111,7 @@ def refine(
 def refine_reachable(
     chain: Chain, q: Array, poses: Array, *, tolerance: float = 1e-13
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Angles (K, J) [rad] of `refine` at the poses that the chain takes, and which (N,) these are."""
+    """Angles (K, J) [rad] of `refine` at the poses that the chain takes; which of them (N,)."""
     try:
         return refine(chain, q, poses, tolerance=tolerance), np.ones(len(q), dtype=bool)
     except UnreachableError:
