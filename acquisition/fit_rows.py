@@ -26,7 +26,7 @@ MOST_ROWS = 2_000_000
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """What the rows of one source hold."""
+    """The channels of one source, and how its files were read."""
 
     source: LogSource
     summaries: list[FileSummary]

@@ -259,11 +259,11 @@ def _read_tracker(
         refuse_few(table, int(np.count_nonzero(~hidden)))
     rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
-    seen, moved = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
-    if not moved / ALIKE_EXTENT < seen < moved * ALIKE_EXTENT:
+    seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
+    if not travel / ALIKE_EXTENT < seen < travel * ALIKE_EXTENT:
         raise LogError(
             f"{rows.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
-            f"over {moved:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
+            f"over {travel:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
             "sources.tracker in recording.yaml."
         )
     log = TrackerLog(rows.t, rows.values, declared.accuracy_m, rows.segment)
