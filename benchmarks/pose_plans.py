@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.poses.identify import PoseOptions, identify_poses
+from ident.identify_poses import PoseOptions, identify_poses
 from planning.feasible_poses import Candidates, random_candidates
 from planning.pose_plan import PosePlan, pose_plan
 from planning.pose_request import POSE_SCHEMA, PosePlanRequest

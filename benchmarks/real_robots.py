@@ -25,9 +25,9 @@ from cell.arrays import Array
 from cell.files import write_whole
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.regions import joint_regions
-from ident.poses.held_out import placed
-from ident.poses.identify import JointErrors, PoseOptions, identify_poses
-from ident.poses.result import PoseIdentification
+from ident.held_out_poses import placed
+from ident.identify_poses import JointErrors, PoseOptions, identify_poses
+from ident.pose_result import PoseIdentification
 from ident.robot.accuracy import position_error
 
 MM = 1e3

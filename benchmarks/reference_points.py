@@ -28,7 +28,7 @@ from acquisition.reference_fit import fit_with_knocks
 from ballbar.result.compare_poses import compare_poses_with_truth
 from ballbar.scenario import PoseScenario, load_any_scenario
 from cell.statistics import rms
-from ident.poses.identify import identify_poses
+from ident.identify_poses import identify_poses
 from sim.poses.files import write_poses
 from sim.poses.simulate import simulate_poses
 from tests.helpers.reference_points import (

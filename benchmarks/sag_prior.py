@@ -31,13 +31,14 @@ from cell.descriptions import Robot
 from cell.files import write_whole
 from cell.geometry import nominal_chain
 from cell.poses import PoseTable
+from ident import identify_poses as identify
 from ident.corrections import unit_weights as weights
 from ident.corrections.base import GEAR, Coefficient, Correction, State
-from ident.poses import fit, identify
-from ident.poses.result import PoseIdentification
-from ident.poses.start import start_of_poses
-from ident.poses.unknowns import PoseUnknowns
+from ident.estimator import robust_fit as fit
+from ident.estimator.unknowns import Unknowns
+from ident.pose_result import PoseIdentification
 from ident.robot.accuracy import position_error
+from ident.start.placements import start_of_poses
 from tests.helpers.still_poses import TrueRobot, angles, table_of, true_robot
 
 RESULT = Path("docs/studies/sag_prior.csv")
@@ -82,8 +83,9 @@ class Case:
 def identified(table: PoseTable, prior: Prior) -> PoseIdentification:
     """An identification with this prior."""
 
-    def widened(declared: PoseUnknowns, x: Array) -> PoseUnknowns:
-        part, sigma = declared.machine if prior.tails else declared.geometry, declared.sigma.copy()
+    def widened(declared: Unknowns, x: Array) -> Unknowns:
+        part = declared.machine if prior.tails else np.arange(declared.shared.size)
+        sigma = declared.sigma.copy()
         far = (x[part] - declared.mean[part]) / sigma[part]
         sigma[part] *= np.sqrt(np.maximum(1.0, (fit.TAILS + far**2) / (fit.TAILS + 1.0)))
         return replace(declared, sigma=sigma)

@@ -28,7 +28,7 @@ from benchmarks.real_robots import as_points, mask, sites_of, with_sites
 from cell.arrays import Array
 from cell.files import write_whole
 from cell.poses import PoseTable
-from ident.poses.identify import identify_poses
+from ident.identify_poses import identify_poses
 from tests.helpers.real_robots import DATA
 from tests.helpers.still_poses import (
     SEAT,
@@ -119,8 +119,9 @@ def measured_robot(name: str, data: Path) -> tuple[PoseTable, Array]:
         return as_points(table), np.asarray(
             Rotation.from_rotvec(own.values[:, 3:].copy()).as_matrix()
         )
-    (point,) = identify_poses(table).fit.equations.points
-    turn = np.einsum("ji,jkn->nik", point.seat.rotation, point.target.rotation())
+    (point,) = identify_poses(table).fit.linear.evaluations
+    closure = point.target_closure
+    turn = np.einsum("ji,jkn->nik", closure.seat.rotation, closure.robot.rotation())
     return table, turn
 
 

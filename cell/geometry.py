@@ -232,6 +232,20 @@ def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
     return Geometry(values, table)
 
 
+def robot_geometry(robot: Robot) -> Geometry:
+    """Catalogue geometry of a robot up to its bare flange; that of a ball-bar is zero."""
+    return geometry_of_chain(parameter_table(robot), nominal_chain(robot))
+
+
+def geometry_of_chain(table: ParameterTable, chain: Chain) -> Geometry:
+    """The geometry of a robot's rows; that of a ball-bar is zero."""
+    values = np.zeros(len(table.names))
+    rows = (chain.a, chain.d, chain.alpha, chain.theta, chain.beta[list(table.hayati_rows)])
+    of_robot = np.concatenate(rows)
+    values[: of_robot.size] = of_robot
+    return Geometry(values, table)
+
+
 def robot_frames(geometry: Geometry, q: Array) -> Frames:
     """Frames of the robot at joint angles q (N, J) [rad]; the last is that of the tool."""
     return forward(geometry.robot, q)

@@ -19,22 +19,13 @@ from cell.arrays import Array
 from cell.description_files import NominalAngle, NotNegative, Positive
 from cell.descriptions import BallBar, Link
 from cell.geometry import ROD_ROW
+from cell.instruments import kinds
+from cell.instruments.base import Kind
 from cell.inverse import BAR_ALPHA
-from cell.poses import Measured
 from cell.schema import Line, Strict
 from cell.schema_errors import wrong_key
 
 JointKind = Literal["revolute", "prismatic", "universal", "ball"]
-# what a chain measures: its joints from the floor to the tool, sensed ones marked
-_CHAINS: dict[tuple[str, ...], Measured] = {
-    ("universal", "prismatic*", "ball"): "length",
-    ("ball", "prismatic*", "ball"): "length",
-    ("revolute*", "revolute*", "prismatic*", "ball"): "point",
-    ("revolute*", "revolute*", "prismatic*", "ball*"): "pose",
-    ("prismatic*", "prismatic*", "prismatic*", "ball"): "point",
-    ("prismatic*", "prismatic*", "prismatic*", "ball*"): "pose",
-    ("ball",): "socket",
-}
 
 
 class JointFile(Strict):
@@ -77,8 +68,8 @@ class InstrumentFile(Strict):
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:
-        if _joints(self) not in _CHAINS:
-            known = "; ".join(" ".join(chain) for chain in _CHAINS)
+        if _kind_of(_joints(self)) is None:
+            known = "; ".join(" ".join(c) for kind in kinds().values() for c in kind.chains)
             raise wrong_key(
                 "chain",
                 message=f"{' '.join(_joints(self))} is no chain that measures a target; those that "
@@ -101,7 +92,7 @@ class Instrument:
 
     name: str
     title: str
-    measured: Measured
+    kind: Kind
     nominal: float  # [m] length at mid range; 0 for a socket
     lower: float  # [m] shortest and longest length
     upper: float
@@ -112,26 +103,22 @@ class Instrument:
     distance: tuple[float, float] | None  # [m] between two seats, and its sigma
     mass: float  # [kg] of a rod from seat to target
 
+    @property
+    def measured(self) -> str:
+        """Name of what it measures."""
+        return self.kind.name
+
     def sigma(self, values: Array) -> Array:
         """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a
         socket.
         """
-        n = len(values)
-        if self.measured == "length":
-            return np.full((n, 1), self.sigma_length)
-        if self.measured == "socket":
-            return np.full((n, 3), self.sigma_length)
-        across = self.sigma_direction * np.linalg.norm(values[:, :3], axis=1)
-        each = np.sqrt((self.sigma_length**2 + 2.0 * across**2) / 3.0)
-        position = np.repeat(each[:, None], 3, axis=1)
-        if self.measured == "point":
-            return position
-        return np.hstack((position, np.full((n, 3), self.sigma_rotation)))
+        return self.kind.sigma(values, self)
 
 
 def instrument_of(name: str, file: InstrumentFile) -> Instrument:
     """The instrument that a checked file describes; name : of that file."""
-    measured = _CHAINS[_joints(file)]
+    kind = _kind_of(_joints(file))
+    assert kind is not None  # checked when the file was read
     sliding = [joint for joint in file.chain if joint.joint == "prismatic"]
     length = sliding[-1] if sliding else file.chain[0]
     turning = [j.sigma_rad for j in file.chain if j.joint == "revolute"]
@@ -139,14 +126,14 @@ def instrument_of(name: str, file: InstrumentFile) -> Instrument:
     return Instrument(
         name=name,
         title=file.title,
-        measured=measured,
+        kind=kind,
         nominal=length.nominal_m or 0.0,
         lower=length.lower_m or 0.0,
         upper=length.upper_m or 0.0,
         sigma_length=length.sigma_m,
         sigma_zero=length.zero_sigma_m,
         sigma_direction=max(turning, default=0.0),
-        sigma_rotation=file.chain[-1].sigma_rad if measured == "pose" else 0.0,
+        sigma_rotation=file.chain[-1].sigma_rad if kind.target_turns else 0.0,
         distance=None if distance is None else (distance.length_m, distance.sigma_m),
         mass=file.mass_kg,
     )
@@ -189,3 +176,8 @@ def telescoping_bar(instrument: Instrument) -> BallBar:
 
 def _joints(file: InstrumentFile) -> tuple[str, ...]:
     return tuple(joint.joint + "*" * joint.sensed for joint in file.chain)
+
+
+def _kind_of(joints: tuple[str, ...]) -> Kind | None:
+    """The kind of instrument that has these joints; None where there is none."""
+    return next((kind for kind in kinds().values() if joints in kind.chains), None)

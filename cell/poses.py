@@ -7,17 +7,17 @@ of one ball or reflector on the flange (target); seats and targets may occur in 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array, read_only
 from cell.descriptions import Robot
+from cell.instruments import kind_named, kinds
+from cell.instruments.base import Kind
 
-Measured = Literal["length", "point", "pose", "socket"]
-# values of one pose: distance; position; position and rotation vector; nothing
-COLUMNS: dict[Measured, int] = {"length": 1, "point": 3, "pose": 6, "socket": 0}
+Measured = str  # name of a kind of instrument
+COLUMNS = {kind.name: kind.columns for kind in kinds().values()}  # values of one pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class PoseGroup:
     socket are empty: the target stood at the seat's own point.
     """
 
-    measured: Measured
+    measured: str  # name of the kind of instrument
     seat: str
     target: str
     q: Array  # (N, J) [rad] DH joint angles
-    values: Array  # (N, M) [m, rad], M as in COLUMNS
+    values: Array  # (N, M) [m, rad], M as the kind's `columns`
     sigma: Array  # (N, M) [m, rad] declared standard deviation; (N, 3) [m] of a socket's play
     rows: NDArray[np.intp]  # (N,) line of each pose in its file, from 1
     file: str  # that file's name
@@ -44,12 +44,17 @@ class PoseGroup:
             values = getattr(self, f.name)
             if isinstance(values, np.ndarray):
                 object.__setattr__(self, f.name, read_only(values, values.dtype.type))
-        if self.values.shape != (len(self.q), COLUMNS[self.measured]):
+        if self.values.shape != (len(self.q), self.kind.columns):
             raise ValueError(f"{self.measured}: values of shape {self.values.shape}")
 
     @property
     def size(self) -> int:
         return len(self.q)
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of instrument that measured."""
+        return kind_named(self.measured)
 
     def part(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> PoseGroup:
         """The group of some of its poses."""

@@ -66,6 +66,18 @@ def stop_signals_blocked() -> Iterator[None]:
 
 
 @contextmanager
+def on_stop_signals(handle: Callable[..., None]) -> Iterator[None]:
+    """Ctrl-C and SIGTERM (the end of a batch job) call `handle` instead of ending this process."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, lambda *_: handle()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
 def second_process(*modules: str) -> Iterator[Begin]:
     """A process that takes over work while this one has other work.
 

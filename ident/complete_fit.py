@@ -280,7 +280,7 @@ def posed(
         rod_sigma=options.rod_sigma,
     )
     masses = mass_model(cell) if loaded else None
-    model = Model(gearing(cell), masses, tuple(chosen), layout, tuple(every))
+    model = Model(gearing(cell.robot), masses, tuple(chosen), layout, tuple(every))
     ballbars = [
         samples.ballbar_angles(r.geometry, r.clock)
         for r, samples in zip(recordings, every, strict=True)

@@ -197,7 +197,7 @@ def closed_loop(
     )
     layout = _held(layout, robot)
     masses = mass_model(cell) if loaded else None
-    model = Model(gearing(cell), masses, corrections, layout, (samples,))
+    model = Model(gearing(cell.robot), masses, corrections, layout, (samples,))
     ballbar = samples.ballbar_angles(recording.geometry, recording.clock)
     pose = Pose(model, layout.mean.copy(), [ballbar])
     if loaded and source == "none":

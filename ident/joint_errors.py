@@ -111,7 +111,7 @@ def linearised(fit: Fit) -> LinearModel:
     columns, residuals, joints, angles, q, blocks = [], [], [], [], [], []
     count = 0
     for k, (point, weights) in enumerate(zip(linear.evaluations, linear.weights, strict=True)):
-        logged = np.asarray(point.samples.robot.spline(point.robot_time))[::step]
+        logged = np.asarray(point.recording.robot.spline(point.robot_time))[::step]
         number = count + block_numbers(point.samples.times[::step])
         count = int(number[-1]) + 1
         columns.append(_padded(_columns(fit, k)[..., ::step], rows))

@@ -162,7 +162,7 @@ def _uncertainty(fit: Fit, linear: NormalEquations) -> Array:
 
 
 def _recordings(linear: NormalEquations) -> tuple[Samples, ...]:
-    return tuple(point.samples for point in linear.evaluations)
+    return tuple(point.recording for point in linear.evaluations)
 
 
 def _largest_left(fitted: RecordingFit, rows: Samples) -> float:
@@ -187,7 +187,7 @@ class _Rows:
 
     @property
     def samples(self) -> Samples:
-        return self.linear.evaluations[0].samples
+        return self.linear.evaluations[0].recording
 
     @property
     def times(self) -> Array:

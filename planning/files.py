@@ -1,4 +1,4 @@
-"""Files of a plan: path file, scenario, predicted numbers, and programs of the controller."""
+"""Files of a plan: path or poses, scenario, predicted numbers, and programs of the controller."""
 
 from __future__ import annotations
 
@@ -8,72 +8,55 @@ from pathlib import Path
 import numpy as np
 
 from cell.closed_form import has_closed_form
-from cell.descriptions import Key, Robot
 from cell.extended_yaml import load_extended, portable
 from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
 from cell.geometry import nominal_chain
+from cell.poses import Measured
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, PathCandidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
-from planning.export import BALLBAR, SUFFIXES, TELESCOPING, pdl2, rapid, table, without_program
-from planning.force import ERROR
-from planning.krl import krl
 from planning.plan import PathPlan
-from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
-from planning.stroke import Lengths
-from planning.targets import Targets, targets_of
-from sim.plant.mjcf import ROBOT_JOINTS
-
-PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
-REQUEST = "request.yaml"
-PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
-OUTPUTS = frozenset(
-    {PATH, SCENARIO, NUMBERS, TABLE, REQUEST, "what_if.csv", *PICTURES, DESCRIPTIONS}
+from planning.planned_scenario import PATH, scenario_data
+from planning.pose_plan import PosePlan
+from planning.pose_request import PosePlanRequest
+from planning.programs import (
+    BALLBAR,
+    SUFFIXES,
+    TELESCOPING,
+    ProgrammedPath,
+    axis_columns,
+    path_program,
+    path_table,
+    pose_program,
+    pose_table,
+    program_files,
+    without_program,
 )
-PROGRAMS = {"rapid": rapid, "pdl2": pdl2, "krl": krl}
-PLANT_AXES = len(ROBOT_JOINTS)
-PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
-# All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.
-EVERYTHING_ON: dict[str, object] = {
-    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "robot"},
-    "joint_compliance": {"spread": 0.3},
-    "gear_backlash": {"spread": 0.3},
-    "joint_noise": {"sigma_rad": 2e-6},
-    "ballbar_axes": {"parameters": "all"},
-    **{
-        name: {}
-        for name in (
-            "transmission_error",
-            "unlisted_ripple",
-            "gear_friction",
-            "resolver_error",
-            "rod_strain",
-            "rod_backlash",
-            "bar_friction",
-            "plate_bending",
-            "base_compliance",
-            "masses",
-            "payload",
-            "base_tilt",
-            "plate_length",
-            "motor_offsets",
-            "joint_lag",
-            "mounting_eccentricity",
-            "encoder_eccentricity",
-            "subdivisional_error",
-            "signal_noise",
-            "frozen_bits",
-        )
-    },
+from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
+from planning.stations import PoseSetup
+from planning.targets import Targets, targets_of
+
+SCENARIO, NUMBERS, TABLE, REQUEST = "scenario.yaml", "plan.yaml", "path.csv", "request.yaml"
+POSE_TABLE, POSES = "poses.csv", "poses.yaml"
+PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
+# columns of poses.csv that are filled in, and their keys in poses.yaml
+VALUES: dict[Measured, tuple[tuple[str, ...], dict[str, str]]] = {
+    "length": (("length_mm",), {"unit": "mm"}),
+    "point": (("x_mm", "y_mm", "z_mm"), {"unit": "mm"}),
+    "pose": (
+        ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"),
+        {"unit": "mm", "angle_unit": "deg", "rotation": "XYZ"},
+    ),
+    "socket": ((), {}),
 }
-TWO_CLOCKS: dict[str, object] = {  # likewise
-    "offset_s": 0.508,
-    "skew": 5.0e-5,
-    "overrun_probability": 0.005,
-    **{
-        name: {} for name in ("wander", "robot_wander", "jitter", "dropped_rows", "duplicated_rows")
-    },
-}
+
+
+def output_names(request: PlanRequest | PosePlanRequest) -> set[str]:
+    """Names of all files that a plan may write."""
+    names = {NUMBERS, REQUEST, DESCRIPTIONS, *program_files(request.name)}
+    if isinstance(request, PosePlanRequest):
+        return names | {POSE_TABLE, POSES}
+    return names | {PATH, SCENARIO, TABLE, "what_if.csv", *PICTURES}
 
 
 def path_data(candidate: PathCandidate) -> dict[str, object]:
@@ -100,52 +83,6 @@ def planned_path_data(plan: PathPlan) -> dict[str, object]:
     return {
         **path_data(plan.evaluation.candidate),
         "first_axes_deg": np.degrees(first).round(DECIMALS).tolist(),
-    }
-
-
-def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
-    """A scenario that runs the path with all error sources of a ball-bar; cell : its content."""
-    request, sensors = plan.request, plan.request.sensors
-    common = {
-        "name": f"{request.name}_planned",
-        "cell": cell,
-        "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
-        "seed": request.seed,
-    }
-    if plan.lengths is not None:
-        return common | length_data(plan.lengths, plan.evaluator.cell.robot)
-    return {
-        **common,
-        "plant": {"servo": request.servo},
-        "errors": EVERYTHING_ON,
-        "encoders": {
-            "fitted": list(sensors.encoders),
-            "bits": 12,
-            "noise_sigma_rad": sensors.encoder_noise_sigma_rad,
-        },
-        "clocks": TWO_CLOCKS,
-    }
-
-
-def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
-    """Plant and errors with which a telescoping bar is simulated: those that its stroke takes.
-
-    They are of an elastic robot in MuJoCo, as in scenarios/irb2400_telescoping.yaml, or of a rigid
-    one where its file lacks what MuJoCo needs.
-    """
-    size = float(f"{min(ERROR, lengths.scale * ERROR):.1g}")
-    errors: dict[str, object] = {
-        "static": {"sigma_m": size, "sigma_rad": size},
-        "joint_noise": {"sigma_rad": 5e-6},
-    }
-    dynamic = robot.joints == PLANT_AXES and not any(robot.lacks(key) for key in PLANT_KEYS)
-    if dynamic:
-        errors["joint_compliance"] = {}
-    return {
-        "plant": {"kind": "mujoco", "servo": "stiff"} if dynamic else {"kind": "kinematic"},
-        "errors": errors,
-        "length": {"rate_hz": 100},
-        "clocks": {"offset_s": 0.137, "skew": 5.0e-5},
     }
 
 
@@ -225,17 +162,13 @@ def limits_data(plan: PathPlan) -> dict[str, object]:
 
 def limit_lines(request: PlanRequest) -> list[str]:
     """The limits that a program's header states."""
-    limit = request.limits
-    if request.telescoping:
-        return [
-            f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, "
-            f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
-            f"clearance {limit.clearance_m * 1e3:g} mm. The bar must not leave its stroke."
-        ]
+    limit, free = request.limits, request.telescoping
     return [
         f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, "
         f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
-        f"rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm."
+        f"{'' if free else f'rod force {limit.force_N:g} N on soft servo, '}"
+        f"clearance {limit.clearance_m * 1e3:g} mm."
+        f"{' The bar must not leave its stroke.' if free else ''}"
     ]
 
 
@@ -254,16 +187,95 @@ def write_plan(plan: PathPlan, folder: Path) -> list[str]:
     A program is in the language of the robot's controller, where `without_program` is empty.
     """
     robot, request = plan.evaluator.cell.robot, plan.request
-    gauge = TELESCOPING if request.telescoping else BALLBAR
     targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
-    name, limits = request.name, limit_lines(request)
+    gauge = TELESCOPING if request.telescoping else BALLBAR
+    path = ProgrammedPath(request.name, robot, targets, limit_lines(request), gauge)
     cell = cell_data(plan, folder)
     write_yaml(folder / PATH, planned_path_data(plan))
     write_yaml(folder / SCENARIO, scenario_data(plan, cell))
-    texts = {TABLE: table}
+    texts = {TABLE: path_table(path)}
     if robot.program_language and not without_program(robot):
-        texts[f"{name}.{SUFFIXES[robot.program_language]}"] = PROGRAMS[robot.program_language]
-    for file, write in texts.items():
-        write_whole(folder / file, write(name, robot, targets, limits, gauge).encode())
+        texts[f"{path.name}.{SUFFIXES[robot.program_language]}"] = path_program(
+            robot.program_language, path
+        )
+    for file, text in texts.items():
+        write_whole(folder / file, text.encode())
     write_yaml(folder / NUMBERS, numbers_data(plan, targets, cell))
     return [PATH, SCENARIO, *texts, NUMBERS]
+
+
+def poses_data(setup: PoseSetup, *, relative_to: Path, folder: Path) -> dict[str, object]:
+    """poses.yaml of the filled table; folder : where it stands, relative_to : the request's.
+
+    Files of one's own are copied into the folder.
+    """
+    request = setup.request
+    columns, keys = VALUES[setup.instrument.measured]
+    entry: dict[str, object] = {
+        "files": [POSE_TABLE],
+        "joints": {"columns": axis_columns(setup.robot), "unit": "deg", "angles": "axes"},
+    }
+    if columns:
+        entry["values"] = {"columns": list(columns), **keys}
+    entry |= {"seat": {"column": "seat"}, "target": {"column": "target"}}
+    data: dict[str, object] = {
+        "schema": "ballbar-poses/1",
+        "kind": "real",
+        "robot": portable_name(request.robot, "robot", relative_to=relative_to, folder=folder),
+        "instrument": portable_name(
+            request.instrument, "instrument", relative_to=relative_to, folder=folder
+        ),
+        "tables": [entry],
+    }
+    if request.distances:
+        data["distances"] = [
+            d.model_dump(mode="json", exclude_none=True) for d in request.distances
+        ]
+    data["notes"] = (
+        "Planned poses. Fill in what was measured, and replace the angles by those that the "
+        "controller showed. Rows without values are left out."
+    )
+    return data
+
+
+def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
+    """All predictions of the plan in SI units."""
+    setup, layout = plan.setup, plan.information.layout
+    sigma = np.sqrt(np.diag(plan.information.covariance(plan.rows)))
+    priors = zip(layout.names, layout.sigma.tolist(), sigma.tolist(), strict=True)
+    return {
+        "schema": "ballbar-pose-plan-result/1",
+        "name": setup.request.name,
+        "robot": setup.request.robot,
+        "instrument": setup.request.instrument,
+        "poses": plan.poses.size,
+        "tcp_sigma_m": {
+            "mean": float(plan.sigma.mean()),
+            "largest": float(plan.sigma.max()),
+            "catalogue_mean": float(plan.information.catalogue_sigma().mean()),
+            "random_mean_median": float(np.median(plan.random)),
+            "random_mean_best": float(plan.random.min()),
+        },
+        "axes_not_covered": list(plan.narrow),
+        "moves": {
+            "seconds_at_top_speed": round(plan.route.seconds, 1),
+            "over_intermediate_poses": [k + 1 for k in plan.route.passing],
+            "too_close": [k + 1 for k in plan.route.blocked],
+            "out_of_stroke": [k + 1 for k in plan.route.released],
+        },
+        "search": {"seconds": round(plan.seconds, 1), "seed": setup.request.seed},
+        "sigma": {name: {"prior": p, "predicted": s} for name, p, s in priors},
+    }
+
+
+def write_pose_plan(plan: PosePlan, folder: Path, *, relative_to: Path) -> list[str]:
+    """Write all files; relative_to : folder of the request. Returns their names."""
+    setup, language = plan.setup, plan.setup.robot.program_language
+    texts = {POSE_TABLE: pose_table(plan, VALUES[setup.instrument.measured][0])}
+    if language and not without_program(setup.robot):
+        texts[f"{setup.request.name}.{SUFFIXES[language]}"] = pose_program(language, plan)
+    for file, text in texts.items():
+        write_whole(folder / file, text.encode())
+    write_yaml(folder / POSES, poses_data(setup, relative_to=relative_to, folder=folder))
+    write_yaml(folder / NUMBERS, pose_numbers_data(plan))
+    return [*texts, POSES, NUMBERS]

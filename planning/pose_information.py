@@ -1,13 +1,12 @@
-"""What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
+"""Information of poses about a robot: whitened rows at the nominal robot, predicted TCP error.
 
-The rows are those of an identification (ident.poses.model): seats, targets, DH parameters and sag
-with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors of
-the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
-joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
-gain over random poses was lost (docs/planning). With the unknowns
-in standard deviations of their priors, the information of a set of poses is `N = I + sum A_k' A_k`,
-A_k (E, P) the rows of pose k, and the mean square TCP error over the workspace is
-`trace(R' N^-1 R)`.
+The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
+sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors
+of the joints are among the unknowns too. Without them a design gathers its poses at few angles of
+each joint, where such errors, which are there but not fitted, spoil the result: on simulated robots
+the gain over random poses was lost (docs/planning). With the unknowns in standard deviations of
+their priors, the information of a set of poses is `N = I + sum A_k' A_k`, A_k (E, P) the rows of
+pose k, and the mean square TCP error over the workspace is `trace(R' N^-1 R)`.
 """
 
 from __future__ import annotations
@@ -19,6 +18,8 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Robot
+from cell.geometry import geometry_of_chain, parameter_table
+from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
 from cell.robot_angles import controller_to_joints
 from cell.rotation import rotvec_from_matrix
@@ -26,15 +27,15 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.gauss_newton import inverse
-from ident.poses.closure import Placement
-from ident.poses.fit import pose_equations
-from ident.poses.model import Discrepancy, PoseModel
-from ident.poses.unknowns import PoseUnknowns, pose_unknowns
+from ident.estimator.model import Model, still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import whole_jacobian
+from ident.estimator.robust_fit import equations_at
+from ident.estimator.unknowns import Unknowns, still_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
-from planning.pose_clearance import station_frames
-from planning.stations import PoseSetup, Station
+from planning.stations import PoseSetup, Station, station_frames
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
@@ -46,29 +47,30 @@ class Information:
     """The model of a setup, and the workspace over which the TCP error counts."""
 
     setup: PoseSetup
-    layout: PoseUnknowns
+    layout: Unknowns
     corrections: tuple[Correction, ...]
     grid: Array  # (G, J) [rad] DH joint angles
 
     def rows(self, poses: Candidates) -> Array:
         """(K, E, P) whitened rows of poses, per standard deviation of each prior."""
-        layout, out = self.layout, np.zeros((0, 0, 0))
+        layout, all_rows = self.layout, np.zeros((0, 0, 0))
         for k in np.unique(poses.station):
-            own = np.flatnonzero(poses.station == k)
-            group = expected_group(self.setup, self.setup.stations[k], poses.axes[own])
+            of_station = np.flatnonzero(poses.station == k)
+            group = expected_group(self.setup, self.setup.stations[k], poses.axes[of_station])
             model = self._model((group,))
-            (point,) = model.evaluate(layout.mean)
-            weights = model.weights(point, self._discrepancy)
-            rows = model.jacobian(layout.mean, point, weights).transpose(2, 1, 0) * layout.sigma
-            if not out.size:
-                out = np.empty((poses.size, *rows.shape[1:]))
-            out[own] = rows
-        return out
+            (point,) = model.at_rest(layout.mean)
+            weights = model.weights(layout.mean, point, self._excess)
+            jacobian = whole_jacobian(model, layout.mean, 0, point, weights)
+            rows = jacobian.transpose(2, 1, 0) * layout.sigma
+            if not all_rows.size:
+                all_rows = np.empty((poses.size, *rows.shape[1:]))
+            all_rows[of_station] = rows
+        return all_rows
 
     @cached_property
     def prior(self) -> Array:
         """(P, P) information of priors and known distances, per their standard deviations."""
-        equations = pose_equations(self._model(()), self.layout.mean, self._discrepancy, ())
+        equations = equations_at(self._model(()), self.layout.mean, self._excess, ())
         return equations.normal * np.outer(self.layout.sigma, self.layout.sigma)
 
     @cached_property
@@ -95,7 +97,7 @@ class Information:
         return position_sigma(positions, moves, self.covariance(rows))
 
     def catalogue_sigma(self) -> Array:
-        """(G,) [m] likewise of the nominal robot, its target known exactly."""
+        """(G,) [m] standard deviation of the nominal robot, its target known exactly."""
         positions, moves = self._tool
         machine = self.layout.machine
         variance = np.diag(self.layout.sigma[machine] ** 2)
@@ -105,36 +107,50 @@ class Information:
     def _tool(self) -> tuple[Array, Array]:
         """(G, 3) [m] the first target over the grid; (P, 3, G) its change per unknown."""
         layout, setup = self.layout, self.setup
-        target = setup.stations[0].target
-        arm = _nominal_arm(setup, layout, self.corrections)
-        each = arm.jacobian(self.grid)
-        machine, first = layout.machine, layout.targets[target].start
-        count = machine.stop - machine.start
+        station = setup.stations[0]
+        arm = IdentifiedArm(
+            robot=setup.robot,
+            chain=setup.chain,
+            corrections=self.corrections,
+            values=layout.mean[layout.coefficients],
+            target=Placement(np.eye(3), station.point),
+            seat=Placement(np.eye(3), station.origin),
+            seat_turns=False,
+            parameters=layout.parameters,
+            covariance=np.zeros((layout.count, layout.count)),
+            discrepancy=0.0,
+            factor=1.0,
+            lower=np.full(setup.robot.joints, -np.inf),
+            upper=np.full(setup.robot.joints, np.inf),
+        )
+        columns = arm.jacobian(self.grid)
+        machine, first = layout.machine, layout.targets[station.target].start
+        count = machine.size
         moves = np.zeros((layout.count, 3, len(self.grid)))
-        moves[machine], moves[first : first + 3] = each[:count], each[count : count + 3]
+        moves[machine], moves[first : first + 3] = columns[:count], columns[count : count + 3]
         return arm.tool(self.grid), moves
 
     @property
-    def _discrepancy(self) -> Discrepancy:
+    def _excess(self) -> ExcessNoise:
         request = self.setup.request
-        rotation = request.unexplained_rad if self.setup.instrument.measured == "pose" else 0.0
-        return Discrepancy(request.unexplained_m, rotation)
+        rotation = request.unexplained_rad if self.setup.instrument.kind.target_turns else 0.0
+        return ExcessNoise(position=request.unexplained_m, rotation=rotation)
 
-    def _model(self, groups: tuple[PoseGroup, ...]) -> PoseModel:
+    def _model(self, groups: tuple[PoseGroup, ...]) -> Model:
         setup = self.setup
         table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
-        return PoseModel(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
+        return still_model(table, self.layout, self.corrections, np.zeros(setup.robot.joints))
 
 
 def information_of(setup: PoseSetup) -> Information:
     """The model of a setup at its nominal robot, seats and targets."""
     middle = 0.5 * (setup.lower + setup.upper)[None]
     groups = tuple(expected_group(setup, station, middle) for station in setup.stations)
-    table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
     seats = {s.seat: Placement(np.eye(3), s.origin) for s in setup.stations}
     targets = {s.target: Placement(np.eye(3), s.point) for s in setup.stations}
     corrections = (unit_weights(setup.robot), smooth_joint_errors(setup.robot))
-    layout = pose_unknowns(table, setup.chain, seats, targets, corrections)
+    nominal = geometry_of_chain(parameter_table(setup.robot), setup.chain)
+    layout = still_unknowns(setup.robot, nominal, groups, seats, targets, corrections)
     return Information(setup, layout, corrections, setup.grid)
 
 
@@ -152,7 +168,7 @@ def smooth_joint_errors(robot: Robot) -> Correction:
 
 
 def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
-    """What the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
+    """The values that the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
     frames = station_frames(setup, station, axes)
     rod = frames.tip - station.origin[:, None]
     measured = setup.instrument.measured
@@ -173,26 +189,4 @@ def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup
         sigma=setup.instrument.sigma(values),
         rows=np.arange(1, len(axes) + 1),
         file="plan",
-    )
-
-
-def _nominal_arm(
-    setup: PoseSetup, layout: PoseUnknowns, corrections: tuple[Correction, ...]
-) -> IdentifiedArm:
-    """The nominal robot in the form that has the derivatives of a target."""
-    station = setup.stations[0]
-    return IdentifiedArm(
-        robot=setup.robot,
-        chain=setup.chain,
-        corrections=corrections,
-        values=layout.mean[layout.coefficients],
-        target=Placement(np.eye(3), station.point),
-        seat=Placement(np.eye(3), station.origin),
-        seat_turns=False,
-        parameters=layout.parameters,
-        covariance=np.zeros((layout.count, layout.count)),
-        discrepancy=0.0,
-        factor=1.0,
-        lower=np.full(setup.robot.joints, -np.inf),
-        upper=np.full(setup.robot.joints, np.inf),
     )

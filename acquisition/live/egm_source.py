@@ -25,11 +25,11 @@ DEFAULT_PORT = 6510  # ABB's for UdpUc devices
 # (notes/log_formats sec. D).
 SILENCE = 2.0
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
-# Messages; a network may swap neighbours, a session that starts anew goes back further.
+# Messages; a network may swap neighbours, a new session goes back further.
 _REORDERED = 10
 # Messages a poll: whoever sends faster than they are read must not keep a poll from ending.
 _MOST = 10_000
-_LONGEST_POLL = 0.1  # [s] likewise
+_LONGEST_POLL = 0.1  # [s] of a poll, for the same reason
 _LONGEST = 4096  # bytes of a message; a robot's have some hundred
 _AXES = 6
 
@@ -68,6 +68,7 @@ class EgmSource:
             raise InputError(
                 f"--egm {address}:{port}: {reason}. Name another port or address."
             ) from None
+        self.quiet = "no EGM message at {}:{} yet".format(*self.address)
         self._sender: tuple[str, int] | None = None
         self._last_seqno: int | None = None
         self._held: list[tuple[bytes, EgmFeedback]] = []  # of the next session
@@ -79,11 +80,6 @@ class EgmSource:
         """Where it listens."""
         host, port = self._socket.getsockname()
         return host, port
-
-    @property
-    def quiet(self) -> str:
-        host, port = self.address
-        return f"no EGM message at {host}:{port} yet"
 
     def file_start(self) -> bytes:
         return FILE_START
@@ -146,12 +142,12 @@ class EgmSource:
         self._last_seqno = last
         ends = "the controller started a new EGM session" if self._held else ""
         shown = [feedback for _, feedback in messages if len(feedback.joints_deg) >= _AXES]
+        angles = [feedback.joints_deg[:_AXES] for feedback in shown]
+        stamps = [(f.tm_ms or 0) * 1_000_000 if f.time_ns is None else f.time_ns for f in shown]
         return Batch(
             records=[frame(content) for content, _ in messages],
-            t_ns=np.array([_stamp(feedback) for feedback in shown], dtype=np.int64),
-            values=np.array(
-                [feedback.joints_deg[:_AXES] for feedback in shown], dtype=np.float64
-            ).reshape(len(shown), _AXES),
+            t_ns=np.array(stamps, dtype=np.int64),
+            values=np.array(angles, dtype=np.float64).reshape(len(shown), _AXES),
             status=np.zeros(0, dtype=np.int64),
             lost=lost,
             refused=refused,
@@ -167,9 +163,3 @@ def _read(content: bytes) -> EgmFeedback | None:
         return decode(content)
     except LogError:
         return None
-
-
-def _stamp(feedback: EgmFeedback) -> int:
-    if feedback.time_ns is not None:
-        return feedback.time_ns
-    return (feedback.tm_ms or 0) * 1_000_000

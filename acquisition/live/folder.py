@@ -6,9 +6,11 @@ first of all is declared just before, since rows without recording.yaml could no
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 from acquisition.live.source import Encoders, Source
@@ -48,14 +50,14 @@ class RecordingFolder:
 
     def __init__(self, path: Path, cell: CellNames, own_files: Sequence[Path] = ()) -> None:
         copied = {file.name: file.read_bytes() for file in own_files}
-        left = [] if not path.exists() else _without_records(path, copied)
-        if left is None:
+        remains = [] if not path.exists() else _without_records(path, copied)
+        if remains is None:
             raise InputError(
                 f"{path}: exists already; nothing was written. A recording needs a folder that is "
                 "new or empty."
             )
         require_writable(path)
-        for file in left:
+        for file in remains:
             file.unlink()
         (path / "raw").mkdir(parents=True, exist_ok=True)
         for name, content in copied.items():
@@ -143,6 +145,56 @@ class RecordingFolder:
         )
 
 
+class SegmentFile:
+    """A new device file that grows by whole records: readable wherever the recording breaks off.
+
+    Each append reaches the disk before the next poll; after a crash at most the last append is
+    missing or cut, and the reader drops an incomplete last record. When the disk is full the file
+    is cut back to its last whole record.
+
+    Raises OSError if it exists already or cannot be made.
+    """
+
+    def __init__(self, path: Path, start: bytes) -> None:
+        self.path = path
+        self.records = 0  # in the file, whole
+        self._descriptor = os.open(
+            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644
+        )
+        self._start = start
+        self._size = 0  # bytes of the whole records, with the start
+
+    def append(self, records: list[bytes]) -> None:
+        """Writes records, the first ones after the start of the file, and waits for the disk.
+
+        Raises OSError when the disk is full or gone; the file then ends with its last whole record.
+        """
+        start = b"" if self._size else self._start
+        ends = list(accumulate((len(record) for record in records), initial=len(start)))
+        content, written = memoryview(start + b"".join(records)), 0
+        try:
+            while written < len(content):
+                written += os.write(self._descriptor, content[written:])
+            os.fsync(self._descriptor)
+        except OSError:
+            self._count_whole(ends, written)
+            os.ftruncate(self._descriptor, self._size)
+            raise
+        self._count_whole(ends, written)
+
+    def close(self) -> None:
+        """Closes the file; one without a record is removed, because no reader can use it."""
+        os.close(self._descriptor)
+        if not self.records:
+            self.path.unlink()
+
+    def _count_whole(self, ends: list[int], written: int) -> None:
+        whole = [end for end in ends[1:] if end <= written]
+        if whole:
+            self.records += len(whole)
+            self._size += whole[-1]
+
+
 def _without_records(path: Path, copied: Mapping[str, bytes]) -> list[Path] | None:
     """Files of a recorder that ended before its first record; None where anything else is there.
 
@@ -154,12 +206,12 @@ def _without_records(path: Path, copied: Mapping[str, bytes]) -> list[Path] | No
     if not all(file.is_file() and not file.stat().st_size for file in raw):
         return None
     unfinished = {aside_of(path / name).name for name in (DESCRIPTION, *copied)}
-    left = [*raw]
+    remains = [*raw]
     for entry in path.iterdir():
         if entry.name in unfinished or (entry.name == DESCRIPTION and raw):
-            left.append(entry)
+            remains.append(entry)
         elif entry.name != "raw" and (
             entry.name not in copied or entry.read_bytes() != copied[entry.name]
         ):
             return None
-    return left
+    return remains

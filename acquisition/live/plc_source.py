@@ -43,19 +43,15 @@ class PlcSource:
         self._lines = lines
         self._ring = RingReader(memory.read)
         self.encoders = Encoders()  # as the PLC states them, once it was connected
-        # Taken and not yet handed on; those behind a step of the clock wait for the next file.
+        self.channels: tuple[str, ...] = ()  # of these encoders
+        # Taken and not yet handed on; those after a step of the clock wait for the next file.
         self._held = _no_samples()
         self._last_time: int | None = None  # stamp of the segment's last sample
         # Counter words, and counts since the first sample.
         self._last: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
 
-    @property
-    def channels(self) -> tuple[str, ...]:
-        return tuple(f"b{j}" for j in self.encoders.joints)
-
     def file_start(self) -> bytes:
-        joints = self.encoders.joints
-        names = ["time", *(f"b{j}" for j in joints), *(f"s{j}" for j in joints)]
+        names = ["time", *self.channels, *(f"s{j}" for j in self.encoders.joints)]
         return (";".join(names) + "\r\n").encode("ascii")
 
     def connect(self) -> None:
@@ -67,6 +63,7 @@ class PlcSource:
                 "recording"
             )
         self.encoders = self._ring.encoders
+        self.channels = tuple(f"b{j}" for j in self.encoders.joints)
         self._last_time = None
 
     def poll(self) -> Batch:

@@ -18,7 +18,7 @@ from cell.logs import SourceName
 _RATE_POLLS = 20  # polls over which the rate is taken: two seconds
 
 
-class State(Enum):
+class RecorderState(Enum):
     """Where a recorder stands; the value is what the terminal shows."""
 
     WAIT = "waiting"
@@ -34,7 +34,7 @@ class Progress:
     """What a recorder has done so far."""
 
     name: SourceName
-    state: State = State.WAIT
+    state: RecorderState = RecorderState.WAIT
     reason: str = ""  # why it waits
     segments: int = 0
     records: int = 0
@@ -78,11 +78,14 @@ class Tally:
 
     def count(self, batch: Batch) -> None:
         """Adds a batch."""
-        before = self.progress
+        before, rate = self.progress, 0.0
         gaps = self._gaps(batch.t_ns)
         records = before.records + len(batch.records)
         if batch.t_ns.size:
             self._recent.append((int(batch.t_ns[-1]), records))
+        if len(self._recent) > 1 and self._recent[-1][0] > self._recent[0][0]:
+            (first, earlier), (last, latest) = self._recent[0], self._recent[-1]
+            rate = (latest - earlier) / ((last - first) * 1e-9)
         ever = batch.status
         if before.ever is not None and before.ever.size:
             ever = ever | before.ever
@@ -91,7 +94,7 @@ class Tally:
             lost=before.lost + batch.lost,
             refused=before.refused + batch.refused,
             gaps=before.gaps + gaps,
-            rate=self._rate(),
+            rate=rate,
             heard=time.monotonic() if batch.records else before.heard,
             latest=batch.values[-1] if len(batch.values) else before.latest,
             status=batch.status if batch.records else before.status,
@@ -110,9 +113,3 @@ class Tally:
         if not self._period and steps.size:
             self._period = int(np.median(steps))
         return int((steps > GAP * self._period).sum()) if self._period else 0
-
-    def _rate(self) -> float:
-        if len(self._recent) < 2 or self._recent[-1][0] <= self._recent[0][0]:
-            return 0.0
-        (first, before), (last, records) = self._recent[0], self._recent[-1]
-        return (records - before) / ((last - first) * 1e-9)

@@ -1,4 +1,4 @@
-"""The recorder of one source: the state machine of thesis sec. 4.6, without its 5 ms of waiting.
+"""Recorders of sources: the state machine of thesis sec. 4.6, without its 5 ms of waiting.
 
     WAIT    until the device delivers                      -> OPEN
     OPEN    a new device file, a segment of the recording  -> FLUSH
@@ -10,22 +10,24 @@
 The thesis's program sampled in RECORD, waited for a file, and lost a cycle when the file was slow
 (its overruns). Now the PLC samples into a ring; a slow disk delays the next poll, and nothing is
 lost before the ring has gone round.
+
+A live recording has a recorder in a thread for each source; they begin and end together.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from acquisition.live.folder import RecordingFolder
-from acquisition.live.progress import Progress, State, Tally
-from acquisition.live.segment_file import SegmentFile
+from acquisition.live.folder import RecordingFolder, SegmentFile
+from acquisition.live.progress import Progress, RecorderState, Tally
 from acquisition.live.source import Batch, DeviceSilentError, Source
 from cell.errors import FailureError
 
 POLL = 0.1  # [s] between polls: what a crash loses, and half of what may be lost
 RETRY = 0.5  # [s] between attempts to reach a silent device
+CLOSING = 5.0  # [s] for a source to end; a device that hangs loses nothing that was polled
 
 
 class RecorderError(FailureError):
@@ -64,15 +66,15 @@ class Recorder:
         An error is stored in `failure`, and stops the other recorders too.
         """
         step = {
-            State.WAIT: self._wait,
-            State.OPEN: self._open,
-            State.RECORD: self._record,
-            State.FLUSH: self._flush,
-            State.CLOSE: self._close,
+            RecorderState.WAIT: self._wait,
+            RecorderState.OPEN: self._open,
+            RecorderState.RECORD: self._record,
+            RecorderState.FLUSH: self._flush,
+            RecorderState.CLOSE: self._close,
         }
-        state = State.WAIT
+        state = RecorderState.WAIT
         try:
-            while state is not State.END:
+            while state is not RecorderState.END:
                 self._tally.show(state=state)
                 state = step[state]()
         except OSError as error:
@@ -81,10 +83,16 @@ class Recorder:
         except Exception as error:
             self.failure = error
         finally:
-            self._give_up()
-            self._tally.show(state=State.END)
+            try:
+                self._close_file()  # on the regular way it is closed
+            except OSError as error:
+                self.failure = self.failure or self._broken(error)
+            if self.failure is not None:
+                self._stop.set()
+                self._source.disconnect()
+            self._tally.show(state=RecorderState.END)
 
-    def _wait(self) -> State:
+    def _wait(self) -> RecorderState:
         """Waits until there are records, or the recorder is stopped."""
         while not self._stop.is_set():
             try:
@@ -93,7 +101,7 @@ class Recorder:
                     self._batch = self._source.poll()
                     if self._batch.records:
                         self._tally.show(reason="")
-                        return State.OPEN
+                        return RecorderState.OPEN
                     self._tally.count(self._batch)
                     self._tally.show(reason=self._source.quiet)
                     self._stop.wait(POLL)
@@ -102,24 +110,24 @@ class Recorder:
                 self._tally.show(reason=str(error))
                 self._stop.wait(RETRY)
         self._source.disconnect()
-        return State.END
+        return RecorderState.END
 
-    def _open(self) -> State:
+    def _open(self) -> RecorderState:
         path = self._folder.next_file(self._source.name, self._source.file_suffix)
         self._file, self._declared = SegmentFile(path, self._source.file_start()), False
         self._tally.new_segment()
         self._tally.show(segments=self.progress.segments + 1, channels=self._source.channels)
-        return State.FLUSH
+        return RecorderState.FLUSH
 
-    def _record(self) -> State:
+    def _record(self) -> RecorderState:
         try:
             self._batch = self._source.poll()
         except DeviceSilentError as error:
             self._tally.note(str(error))
-            return State.CLOSE
-        return State.FLUSH
+            return RecorderState.CLOSE
+        return RecorderState.FLUSH
 
-    def _flush(self) -> State:
+    def _flush(self) -> RecorderState:
         batch, file = self._batch, self._file
         if batch is None or file is None:
             raise RuntimeError("FLUSH follows OPEN and a poll")
@@ -130,30 +138,25 @@ class Recorder:
             file.append(batch.records)
             self._declare(file)
         self._tally.count(batch)
-        self._show(batch)
+        if self._on_batch is not None and batch.records:
+            try:
+                self._on_batch(self._source, batch)
+            except Exception as error:  # a picture must not end a recording
+                self._on_batch = None
+                self._tally.warn(f"the live view ended: {error}")
         if batch.ends:
             self._tally.note(batch.ends)
-            return State.CLOSE
-        if stopping:
-            return State.CLOSE
+        if batch.ends or stopping:
+            return RecorderState.CLOSE
         self._stop.wait(max(0.0, polled + POLL - time.monotonic()))
-        return State.RECORD  # also when stopped meanwhile: one last poll
+        return RecorderState.RECORD  # also when stopped meanwhile: one last poll
 
-    def _close(self) -> State:
+    def _close(self) -> RecorderState:
         self._close_file()
         if self._stop.is_set():
             self._source.disconnect()
-            return State.END
-        return State.WAIT
-
-    def _show(self, batch: Batch) -> None:
-        if self._on_batch is None or not batch.records:
-            return
-        try:
-            self._on_batch(self._source, batch)
-        except Exception as error:  # a picture must not end a recording
-            self._on_batch = None
-            self._tally.warn(f"the live view ended: {error}")
+            return RecorderState.END
+        return RecorderState.WAIT
 
     def _declare(self, file: SegmentFile) -> None:
         if not self._declared:
@@ -167,21 +170,90 @@ class Recorder:
             if not file.records:
                 self._folder.withdraw(self._source, file.path)
 
-    def _give_up(self) -> None:
-        """Closes what is open; on the regular way nothing is."""
-        try:
-            self._close_file()
-        except OSError as error:
-            self.failure = self.failure or self._broken(error)
-        if self.failure is not None:
-            self._stop.set()
-            self._source.disconnect()
-
     def _broken(self, error: OSError) -> RecorderError:
         where = self._file.path if self._file is not None else self._folder.path
-        rest = ""
+        readable = ""
         if self._file is not None:
-            rest = f"{self._file.records} whole records are in it and can be read. "
+            readable = f"{self._file.records} whole records are in it and can be read. "
         reason = error.strerror or error
         remedy = "Make room or record to another disk."
-        return RecorderError(f"{where}: cannot be written: {reason}. {rest}{remedy}")
+        return RecorderError(f"{where}: cannot be written: {reason}. {readable}{remedy}")
+
+
+class LiveRecording:
+    """Recorders of several sources into one folder."""
+
+    def __init__(
+        self,
+        folder: RecordingFolder,
+        sources: Sequence[Source],
+        *,
+        on_batch: Callable[[Source, Batch], None] | None = None,
+    ) -> None:
+        self._folder = folder
+        self._stop = threading.Event()
+        self._recorders = [
+            Recorder(source, folder, self._stop, on_batch=on_batch) for source in sources
+        ]
+        # Daemons: a PLC that hangs in a call must not keep the program from ending.
+        self._threads = [
+            threading.Thread(target=recorder.run, name=recorder.progress.name, daemon=True)
+            for recorder in self._recorders
+        ]
+
+    def start(self) -> None:
+        """Starts the recorders and returns at once."""
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def progress(self) -> list[Progress]:
+        """The progress of each source, in their order."""
+        return [recorder.progress for recorder in self._recorders]
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What the recording still needs before it can be read, as phrases."""
+        return self._folder.missing
+
+    def wait(self, seconds: float = POLL) -> bool:
+        """Whether it was stopped, or a source failed, within `seconds`."""
+        return self._stop.wait(seconds)
+
+    def stop(self) -> None:
+        """Requests the end; may be called from a signal handler."""
+        self._stop.set()
+
+    def finish(self) -> None:
+        """Stops, waits until the files are closed, and enters into recording.yaml what happened.
+
+        Raises RecorderError, or what else ended a recorder; OSError if recording.yaml cannot be
+        written.
+        """
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(CLOSING)
+        for recorder in self._recorders:
+            if recorder.failure is not None:
+                raise recorder.failure
+        self._folder.finish(
+            " ".join(sentence for progress in self.progress for sentence in notes(progress))
+        )
+
+
+def notes(progress: Progress) -> list[str]:
+    """What a reader of the recording should know of a source, as sentences."""
+    sentences = [
+        f"{progress.name}: segment {i} ended: {event}."
+        for i, event in enumerate(progress.events, start=1)
+    ]
+    if progress.lost:
+        sentences.append(
+            f"{progress.name}: {progress.lost} records were lost before the recorder got them."
+        )
+    if progress.refused:
+        sentences.append(
+            f"{progress.name}: {progress.refused} datagrams were not of this robot and were left "
+            "out."
+        )
+    return [*sentences, *(f"{progress.name}: {warning}." for warning in progress.warnings)]

@@ -30,7 +30,7 @@ class Batch:
     status: NDArray[np.int64]
     lost: int = 0  # records that the device made and that cannot be had any more
     refused: int = 0  # datagrams that are no message of this device
-    ends: str = ""  # why the segment ends behind these records; what follows goes into a new file
+    ends: str = ""  # why the segment ends after these records; what follows goes into a new file
 
 
 @dataclass(frozen=True)
@@ -44,29 +44,12 @@ class Encoders:
 class Source(Protocol):
     """A device. `connect` may be called again after each DeviceSilentError."""
 
-    @property
-    def name(self) -> SourceName:
-        """Source of the recording that the device is."""
-
-    @property
-    def dialect(self) -> str:
-        """Name of the dialect of its files."""
-
-    @property
-    def file_suffix(self) -> str:
-        """Suffix of its files, with the dot."""
-
-    @property
-    def encoders(self) -> Encoders:
-        """The ball-bar's encoders for recording.yaml, known once connected; empty for a robot."""
-
-    @property
-    def quiet(self) -> str:
-        """What to say of a device that is there and delivers nothing."""
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of the columns of Batch.values."""
+    name: SourceName  # source of the recording that the device is
+    dialect: str  # name of the dialect of its files
+    file_suffix: str  # with the dot
+    encoders: Encoders  # for recording.yaml, known once connected; empty for a robot
+    quiet: str  # what to say of a device that is there and delivers nothing
+    channels: tuple[str, ...]  # names of the columns of Batch.values
 
     def file_start(self) -> bytes:
         """What stands before the records in each file."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
+import threading
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.live import Live
@@ -141,10 +141,10 @@ def watch(
     duration is over and no more rows come. Exits with 1 if an alarm stands at the end, or the
     accuracy is not reached.
     """
+    from cell.processes import on_stop_signals
     from cell.threads import one_thread_each
 
     with one_thread_each():  # read when the libraries load
-        from ballbar.watch.run import stopped_by_signals
         from ballbar.watch.run import watch as watch_folder
     from ballbar.watch.show import Data, line, panel
 
@@ -152,8 +152,15 @@ def watch(
     if as_json:
         silence()
     with ExitStack() as stack:
-        in_window = stack.enter_context(_live_view()) if live else None
-        stop = stack.enter_context(stopped_by_signals())
+        in_window = None
+        if live:
+            from ballbar.record.view import live_window
+            from ballbar.watch.view import APPLICATION, WatchView, layout
+
+            stream = stack.enter_context(live_window(APPLICATION, layout()))
+            in_window = WatchView(stream).show
+        stop = threading.Event()
+        stack.enter_context(on_stop_signals(stop.set))
         panels = None
         if out.is_terminal and not as_json:
             panels = stack.enter_context(Live(console=out, auto_refresh=False, transient=True))
@@ -172,9 +179,3 @@ def watch(
     if panels is not None:
         out.print(panel(state.to_dict()))
     raise typer.Exit(1 if state.alarms or (accuracy is not None and not state.enough) else 0)
-
-
-def _live_view() -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
-    from ballbar.watch.view import live_view
-
-    return live_view()

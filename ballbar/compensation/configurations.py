@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballbar.compensation.program_text import Number, ProgramError, ProgramTarget
+from ballbar.compensation.program_source import ProgramTarget
+from ballbar.compensation.program_text import Number, ProgramError
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.closed_form import arm_branches

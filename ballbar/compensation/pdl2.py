@@ -2,8 +2,8 @@
 
 Cartesian positions are refused: what the flags of their configuration string mean on a given arm
 could not be checked against public documents, so the joints that they stand for are not known.
-A variable that a target is assigned to may be named in its declaration, in assignments of constant
-values and as the target of MOVE; anywhere else it might be computed with, which is refused.
+PDL2 declares no constant joint positions; a variable that is assigned constant values, each on a
+line of its own, is taken for one as long as MOVE alone names it otherwise.
 
 Source: Comau, PDL2 Programming Language manual, CR00757508. No result was loaded into a controller.
 """
@@ -15,107 +15,99 @@ from itertools import pairwise
 from pathlib import Path
 
 from ballbar.compensation.frames import FrameOptions
-from ballbar.compensation.program_text import (
-    Number,
+from ballbar.compensation.program_source import (
+    MoveSetup,
     Program,
-    ProgramError,
+    ProgramSource,
     ProgramTarget,
-    Reader,
-    Setup,
-    Token,
-    read_program_text,
-    refuse,
-    tokens_of,
+    computed,
+    used_elsewhere,
 )
+from ballbar.compensation.program_text import ProgramError, Reader, Token
 from cell.foreign_text import one_line
 
 _MOVES = ("move", "movefly")
 _CURVES = ("joint", "linear", "circular")
 _TYPES = ("jointpos", "array")  # of variables with joint positions
-_OTHER = ("about", "relative", "away", "by", "near", "via")  # of moves: computed on the way
+_CARTESIAN = (
+    "cartesian positions of PDL2 are not corrected: the arm reaches them in several "
+    "configurations, each with errors of its own, and their configuration string is not "
+    "understood; state the target as a joint position, {...} or JNTP(...)"
+)
 
 
-def read_pdl2(path: Path, options: FrameOptions) -> Program:
+def read_pdl2(path: Path, options: FrameOptions) -> list[Program]:
     """The targets of a program. Raises InputError naming the lines that are not understood."""
-    text = read_program_text(path)
-    file = _Pdl2(text, options)
-    file.read()
-    refuse(path, file.faults)
-    return Program(path, text, tuple(file.targets), tuple(dict.fromkeys(file.notes)))
+    file = _Pdl2(path, options)
+    for read in (file.constant, file.motion, file.elsewhere):
+        file.guarded(read, file.statements())
+    return [file.program()]
 
 
-class _Pdl2:
-    """A program while it is read."""
+class _Pdl2(ProgramSource):
+    """A program while it is read: constants first, then moves, then what may compute with them."""
 
-    def __init__(self, text: str, options: FrameOptions) -> None:
-        self.text, self.options = text, options
-        tokens = tokens_of(text, r"--[^\n]*", lines=True, words=r"[$A-Za-z_][$\w]*")
-        self.lines: list[list[Token]] = [[]]
-        for token in tokens:
-            if token.kind == "end":
-                self.lines.append([])
-            else:
-                self.lines[-1].append(token)
-        self.faults: list[tuple[int, str]] = []
-        self.notes: list[str] = []
-        self.targets: list[ProgramTarget] = []
-        self.assigned: set[str] = set()
-        self.placed: set[int] = set()  # places of targets and their names that were read
-        self.arm = _program_arm(tokens)
+    def __init__(self, path: Path, options: FrameOptions) -> None:
+        super().__init__(path, options, comments=r"--[^\n]*", words=r"[$A-Za-z_][$\w]*", lines=True)
+        self.assigned: set[str] = set()  # names of targets with their indices
+        arms = [
+            c.text
+            for a, b, c in zip(self.tokens, self.tokens[1:], self.tokens[2:], strict=False)
+            if a.isword("prog_arm") and b.issymbol("=")
+        ]
+        self.arm = arms[0] if arms else "1"
 
-    def read(self) -> None:
-        """Constants first, then what computes with them, then moves, in whatever order of text."""
-        for read in (self._constant, self._computed, self._motion, self._elsewhere):
-            for tokens in filter(None, self.lines):
-                try:
-                    read(tokens)
-                except ProgramError as fault:
-                    self.faults.append((fault.line, fault.why))
-
-    def _reader(self, tokens: Sequence[Token], at: int = 0) -> Reader:
-        end = Token("end", "", tokens[-1].end, tokens[-1].end, tokens[-1].line)
-        return Reader([*tokens, end], self.text, at)
-
-    @property
-    def _variables(self) -> set[str]:
-        """Names that targets are assigned to, without their indices."""
-        return {name.partition("[")[0] for name in self.assigned}
-
-    def _constant(self, tokens: list[Token]) -> None:
+    def constant(self, tokens: list[Token]) -> None:
+        """The target that a line assigns."""
         name, value = _assignment(tokens)
-        if name and _is_target(value[0]):
-            reader = self._reader(value)
-            self._add(name, reader)
-            self.assigned.add(name.lower())
-            self.placed.add(tokens[0].start)
-            if reader.token.kind != "end" and not reader.token.issymbol(";"):
-                raise ProgramError(
-                    tokens[0].line, f"{name} is computed ({reader.shown} after its value)"
-                )
-
-    def _computed(self, tokens: list[Token]) -> None:
-        name, value = _assignment(tokens)
-        if not name or _is_target(value[0]):
+        if not name or not _is_target(value[0]):
             return
-        if value[0].isword("pos", "xtndpos"):
-            raise ProgramError(tokens[0].line, f"{name}: {_CARTESIAN}")
-        if name.partition("[")[0].lower() in self._variables:
-            raise ProgramError(tokens[0].line, f"{name} is computed; write it with constant values")
+        reader = self.reader(value)
+        self._add(name, reader)
+        self.assigned.add(name.lower())
+        self.names.add(name.lower().partition("[")[0])
+        self.placed.add(tokens[0].start)
+        if reader.token.kind != "end" and not reader.token.issymbol(";"):
+            raise computed(tokens[0].line, name, f"{reader.shown} after its value")
 
-    def _elsewhere(self, tokens: list[Token]) -> None:
+    def motion(self, tokens: list[Token]) -> None:
+        """The target of MOVE."""
+        first = next((k for k, t in enumerate(tokens) if t.isword(*_MOVES)), None)
+        if first is None:
+            return
+        reader, line = self.reader(tokens, first + 1), tokens[first].line
+        while reader.token.isword(*_CURVES, "arm"):
+            reader.name("[]")
+        given = one_line(reader.token.text) or "without TO"
+        if not reader.token.isword("to"):
+            raise ProgramError(line, f"MOVE {given}: where to is computed")
+        reader.next()
+        if _is_target(reader.token):
+            self._add("MOVE", reader)
+        elif reader.token.isword("pos", "xtndpos"):
+            raise ProgramError(line, f"MOVE: {_CARTESIAN}")
+        else:
+            self.placed.add(reader.token.start)
+            name = reader.name("[]")
+            if reader.token.issymbol("(", ":", "."):
+                raise computed(line, "target of MOVE", name)
+            self.named_target("MOVE", name, line, declared=name.lower() in self.assigned)
+        after = reader.tokens[reader.at :]
+        if any(t.isword("via", "syncmove", *_MOVES) or _is_target(t) for t in after):
+            raise ProgramError(line, "MOVE has another target, which is not understood")
+
+    def elsewhere(self, tokens: list[Token]) -> None:
         """Refuses targets, and variables that hold them, outside of MOVE and assignment."""
-        variables = set() if _is_declaration(tokens) else self._variables
-        for token in (t for t in tokens if t.start not in self.placed):
-            if _is_target(token):
+        line, (name, value) = tokens[0].line, _assignment(tokens)
+        if name and value[0].isword("pos", "xtndpos"):
+            raise ProgramError(line, f"{name}: {_CARTESIAN}")
+        for token in tokens:
+            if _is_target(token) and token.start not in self.placed:
                 raise ProgramError(token.line, "a joint position outside of MOVE and assignment")
             if token.isword("syncmove"):
                 raise ProgramError(token.line, "SYNCMOVE is not understood")
-            if token.isword(*variables):
-                raise ProgramError(
-                    token.line,
-                    f"{token.text} is used outside of MOVE, so the target may be computed; write "
-                    "it with constant values, each assignment on a line of its own",
-                )
+            if self.names_a_target(token) and not _is_declaration(tokens):
+                raise used_elsewhere(token, "MOVE")
         if not any(t.isword(*_MOVES, "jointpos") for t in tokens):
             return
         for k, token in enumerate(tokens[:-2]):
@@ -126,71 +118,19 @@ class _Pdl2:
                     f"{self.arm}); correct the program of each arm with the result of its robot",
                 )
 
-    def _motion(self, tokens: list[Token]) -> None:
-        first = next((k for k, t in enumerate(tokens) if t.isword(*_MOVES)), None)
-        if first is None:
-            return
-        reader, line = self._reader(tokens, first + 1), tokens[first].line
-        while reader.token.isword(*_CURVES) or reader.token.isword("arm"):
-            if reader.next().isword("arm"):
-                reader.expect("[", "ARM")
-                reader.next()
-                reader.expect("]", "ARM")
-        if reader.token.isword(*_OTHER) or not reader.token.isword("to"):
-            given = one_line(reader.token.text) or "without TO"
-            raise ProgramError(line, f"MOVE {given}: where to is computed")
-        reader.next()
-        if _is_target(reader.token):
-            self._add("MOVE", reader)
-        elif reader.token.isword("pos", "xtndpos"):
-            raise ProgramError(line, f"MOVE: {_CARTESIAN}")
-        else:
-            self._named(reader, line)
-        rest = reader.tokens[reader.at :]
-        if any(t.isword("via", "syncmove", *_MOVES) or _is_target(t) for t in rest):
-            raise ProgramError(line, "MOVE has another target, which is not understood")
-
-    def _named(self, reader: Reader, line: int) -> None:
-        self.placed.add(reader.token.start)
-        name = reader.next().text
-        if reader.take("["):
-            name += "["
-            while not reader.take("]") and reader.token.kind != "end":
-                name += reader.next().text
-            name += "]"
-        if reader.token.issymbol("(", ":", "."):
-            raise ProgramError(line, f"target {name} of MOVE is computed")
-        if name.lower() in self.options.keep:
-            corrected = name.lower() in self.assigned
-            what = "has constant values here and is corrected" if corrected else "stays as it is"
-            self.notes.append(f"{name} {what} (--keep)")
-        elif name.lower() not in self.assigned:
-            raise ProgramError(
-                line,
-                f"target {name} of MOVE has no constant value in this file (a .var file may hold "
-                f"it); write it into the program, or leave it as it is by --keep {name}",
-            )
-
     def _add(self, name: str, reader: Reader) -> None:
+        """The target of {...} or JNTP(...)."""
         line, closing = reader.token.line, "}"
         self.placed.add(reader.token.start)
-        if reader.token.kind == "word":
-            reader.next()
+        if reader.next().kind == "word":
             closing = ")"
-        reader.next()
-        numbers: list[Number] = [reader.number(f"target {name}")]
+            reader.next()
+        numbers = [reader.number(f"target {name}")]
         while reader.take(","):
             numbers.append(reader.number(f"target {name}"))
         reader.expect(closing, f"target {name}: decimals have a point, and")
-        setup = Setup(payload=self.options.payload(""))
+        setup = MoveSetup(payload=self.options.payload(""))
         self.targets.append(ProgramTarget(name, line, tuple(numbers), None, setup))
-
-
-_CARTESIAN = (
-    "cartesian positions of PDL2 are not corrected: the arm reaches them in several "
-    "configurations, each with errors of its own, and their configuration string is not "
-    "understood; state the target as a joint position, {...} or JNTP(...)"
-)
 
 
 def _assignment(tokens: Sequence[Token]) -> tuple[str, Sequence[Token]]:
@@ -210,14 +150,6 @@ def _is_target(token: Token) -> bool:
 
 def _is_declaration(tokens: Sequence[Token]) -> bool:
     """Whether a line declares variables, and not parameters of a routine."""
-    whole = sum(t.issymbol("(") - t.issymbol(")") for t in tokens) == 0
+    balanced = sum(t.issymbol("(") - t.issymbol(")") for t in tokens) == 0
     typed = any(t.issymbol(":") and after.isword(*_TYPES) for t, after in pairwise(tokens))
-    return whole and typed and not any(t.isword("routine") for t in tokens)
-
-
-def _program_arm(tokens: Sequence[Token]) -> str:
-    """Number of the arm that PROGRAM states; 1 where it states none."""
-    for k, token in enumerate(tokens[:-2]):
-        if token.isword("prog_arm") and tokens[k + 1].issymbol("="):
-            return tokens[k + 2].text
-    return "1"
+    return balanced and typed and not any(t.isword("routine") for t in tokens)

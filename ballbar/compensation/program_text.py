@@ -1,4 +1,4 @@
-"""Text of a robot program: tokens with their places, targets in it, numbers written anew.
+"""Text of a robot program: tokens with their places, and numbers of it replaced.
 
 Only the digits of targets are replaced; everything else stays as it is, byte for byte. The text is
 read as Latin-1, which gives every byte back, so comments of any encoding survive.
@@ -8,22 +8,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from cell.arrays import Array
 from cell.errors import InputError
 from cell.foreign_files import read_regular
 from cell.foreign_text import one_line
-from cell.payload import Payload
 from cell.strict_yaml import MAX_BYTES
 
 Kind = Literal["word", "number", "string", "symbol", "end"]
 MOST_BYTES = 50 * MAX_BYTES  # ten thousand targets have one
-FAULTS_SHOWN = 10
 DECIMALS = {"deg": 4, "mm": 3, "1": 8}  # at least, of numbers that are written: 2 urad, 1 um
 _KINDS = ("skip", "newline", "string", "word", "number", "symbol")
 _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -78,51 +73,6 @@ class ProgramError(Exception):
         self.line, self.why = line, why
 
 
-@dataclass(frozen=True, eq=False)
-class Setup:
-    """What a pose is stated in, and what the robot carries on the way to it."""
-
-    tool: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) tcp in the flange's frame
-    frame: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) in the robot's base frame
-    payload: Payload | None = None  # None: not known
-    tool_name: str = ""
-
-    @property
-    def load(self) -> tuple[float, ...]:
-        """Mass [kg] and centre [m] of the payload; nothing where it is not known."""
-        return () if self.payload is None else (self.payload.mass, *self.payload.com.tolist())
-
-
-@dataclass(frozen=True, eq=False)
-class ProgramTarget:
-    """A target with its numbers in the text."""
-
-    name: str
-    line: int
-    numbers: tuple[Number, ...]  # axes [deg], or position [mm] and rotation
-    # rotation of a pose: quaternion w x y z, or angles [deg] about z, y', x''; None for axis angles
-    rotation: Literal["quaternion", "zyx"] | None
-    setup: Setup
-    configuration: tuple[Number, ...] = ()  # cf1 cf4 cf6 cfx, or S T
-
-
-@dataclass(frozen=True, eq=False)
-class Program:
-    """A program as read: its text, and every target that a motion goes to."""
-
-    path: Path
-    text: str
-    targets: tuple[ProgramTarget, ...]
-    notes: tuple[str, ...] = ()  # what was taken as given
-
-
-def same_setup(first: Setup, other: Setup, *, joints: bool) -> bool:
-    """Whether a target means the same with both; angles of axes depend on the payload alone."""
-    tools, frames = (first.tool, other.tool), (first.frame, other.frame)
-    placed = np.array_equal(*tools) and np.array_equal(*frames)
-    return first.load == other.load and (joints or placed)
-
-
 def read_program_text(path: Path) -> str:
     """The text of a program, a character for each byte.
 
@@ -161,6 +111,19 @@ def tokens_of(text: str, comments: str, *, lines: bool, words: str) -> list[Toke
     return out
 
 
+def parts(tokens: Iterable[Token], separator: str) -> list[list[Token]]:
+    """Tokens between separators that are not within brackets of any kind."""
+    split: list[list[Token]] = [[]]
+    depth = 0
+    for token in tokens:
+        depth += token.issymbol("(", "[", "{") - token.issymbol(")", "]", "}")
+        if depth == 0 and token.issymbol(separator):
+            split.append([])
+        else:
+            split[-1].append(token)
+    return split
+
+
 class Reader:
     """A place in the tokens of a program."""
 
@@ -189,6 +152,14 @@ class Reader:
                 self.token.line, f"{what}: expected {symbol!r}, there is {self.shown}"
             )
         return self.next()
+
+    def name(self, brackets: str) -> str:
+        """A name with the index that it may have in brackets such as []."""
+        name = self.next().text
+        if self.token.issymbol(brackets[0]):
+            while self.token.kind != "end" and not name.endswith(brackets[1]):
+                name += self.next().text
+        return name
 
     @property
     def shown(self) -> str:
@@ -232,13 +203,3 @@ def number_text(number: Number, before: float, after: float, unit: str) -> str:
     if abs(after - before) < 0.5 * 10.0**-decimals:
         return number.text
     return f"{number.value + after - before:.{decimals}f}"
-
-
-def refuse(path: Path, faults: Sequence[tuple[int, str]]) -> None:
-    """Raises InputError naming lines and reasons, if there are any."""
-    if not faults:
-        return
-    lines = [f"{path}:{line}: {why}" for line, why in sorted(set(faults))]
-    more = len(lines) - FAULTS_SHOWN
-    rest = [f"and {more} more"] if more > 0 else []
-    raise InputError("\n".join(["nothing was written.", *lines[:FAULTS_SHOWN], *rest]))

@@ -34,13 +34,12 @@ from cell.files import DESCRIPTIONS, claimed_folder, write_whole
 from planning.candidate import PathCandidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
-from planning.export import program_files, without_program
-from planning.files import OUTPUTS, REQUEST, write_plan, write_request
+from planning.files import REQUEST, output_names, write_plan, write_pose_plan, write_request
 from planning.known import Known
 from planning.plan import PathPlan, assess, known_path, plans
-from planning.pose_files import output_names, write_pose_plan
 from planning.pose_plan import pose_plan
 from planning.pose_request import PosePlanRequest
+from planning.programs import without_program
 from planning.questions import Question, check_questions, question
 from planning.request import PlanRequest
 from planning.search import SearchProgress
@@ -79,7 +78,7 @@ def plan_path(
     questions = [question(text) for text in what_if]
     check_questions(request, questions)
     known = known_from(after, request, err) if after else None
-    outputs = {*OUTPUTS, *program_files(request.name)}
+    outputs = output_names(request)
     with claimed_folder(folder, outputs, "the plan"):
         if path:
             candidates = iter([given_path(request, path, position, known)])

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,14 +16,15 @@ from rich.markup import escape
 from acquisition.live.egm_source import LOOPBACK, EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import Memory, PlcSource
-from acquisition.live.session import LiveRecording
-from acquisition.live.source import Batch, Source
+from acquisition.live.recorder import LiveRecording
+from acquisition.live.source import Source
 from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import Data, panel
 from cell.errors import InputError
 from cell.load import load_cell
 from cell.plc_ring import RING
+from cell.processes import on_stop_signals
 
 if TYPE_CHECKING:  # pyads is an extra
     from acquisition.live.ads import AdsMemory
@@ -99,7 +99,12 @@ def record(
             egm = EgmSource(port, address=address, torque=options.egm_torque)
             stack.callback(egm.close)
             sources.append(egm)
-        on_batch = stack.enter_context(_live_view()) if options.live else None
+        on_batch = None
+        if options.live:
+            from ballbar.record import view  # noqa: PLC0415  rerun is heavy
+
+            stream = stack.enter_context(view.live_window(view.APPLICATION, view.layout()))
+            on_batch = view.LiveView(stream).on_batch
         files = [Path(name) for name in options.own_files]
         recording = LiveRecording(RecordingFolder(folder, names, files), sources, on_batch=on_batch)
         beside = identified = None
@@ -108,7 +113,7 @@ def record(
             beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
         shown = meanwhile or partial(show_until_stopped, out, duration=options.duration)
         try:
-            with _ended_by_signals(recording), quiet_libraries():
+            with on_stop_signals(recording.stop), quiet_libraries():
                 recording.start()
                 try:
                     shown(recording, beside)
@@ -225,26 +230,3 @@ def _listen(egm: str) -> tuple[str, int]:
             "such as 192.168.125.10:6510."
         )
     return match[1] or LOOPBACK, int(match[2])
-
-
-@contextmanager
-def _live_view() -> Iterator[Callable[[Source, Batch], None]]:
-    from ballbar.record.view import live_view  # noqa: PLC0415  rerun is heavy
-
-    with live_view() as view:
-        yield view.on_batch
-
-
-@contextmanager
-def _ended_by_signals(recording: LiveRecording) -> Iterator[None]:
-    """Ctrl-C or SIGTERM stops the recording cleanly."""
-
-    def stop(*_: object) -> None:
-        recording.stop()
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

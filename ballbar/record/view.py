@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 import numpy as np
@@ -21,7 +21,6 @@ FLUSH = 2.0  # [s] for the last records to reach the window
 ROWS = 10  # rows of a batch that are shown: 100 Hz suffices for the eye and for a slow screen
 TIMELINE = "recording_time"
 APPLICATION = "ballbar-record"
-_TITLES: dict[SourceName, str] = {"ballbar": "Ball-bar encoders [deg]", "robot": "Robot axes [deg]"}
 
 
 class LiveView:
@@ -72,12 +71,17 @@ def layout() -> rrb.Blueprint:
     """Encoders at the top, their faults below, robot axes at the bottom."""
     faults = "Encoder faults (1: rows will be left out)"
     views = [
-        rrb.TimeSeriesView(origin="/ballbar/angle_deg", name=_TITLES["ballbar"]),
+        rrb.TimeSeriesView(origin="/ballbar/angle_deg", name="Ball-bar encoders [deg]"),
         rrb.TimeSeriesView(origin="/ballbar/fault", name=faults),
-        rrb.TimeSeriesView(origin="/robot/angle_deg", name=_TITLES["robot"]),
+        rrb.TimeSeriesView(origin="/robot/angle_deg", name="Robot axes [deg]"),
     ]
+    return stacked(views, [3, 1, 3])
+
+
+def stacked(views: Sequence[rrb.View], shares: Sequence[float]) -> rrb.Blueprint:
+    """Views one below the other, with these shares of the height, along the latest data."""
     return rrb.Blueprint(
-        rrb.Vertical(*views, row_shares=[3, 1, 3]),
+        rrb.Vertical(*views, row_shares=list(shares)),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
@@ -85,14 +89,13 @@ def layout() -> rrb.Blueprint:
 
 
 @contextmanager
-def live_view() -> Iterator[LiveView]:
-    """A window that shows what it is sent; it remains open when the recording has ended.
+def live_window(application: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """The stream to a window that remains open when the program has ended.
 
     Raises ViewerError if the viewer does not start.
     """
-    address = live_viewer()
-    stream = rr.RecordingStream(APPLICATION, send_properties=False)
-    stream.connect_grpc(address, default_blueprint=layout())
-    yield LiveView(stream)
+    stream = rr.RecordingStream(application, send_properties=False)
+    stream.connect_grpc(live_viewer(), default_blueprint=blueprint)
+    yield stream
     with suppress(RuntimeError):  # the user has closed the window
         stream.flush(timeout_sec=FLUSH)

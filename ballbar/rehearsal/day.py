@@ -8,20 +8,16 @@ Each step is that of the command of its name. The truth is read here alone, to j
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from ballbar.compensation.joint_targets import axis_columns, read_targets
-from ballbar.compensation.targets_file import correct_file, write_corrected
-from ballbar.export.result import Result, load_result
+from ballbar.export.result import load_result
 from ballbar.outputs import Progress, write_outputs
-from ballbar.plan.show import plan_path
 from ballbar.rehearsal.live import LivePath, record_live
+from ballbar.rehearsal.second_path import plan_second_path
+from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison, identification_against_truth
 from ballbar.result.iterations import IterationLog
 from ballbar.result.limits import Limit, corrected_limits, tcp_limits
@@ -29,34 +25,16 @@ from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings, validated
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
-from ballbar.scenario import Scenario, with_absolute_names
-from ballbar.terminal import PlainConsole
+from ballbar.scenario import Scenario
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.errors import FailureError
-from cell.files import write_whole, write_yaml
-from cell.geometry import robot_frames
 from cell.number_text import significant_text
-from cell.robot_angles import joints_to_axes
 from cell.statistics import rms
-from cell.strict_yaml import load_model, load_yaml
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.inverse_calibration import TargetError, corrected_targets
-from planning.request import PlanRequest, load_request
-from sim.path_files import LissajousFile
-from sim.plant.held_robot import HeldRobot, pose_distance
 from sim.truth import Truth
 
-SEARCH = 10.0  # [s] of the search for the second path: the same search as of `plan`, shorter
-REACH = 0.15  # [m] to each side of its first seat within which the ball-bar may be set up again
-# [deg] about the vertical in which the rod of a telescoping bar may lean in its cup, as in
-# scenarios/plans/ur10e_telescoping.yaml
-CONE = 80.0
-TARGETS = 50
-SIMULATED, RECORDINGS, PLAN = "simulated", "recordings", "plan"
+SIMULATED, RECORDINGS = "simulated", "recordings"
 FIRST, RESULT = "result1", "result"
-GIVEN, CORRECTED = "targets.csv", "targets-corrected.csv"
-REQUEST = "request.yaml"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,15 +46,6 @@ class Stage:
     met: bool
     took: float  # [s] of wall time
     figures: dict[str, object]  # SI units
-
-
-@dataclass(frozen=True, eq=False)
-class HeldTargets:
-    """Targets in the plant: (N,) each."""
-
-    before: Array  # [m] distance of the tool from where it belongs, targets as planned
-    after: Array  # [m] likewise with corrected targets
-    aligned: Array  # [m] likewise after the best rigid motion of the base
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +134,8 @@ def rehearse(
     second = _planned(day)
     _simulated(day, "path2", second)
     _recorded(day, "path2")
-    together = _identified(day, RESULT, ("path1", "path2"), truth)
+    data, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
     held = _corrected(day)
-    data, comparison = together
     _verified(day, data)
     return Rehearsal(
         scenario=scenario,
@@ -186,17 +154,16 @@ def rehearse(
 
 def _simulated(day: _Day, name: str, scenario: Scenario) -> Truth:
     """Simulates what the devices will deliver of a path."""
-    simulation = simulate_scenario(
-        scenario, day.file, day.folder / SIMULATED / name, progress=day.progress
-    )
-    return simulation.truth
+    folder = day.folder / SIMULATED / name
+    return simulate_scenario(scenario, day.file, folder, progress=day.progress).truth
 
 
 def _taken(
     day: _Day, name: str, source: str, *, fault: str | None = None, identify: bool = True
 ) -> LivePath:
+    """Records a simulated path; see `record_live`."""
     day.progress(f"recording {name}")
-    path = record_live(
+    day.paths[name] = record_live(
         day.folder / SIMULATED / source,
         day.scenario,
         folder=day.recording(name),
@@ -205,8 +172,7 @@ def _taken(
         fault=fault,
         identify=identify,
     )
-    day.paths[name] = path
-    return path
+    return day.paths[name]
 
 
 def _with_fault(day: _Day, fault: str) -> None:
@@ -221,14 +187,11 @@ def _with_fault(day: _Day, fault: str) -> None:
         "noticed_after_s": None if alarm is None else alarm.raised - cause.shows,
         "alarm": None if alarm is None else {"kind": alarm.kind, "sentence": alarm.sentence},
     }
-    began = f"{fault} from {cause.shows:.0f} s on"
-    if alarm is None:
-        sentence = f"{began}: not noticed"
-    else:
-        sentence = (
-            f"{began}: noticed {alarm.raised - cause.shows:.1f} s of recording later: "
-            f"{alarm.kind}: {alarm.sentence}"
-        )
+    sentence = "not noticed"
+    if alarm is not None:
+        later = f"{alarm.raised - cause.shows:.1f} s of recording later"
+        sentence = f"noticed {later}: {alarm.kind}: {alarm.sentence}"
+    sentence = f"{fault} from {cause.shows:.0f} s on: {sentence}"
     day.done("record with a fault", sentence, figures, met=alarm is not None)
 
 
@@ -247,8 +210,8 @@ def _recorded(day: _Day, name: str) -> None:
         "tcp_sigma_final_m": final,
         "alarms": [vars(alarm) for alarm in alarms],
     }
-    said = "".join(f"; ALARM {a.kind} at {a.raised:.0f} s: {a.sentence}" for a in alarms)
-    sentence = f"{path.seconds:.0f} s, {path.lost} records lost, {stated}{said or ', no alarm'}"
+    listed = "".join(f"; ALARM {a.kind} at {a.raised:.0f} s: {a.sentence}" for a in alarms)
+    sentence = f"{path.seconds:.0f} s, {path.lost} records lost, {stated}{listed or ', no alarm'}"
     day.done(f"record {name}", sentence, figures, met=not alarms and not path.lost)
 
 
@@ -259,8 +222,7 @@ def _identified(
     log = IterationLog(day.progress)
     folders = [day.recording(recording) for recording in recordings]
     data = identify_recordings(folders, settings=day.scenario.identify, listener=log.listener)
-    out = day.folder / name
-    write_outputs(out, data, command=day.command, replay=False, progress=day.progress)
+    write_outputs(day.folder / name, data, command=day.command, replay=False, progress=day.progress)
     robot, verdict = data.identification.robot, data.identification.verdict
     comparison = identification_against_truth(data.identification, truth)
     tcp, sigma, without = comparison.tcp, rms(robot.tcp_sigma), rms(robot.tcp.without_scale)
@@ -288,94 +250,48 @@ def _identified(
 def _planned(day: _Day) -> Scenario:
     """Plans the second path after the first result; the scenario of its recording."""
     day.progress("planning the second path")
-    file, plan = day.folder / REQUEST, day.folder / PLAN
-    write_yaml(file, request_data(day.scenario, day.file.parent))
-    said = PlainConsole(file=io.StringIO())
-    request = load_request(file)
-    assert isinstance(request, PlanRequest)
-    feasible = plan_path(
-        request, file, folder=plan, seconds=SEARCH, after=[day.folder / FIRST], out=said, err=said
-    )
-    planned = load_yaml(plan / "plan.yaml").data
-    if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on
-        raise KeyboardInterrupt
-    predicted = planned["tcp_sigma_m"]
+    second = plan_second_path(day.scenario, day.folder, day.folder / FIRST, day.file.parent)
+    predicted = second.tcp_sigma
     before, then = predicted["by_results_before"], predicted["rms_median_robot"]
-    path = load_model(plan / "path.yaml", LissajousFile)
-    position = path.ballbar_position_m
-    assert position is not None  # a plan states it
-    seat = ", ".join(f"{v:.3f}" for v in position)
+    seat = ", ".join(f"{v:.3f}" for v in second.seat)
+    violated = "" if second.feasible else "; a limit is violated in MuJoCo"
     sentence = (
         f"seat ({seat}) m; scale known, {_mm(before)} by the first result, {_mm(then)} "
-        f"foretold with the path{'' if feasible else '; a limit is violated in MuJoCo'}"
+        f"predicted with the path{violated}"
     )
-    figures = {"tcp_sigma_m": predicted, "seat_m": list(position), "feasible": feasible}
-    day.done("plan path2", sentence, figures, met=feasible)
-    scenario = day.scenario
-    return scenario.model_copy(
-        update={
-            "cell": scenario.cell.model_copy(update={"ballbar_position_m": position}),
-            "path": scenario.path.model_copy(update={"file": str((plan / "path.yaml").resolve())}),
-            "recording": scenario.recording + 1,
-        }
-    )
-
-
-def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
-    """The planning request of a scenario's second path: its cell, times and sensors."""
-    named = with_absolute_names(scenario, relative_to).cell
-    position, encoders = np.array(named.ballbar_position_m), scenario.encoders
-    region = {
-        "lower": (position - REACH).round(6).tolist(),
-        "upper": (position + REACH).round(6).tolist(),
+    figures: dict[str, object] = {
+        "tcp_sigma_m": predicted,
+        "seat_m": list(second.seat),
+        "feasible": second.feasible,
     }
-    request: dict[str, object] = {
-        "schema": "ballbar-plan/1",
-        "name": "path2",
-        "timing": scenario.path.model_dump(include={"duration_s", "dwell_s", "stops"}),
-        "seed": scenario.seed,
-    }
-    cell: dict[str, object] = {
-        "robot": named.robot,
-        "plate": named.plate,
-        "ballbar_region_m": region,
-    }
-    if named.instrument is not None:
-        seat = {"axis": [0.0, 0.0, 1.0], "cone_deg": CONE}
-        return request | {"cell": cell | {"instrument": named.instrument, "seat": seat}}
-    sensors = {"encoders": list(encoders.fitted)}
-    return request | {"cell": cell | {"ballbar": named.ballbar}, "sensors": sensors}
+    day.done("plan path2", sentence, figures, met=second.feasible)
+    return second.scenario
 
 
 def _corrected(day: _Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
-    if not isinstance(result, Result):
+    if not result.calibration.of_logs:
         raise FailureError(f"{day.folder / RESULT}: is no result of recordings")
-    given, written = day.folder / GIVEN, day.folder / CORRECTED
-    _write_targets(given, result)
-    correction = correct_file(given, result)
-    write_corrected(written, correction, result)
-    expected = correction.corrected.position_before
+    correction = correct_targets(day.folder, result)
+    expected, included = correction.corrected.position_before, ["geometry", *correction.included]
     figures: dict[str, object] = {
         "targets": len(expected),
-        "expected_before_m": {"mean": float(expected.mean()), "max": float(expected.max())},
-        "included": ["geometry", *correction.included],
+        "expected_before_m": _mean_and_max(expected),
+        "included": included,
     }
     sentence = (
-        f"{len(expected)} targets for {', '.join(['geometry', *correction.included])}; the result "
+        f"{len(expected)} targets for {', '.join(included)}; the result "
         f"expects {_mm(expected.mean())} mean, {_mm(expected.max())} largest without it"
     )
     day.done("correct targets", sentence, figures, met=True)
-    held = _held(day, read_targets(given, result.robot).q, read_targets(written, result.robot).q)
+    day.progress("holding targets in the plant")
+    held = hold_targets(day.folder, result, day.scenario, day.file.parent)
     figures = {
-        name: {"mean": float(values.mean()), "max": float(values.max())}
-        for name, values in (
-            ("nominal_targets_m", held.before),
-            ("corrected_targets_m", held.after),
-            ("corrected_base_aligned_m", held.aligned),
-        )
+        "nominal_targets_m": _mean_and_max(held.before),
+        "corrected_targets_m": _mean_and_max(held.after),
+        "corrected_base_aligned_m": _mean_and_max(held.aligned),
     }
     sentence = (
         f"off by {_mm(held.before.mean())} mean, {_mm(held.before.max())} largest as planned; by "
@@ -387,38 +303,8 @@ def _corrected(day: _Day) -> HeldTargets:
     return held
 
 
-def _write_targets(file: Path, result: Result) -> None:
-    """The first targets of the accuracy box that can be corrected; at singularities none can."""
-    q = _correctable(result, accuracy_grid(result.robot))[:TARGETS]
-    axes = np.degrees(joints_to_axes(result.robot, q))
-    lines = [",".join(axis_columns(result.robot)), *(",".join(map(repr, r)) for r in axes.tolist())]
-    write_whole(file, ("\n".join(lines) + "\n").encode())
-
-
-def _correctable(result: Result, q: Array) -> Array:
-    """(K, J) [rad] of targets (N, J) those that can be corrected.
-
-    Targets are refused for one reason at a time, so those that are left are tried again.
-    """
-    robot, nominal = result.calibration.unloaded_robot(result.cell), result.calibration.nominal
-    while True:
-        try:
-            corrected_targets(robot, nominal, q)
-        except TargetError as error:
-            q = np.delete(q, list(error.faults), axis=0)
-        else:
-            return q
-
-
-def _held(day: _Day, given: Array, corrected: Array) -> HeldTargets:
-    day.progress("holding targets in the plant")
-    robot = HeldRobot(day.scenario, relative_to=day.file.parent)
-    wanted, after = robot_frames(robot.nominal, given), robot.hold(corrected)
-    return HeldTargets(
-        before=pose_distance(wanted, robot.hold(given))[0],
-        after=pose_distance(wanted, after)[0],
-        aligned=position_error(wanted.tip.T, after.tool[:, :3, 3]).error,
-    )
+def _mean_and_max(values: Array) -> dict[str, float]:
+    return {"mean": float(values.mean()), "max": float(values.max())}
 
 
 def _verified(day: _Day, data: RunData) -> None:
@@ -428,14 +314,12 @@ def _verified(day: _Day, data: RunData) -> None:
     (docs/limits.md).
     """
     scenario = day.scenario
-    chosen = scenario.accept.held_out_file or scenario.path.file
-    again = scenario.model_copy(
-        update={
-            "path": scenario.path.model_copy(update={"file": chosen}),
-            "recording": scenario.recording + 2,
-        }
-    )
-    _simulated(day, "path3", again)
+    file = scenario.accept.held_out_file or scenario.path.file
+    changes = {
+        "path": scenario.path.model_copy(update={"file": file}),
+        "recording": scenario.recording + 2,
+    }
+    _simulated(day, "path3", scenario.model_copy(update=changes))
     path = _taken(day, "path3", "path3", identify=False)
     day.progress("verifying")
     folder = day.recording("path3")

@@ -14,20 +14,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from ballbar.outputs import Progress
-from ballbar.rehearsal.day import (
-    CORRECTED,
-    FIRST,
-    GIVEN,
-    PLAN,
-    RECORDINGS,
-    REQUEST,
-    RESULT,
-    SIMULATED,
-    Rehearsal,
-    Stage,
-    rehearse,
-)
+from ballbar.rehearsal.day import FIRST, RECORDINGS, RESULT, SIMULATED, Rehearsal, Stage, rehearse
 from ballbar.rehearsal.live import as_recorded, check_fault
+from ballbar.rehearsal.second_path import PLAN, REQUEST
+from ballbar.rehearsal.targets import CORRECTED, GIVEN
 from ballbar.scenario import Scenario
 from cell.files import claimed_folder, write_whole
 
@@ -73,7 +63,15 @@ def rehearse_into(
 
             write_whole(beside / PAGE, rehearsal_page(day, command=command).encode())
             write_whole(beside / CHAIN, (json.dumps(chain(day), indent=2) + "\n").encode())
-            _take_place(beside, out)
+            # where an earlier rehearsal may be, the chain last
+            for name in sorted(OUTPUTS, key=lambda name: name == CHAIN):
+                old, new = out / name, beside / name
+                if old.is_dir():
+                    shutil.rmtree(old)
+                else:
+                    old.unlink(missing_ok=True)
+                if new.exists():
+                    new.rename(old)
         finally:
             with suppress(OSError):
                 shutil.rmtree(beside)
@@ -104,15 +102,3 @@ def chain(day: Rehearsal) -> dict[str, object]:
         ],
         "limits": [asdict(limit) for limit in day.limits],
     }
-
-
-def _take_place(beside: Path, out: Path) -> None:
-    """Moves a finished rehearsal to where an earlier one may be, the chain last."""
-    for name in sorted(OUTPUTS, key=lambda name: name == CHAIN):
-        old, new = out / name, beside / name
-        if old.is_dir():
-            shutil.rmtree(old)
-        else:
-            old.unlink(missing_ok=True)
-        if new.exists():
-            new.rename(old)

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition.live.egm_source import LOOPBACK
-from acquisition.live.recorder import POLL
-from acquisition.live.session import LiveRecording
+from acquisition.live.recorder import POLL, LiveRecording
 from ballbar.record.show import RecordOptions, record
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.terminal import err
@@ -131,15 +130,7 @@ class _Follower:
     def path(self, folder: Path, seconds: float, lost: int, last: Data | None) -> LivePath:
         """The path that was followed."""
         alarms, states = tuple(self.alarms.values()), tuple(self.states)
-        return LivePath(
-            folder=folder,
-            seconds=seconds,
-            lost=lost,
-            alarms=alarms,
-            states=states,
-            last=last,
-            cause=self.cause,
-        )
+        return LivePath(folder, seconds, lost, alarms, states, last=last, cause=self.cause)
 
 
 def as_recorded(scenario: Scenario) -> Scenario:
@@ -153,11 +144,11 @@ def as_recorded(scenario: Scenario) -> Scenario:
     if scenario.cell.instrument is not None:
         logs = scenario.logs.model_copy(update={"torque": None, "tracker": None})
         return scenario.model_copy(update={"logs": logs})
-    own = scenario.logs
+    logged = scenario.logs
     logs = DeviceLogs(
-        robot=RobotLog(dialect="abb-motor", rate_hz=own.robot.rate_hz),
-        ballbar=BallbarLog(task_s=own.ballbar.task_s),
-        torque=own.torque,
+        robot=RobotLog(dialect="abb-motor", rate_hz=logged.robot.rate_hz),
+        ballbar=BallbarLog(task_s=logged.ballbar.task_s),
+        torque=logged.torque,
     )
     encoders = scenario.encoders.model_copy(update={"directions": "unknown"})
     return scenario.model_copy(update={"logs": logs, "encoders": encoders})

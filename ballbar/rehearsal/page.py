@@ -7,7 +7,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
-from ballbar.rehearsal.day import FIRST, PLAN, RESULT, Rehearsal, Stage
+from ballbar.rehearsal.day import FIRST, RESULT, Rehearsal
+from ballbar.rehearsal.second_path import PLAN
 from ballbar.report import line_plot
 from ballbar.report.figures import Curve, cumulative
 from ballbar.report.numbers import millimetres
@@ -29,21 +30,27 @@ def rehearsal_page(day: Rehearsal, *, command: str) -> str:
     """The page as text. command : as the user typed it."""
     missed = [stage.name for stage in day.stages if not stage.met]
     missed += [limit.what for limit in day.limits if not limit.met]
+    cell, held = day.scenario.cell, day.held
+    fault = f", with the fault {day.fault}" if day.fault else ""
     page = template("rehearsal.html").render(
         title=day.scenario.name,
-        subtitle=_subtitle(day),
+        subtitle=f"{cell.robot} and {cell.measured_by}, paths of "
+        f"{day.scenario.path.duration_s:g} s at {day.speed:g} times real time{fault}: "
+        f"{day.took:.0f} s in all.",
         band="bad" if missed else "good",
         heading=f"Not as required: {', '.join(missed)}" if missed else "As required",
-        sentence=_in_short(day),
+        sentence=f"{held.after.size} targets are off by {millimetres(held.before.mean())} on "
+        f"average as planned with the nominal robot, and by {millimetres(held.after.mean())} after "
+        f"both paths and the correction, {millimetres(held.after.max())} at most.",
         tiles=_tiles(day),
         stages=[(s.name, s.sentence, s.met, f"{s.took:.0f}") for s in day.stages],
         limits=[(limit.what, *limit.sizes, limit.met) for limit in day.limits],
         live=_live(day),
         held=cumulative(
             [
-                Curve("targets as planned", day.held.before, BEFORE),
-                Curve("corrected targets", day.held.after, AFTER),
-                Curve("corrected, base aligned", day.held.aligned, PURPLE),
+                Curve("targets as planned", held.before, BEFORE),
+                Curve("corrected targets", held.after, AFTER),
+                Curve("corrected, base aligned", held.aligned, PURPLE),
             ],
             label="distance of the tool",
         ),
@@ -55,44 +62,22 @@ def rehearsal_page(day: Rehearsal, *, command: str) -> str:
     return printable(page, allowed="\n\t")
 
 
-def _subtitle(day: Rehearsal) -> str:
-    cell = day.scenario.cell
-    fault = f", with the fault {day.fault}" if day.fault else ""
-    return (
-        f"{cell.robot} and {cell.measured_by}, paths of {day.scenario.path.duration_s:g} s at "
-        f"{day.speed:g} times real time{fault}: {day.took:.0f} s in all."
-    )
-
-
-def _in_short(day: Rehearsal) -> str:
-    held = day.held
-    return (
-        f"{held.after.size} targets are off by {millimetres(held.before.mean())} on average as "
-        f"planned with the nominal robot, and by {millimetres(held.after.mean())} after both paths "
-        f"and the correction, {millimetres(held.after.max())} at most."
-    )
-
-
 def _tiles(day: Rehearsal) -> list[Tile]:
-    identified = [stage for stage in day.stages if stage.name.startswith("identify")]
+    tiles = [Tile("Nominal robot", millimetres(day.nominal), "mean true TCP error")]
+    for stage in day.stages:
+        if stage.name.startswith("identify"):
+            stated, true = stage.figures["tcp_sigma_m"], stage.figures["true_tcp_error_m"]
+            assert isinstance(stated, float)
+            assert isinstance(true, dict)
+            note = f"stated (1 sigma, rms); true error rms {millimetres(true['rms'])}"
+            tiles.append(Tile(stage.name.capitalize(), millimetres(stated), note))
+    after, last = day.held.after, day.stages[-1]
+    note = f"mean in the plant; largest {millimetres(after.max())}"
     return [
-        Tile("Nominal robot", millimetres(day.nominal), "mean true TCP error"),
-        *(_identified_tile(stage) for stage in identified),
-        Tile(
-            "Corrected targets",
-            millimetres(day.held.after.mean()),
-            f"mean in the plant; largest {millimetres(day.held.after.max())}",
-        ),
-        Tile("Path held out", "holds" if day.stages[-1].met else "fails", day.stages[-1].name),
+        *tiles,
+        Tile("Corrected targets", millimetres(after.mean()), note),
+        Tile("Path held out", "holds" if last.met else "fails", last.name),
     ]
-
-
-def _identified_tile(stage: Stage) -> Tile:
-    stated, true = stage.figures["tcp_sigma_m"], stage.figures["true_tcp_error_m"]
-    assert isinstance(stated, float)
-    assert isinstance(true, dict)
-    note = f"stated (1 sigma, rms); true error rms {millimetres(true['rms'])}"
-    return Tile(stage.name.capitalize(), millimetres(stated), note)
 
 
 def _live(day: Rehearsal) -> str:

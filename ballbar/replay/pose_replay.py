@@ -25,8 +25,8 @@ from ballbar.units import MM
 from cell.arrays import Array
 from cell.chain import Chain, Frames
 from cell.foreign_text import markdown
-from ident.poses.fit import PoseFit
-from ident.poses.model import GroupPoint
+from ident.estimator.fit import Fit
+from ident.estimator.model import Evaluation
 
 APPLICATION = "ballbar-poses"  # fixed: the viewer keeps one layout per application
 POSE = "pose"  # timeline
@@ -80,13 +80,13 @@ def _log(stream: rr.RecordingStream, run: PoseRun) -> None:
     stream.log(NOTES, _notes(run), static=True)
     style = rr.LineStrips3D.from_fields(colors=[PAINT], radii=[0.02 * reach])
     stream.log(ARM, style, static=True)
-    chain = result.fit.model.unknowns.robot(result.fit.x)
+    chain = result.fit.model.unknowns.bare(result.fit.x).robot
     first = 0
-    for point in result.fit.equations.points:
+    for point in result.fit.linear.evaluations:
         index = _at(first, point)
-        strips = skeleton(chain, point.target).astype(np.float32)
+        strips = skeleton(chain, point.target_closure.robot).astype(np.float32)
         stream.send_columns(ARM, indexes=index, columns=rr.LineStrips3D.columns(strips=strips))
-        first += point.group.size
+        first += point.still.size
     fits = (result.nominal, result.fit)
     legends = [
         _log_errors(stream, kind, colour, height * reach, fit)
@@ -96,10 +96,10 @@ def _log(stream: rr.RecordingStream, run: PoseRun) -> None:
 
 
 def _log_errors(
-    stream: rr.RecordingStream, kind: str, colour: Colour, height: float, fit: PoseFit
+    stream: rr.RecordingStream, kind: str, colour: Colour, height: float, fit: Fit
 ) -> str:
     """Arrows and curve of one model; height : [m] scale of the arrows. Returns their legend."""
-    points = fit.equations.points
+    points = fit.linear.evaluations
     lengths = [np.linalg.norm(point.closure.error[:3], axis=0) for point in points]
     mean = float(np.concatenate(lengths).mean())
     factor = magnification(mean, _DRAWN * height)
@@ -114,14 +114,14 @@ def _log_errors(
     first = 0
     for point, length in zip(points, lengths, strict=True):
         index = _at(first, point)
-        first += point.group.size
-        entity = f"{SEATS}/{rr.escape_entity_path_part(point.group.seat)}/{kind}"
+        first += point.still.size
+        entity = f"{SEATS}/{rr.escape_entity_path_part(point.still.seat)}/{kind}"
         if entity not in styled:
             styled.add(entity)
             arrows = rr.Arrows3D.from_fields(colors=[colour], radii=[0.004 * height])
             stream.log(entity, arrows, static=True)
             _log_seat(stream, entity.rpartition("/")[0], point, height)
-        origins, vectors = point.target.tip.T, factor * point.closure.error[:3].T
+        origins, vectors = point.target_closure.robot.tip.T, factor * point.closure.error[:3].T
         columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
         stream.send_columns(entity, indexes=index, columns=columns)
         curve = rr.Scalars.columns(scalars=length * MM)
@@ -129,16 +129,16 @@ def _log_errors(
     return text
 
 
-def _log_seat(stream: rr.RecordingStream, entity: str, point: GroupPoint, size: float) -> None:
+def _log_seat(stream: rr.RecordingStream, entity: str, point: Evaluation, size: float) -> None:
     """The seat, and all points that were measured from it."""
-    seat = rr.Points3D([point.seat.origin], colors=[STEEL], radii=[0.015 * size])
+    seat = rr.Points3D([point.target_closure.seat.origin], colors=[STEEL], radii=[0.015 * size])
     stream.log(f"{entity}/seat", seat, static=True)
-    measured = rr.Points3D(point.closure.measured.T, colors=[STEEL], radii=[0.003 * size])
-    stream.log(f"{entity}/{rr.escape_entity_path_part(point.group.target)}", measured, static=True)
+    measured = rr.Points3D(point.target_closure.sight.point.T, colors=[STEEL], radii=[0.003 * size])
+    stream.log(f"{entity}/{rr.escape_entity_path_part(point.still.target)}", measured, static=True)
 
 
-def _at(first: int, point: GroupPoint) -> list[rr.TimeColumn]:
-    return [rr.TimeColumn(POSE, sequence=np.arange(first, first + point.group.size))]
+def _at(first: int, point: Evaluation) -> list[rr.TimeColumn]:
+    return [rr.TimeColumn(POSE, sequence=np.arange(first, first + point.still.size))]
 
 
 def _notes(run: PoseRun) -> rr.TextDocument:

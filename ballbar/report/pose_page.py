@@ -28,8 +28,8 @@ from ballbar.report.page import template
 from ballbar.report.provenance import InputFile, hashed, versions, without_folders
 from ballbar.report.summary import Tile
 from ballbar.report.tcp_view import TcpRow, tcp_row
+from ballbar.result.calibration_content import KNOWN
 from ballbar.result.compare_poses import PoseComparison
-from ballbar.result.pose_calibration import KNOWN
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
@@ -37,7 +37,7 @@ from cell.files import write_whole
 from cell.foreign_text import printable
 from cell.pose_file import pose_file_path
 from ident.corrections.joint_harmonics import harmonic_name
-from ident.poses.result import PoseIdentification
+from ident.pose_result import PoseIdentification
 from ident.verdict import Status
 
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}
@@ -135,14 +135,14 @@ def render_pose_report(
         placements=_placements(result),
         groups=[
             (
-                p.group.seat,
-                p.group.target,
-                p.group.file,
-                p.group.size,
-                _SOURCES[p.group.measured],
+                p.still.seat,
+                p.still.target,
+                p.still.file,
+                p.still.size,
+                _SOURCES[p.still.measured],
                 significant(float(np.linalg.norm(p.closure.error[:3], axis=0).mean()) * MM, 3),
             )
-            for p in result.fit.equations.points
+            for p in result.fit.linear.evaluations
         ],
         findings=[f for _, _, content in run.folders for f in content.report.findings],
         command=without_folders(command),
@@ -229,7 +229,7 @@ def _error_figure(result: PoseIdentification) -> Markup:
 
 
 def _maps(result: PoseIdentification) -> list[Markup]:
-    places = np.concatenate([p.target.tip.T for p in result.fit.equations.points])
+    places = np.concatenate([p.target_closure.robot.tip.T for p in result.fit.linear.evaluations])
     before = workspace_map(
         places, result.residual_nominal, (), label="nominal robot", colours=BEFORE_SCALE
     )
@@ -271,7 +271,7 @@ def _parameters(result: PoseIdentification) -> list[Row]:
     layout = result.fit.model.unknowns
     sigma, gain = result.sigma, result.information_gain
     rows = []
-    for k, parameter in enumerate(layout.parameters, start=layout.geometry.start):
+    for k, parameter in enumerate(layout.parameters):
         scale, unit = (MM, "mm") if parameter.is_length else (MRAD, "mrad")
         value, nominal = float(result.fit.x[k]), float(layout.mean[k])
         rows.append(

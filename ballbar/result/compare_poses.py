@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.geometry import nominal_chain
-from ident.poses.result import PoseIdentification
+from ident.pose_result import PoseIdentification
 from ident.robot.accuracy import TcpError, position_error
 
 if TYPE_CHECKING:  # an identification of poses does without the simulation

@@ -19,7 +19,7 @@ from sim.truth import Truth
 
 if TYPE_CHECKING:  # a run of recordings does without still poses
     from ballbar.result.compare_poses import PoseComparison
-    from ident.poses.result import PoseIdentification
+    from ident.pose_result import PoseIdentification
 
 Measured = dict[str, tuple[str, float, str]]  # what, value and unit of each key of `accept`
 

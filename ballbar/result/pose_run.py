@@ -11,9 +11,9 @@ from ballbar.result.run_recordings import distinct_names
 from cell.errors import InputError
 from cell.pose_file import pose_file_path
 from cell.poses import KnownDistance, PoseGroup, PoseTable
-from ident.poses.held_out import PoseHeldOut, held_out_poses
-from ident.poses.identify import PoseOptions, Progress, identify_poses
-from ident.poses.result import PoseIdentification
+from ident.held_out_poses import PoseHeldOut, held_out_poses
+from ident.identify_poses import PoseOptions, Progress, identify_poses
+from ident.pose_result import PoseIdentification
 
 
 @dataclass(frozen=True, eq=False)

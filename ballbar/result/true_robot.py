@@ -15,8 +15,8 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
+from ident.loads.at_rest import backlash_flanks
 from ident.loads.gear_loads import mass_model, own_weight
-from ident.robot.unloaded_robot import backlash_flanks
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
     from sim.truth import Truth

@@ -6,12 +6,11 @@ same bytes.
 
 from __future__ import annotations
 
-import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from ballbar.sweep.chunk import Row, Task, Trial
 from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.workers import Workers
 from cell.errors import FailureError, InputError
+from cell.processes import on_stop_signals
 
 POLL = 0.2  # [s] between two looks for an interrupt while no chunk returns
 
@@ -31,7 +31,7 @@ class SweepError(FailureError):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SweepOutcome:
     """State of a sweep after `run_sweep`."""
 
     folder: SweepFolder
@@ -50,7 +50,7 @@ def run_sweep(
     workers: Callable[[Task], AbstractContextManager[Workers]],
     *,
     progress: Progress,
-) -> Outcome:
+) -> SweepOutcome:
     """Computes the chunks that are missing in the folder `path`, and writes the table.
 
     trial : the results of one run; importable on the workers. After Ctrl-C the outcome is not
@@ -65,7 +65,7 @@ def run_sweep(
         check_points(sweep)
     with open_folder(path, plan) as folder:
         if folder.complete:
-            return Outcome(folder, plan.runs, plan.runs)
+            return SweepOutcome(folder, plan.runs, plan.runs)
         folder.start(sweep.files)
         missing = folder.missing_runs()
         resumed = plan.runs - _count(missing)
@@ -82,7 +82,7 @@ def run_sweep(
                 folder.finish()
         except KeyboardInterrupt:
             missing = folder.missing_runs()
-        return Outcome(folder, resumed, plan.runs - _count(missing))
+        return SweepOutcome(folder, resumed, plan.runs - _count(missing))
 
 
 def _compute(
@@ -107,7 +107,10 @@ def _compute(
         room = 0 if stopping else workers.count() + workers.count() // 4 + 1 - len(submitted)
         for _, chunk in zip(range(room), queue, strict=False):  # in this order, or zip drops one
             submitted[workers.submit(missing[chunk])] = chunk
-        progress(done, _stage(workers, stopping=stopping))
+        stage = "running" if workers.count() else "waiting for workers"
+        if stopping:
+            stage = "stopping when the runs in progress are done; Ctrl-C again drops them"
+        progress(done, stage)
         if not submitted:
             break
         for future in wait(submitted, timeout=POLL, return_when=FIRST_COMPLETED).done:
@@ -146,35 +149,20 @@ def _rows(future: Future[list[Row]], runs: Sequence[int]) -> list[Row]:
         ) from error
 
 
-def _stage(workers: Workers, *, stopping: bool) -> str:
-    if stopping:
-        return "stopping when the runs in progress are done; Ctrl-C again drops them"
-    return "running" if workers.count() else "waiting for workers"
-
-
 def _count(missing: Mapping[int, Sequence[int]]) -> int:
     return sum(map(len, missing.values()))
 
 
 @contextmanager
 def _stop_requests() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C or SIGTERM (the end of a batch job) has come; a second one raises.
-
-    Raises KeyboardInterrupt the second time.
-    """
+    """Whether Ctrl-C or SIGTERM has come; the second one raises KeyboardInterrupt."""
     stop = threading.Event()
 
-    def note(*_: object) -> None:
+    def note() -> None:
         if stop.is_set():
             raise KeyboardInterrupt
         stop.set()
 
-    if threading.current_thread() is not threading.main_thread():  # which alone receives signals
+    in_main = threading.current_thread() is threading.main_thread()  # which alone receives signals
+    with on_stop_signals(note) if in_main else nullcontext():
         yield stop.is_set
-        return
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop.is_set
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

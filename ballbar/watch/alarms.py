@@ -1,7 +1,7 @@
 """Alarms of a growing recording: findings of the reader, and what the latest rows show.
 
-What is wrong is decided elsewhere: in the file by `acquisition`, from the start by `ident.causes`,
-from some row on by `ident.prediction`. Here it gets a name, and a clock.
+Other modules decide what is wrong: in the file `acquisition`, from the start `ident.causes`, from
+some row on `ident.prediction`. Here an alarm gets its name, and the time when it was raised.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.dwells import find_dwells
-from acquisition.report import Finding, ImportReport
+from acquisition.report import ImportReport
 from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.foreign_text import printable
@@ -49,8 +49,8 @@ MOVED = 0.1  # [rad] by which a joint has moved before
 FEWEST = 50  # rows that show whether the robot stands
 
 
-class Findings:
-    """New findings of the reader, each once it was there in two updates."""
+class FindingAlarms:
+    """Alarms of findings of the reader, each once it was there in two updates."""
 
     def __init__(self) -> None:
         self._seen: dict[tuple[str, str], int] = {}
@@ -60,17 +60,17 @@ class Findings:
         entries = [f for f in report.findings if f.kind in FINDINGS]
         keys = {(f.file, f.kind) for f in entries}
         self._seen = {key: self._seen.get(key, 0) + 1 for key in keys}
-        sure = [f for f in entries if self._seen[f.file, f.kind] >= SEEN_TWICE]
-        return [Alarm(f.kind, _sentence(f), seconds, f.file) for f in sure]
+        alarms = []
+        for entry in entries:
+            if self._seen[entry.file, entry.kind] >= SEEN_TWICE:
+                place = f"{entry.file}:{entry.lines[0]}" if entry.lines else entry.file
+                sentence = printable(f"{place}: {entry.sentence}")
+                alarms.append(Alarm(entry.kind, sentence, seconds, entry.file))
+        return alarms
 
 
-def _sentence(entry: Finding) -> str:
-    place = f"{entry.file}:{entry.lines[0]}" if entry.lines else entry.file
-    return printable(f"{place}: {entry.sentence}")
-
-
-class Silence:
-    """Which files have not grown for a while."""
+class SilenceAlarms:
+    """Alarms of files that have not grown for a while."""
 
     def __init__(self) -> None:
         self._grown: dict[str, tuple[int, float]] = {}  # size, and when it was first seen
@@ -108,8 +108,8 @@ def standing(logs: Logs) -> list[Alarm]:
     return [Alarm("robot stands", sentence, seconds)]
 
 
-class Steps:
-    """Steps between two rows, which the fits have taken out of the logs.
+class StepAlarms:
+    """Alarms of steps between two rows, which the fits have taken out of the logs.
 
     A step is believed where it was new when a fit first showed it, and all that the first fit shows
     are. A fit that takes steps out of rows in which the earlier ones saw none has read the log
@@ -122,42 +122,36 @@ class Steps:
 
     def alarms(self, samples: Samples, clock: Clock, seconds: float) -> list[Alarm]:
         """The steps of a fit; seconds : [s] of the recording."""
-        every = list(_steps(samples, clock))
+        steps = list(_steps(samples, clock))
         end = clock.ballbar_time(samples.robot.end) if samples.has_clock else samples.robot.end
-        believed = [s for s in every if s[1] > self._seen - NEW or self._is_known(*s[:2])]
-        self._seen = end
-        if len(believed) < len(every):
-            return []
-        self._known = [(channel, at) for channel, at, _ in believed]
+        new_since, self._seen = self._seen - NEW, end
+        for channel, time, _ in steps:
+            earlier = (then for name, then in self._known if name == channel)
+            if time <= new_since and not any(abs(time - then) < SAME for then in earlier):
+                return []
+        self._known = [(channel, time) for channel, time, _ in steps]
         return [
-            Alarm("step", f"{channel} {what} at t = {at:.2f} s", seconds, channel)
-            for channel, at, what in believed
+            Alarm("step", f"{channel} {what} at t = {time:.2f} s", seconds, channel)
+            for channel, time, what in steps
         ]
-
-    def _is_known(self, channel: str, at: float) -> bool:
-        return any(channel == name and abs(at - then) < SAME for name, then in self._known)
 
 
 def _steps(samples: Samples, clock: Clock) -> Iterator[tuple[str, float, str]]:
     """Channel, time [s] on the ball-bar's clock and what happened, of each step."""
+
+    def by(size: float) -> str:
+        return f"by {significant_text(size * 1e3, sign=True)}"
+
     for fault in step_faults_in_logs(samples, clock):
         if fault.kind == "clock":
-            yield (
-                "a clock",
-                fault.time,
-                f"was set by {significant_text(fault.size * 1e3, sign=True)} ms",
-            )
+            yield "a clock", fault.time, f"was set {by(fault.size)} ms"
         else:
-            yield (
-                f"encoder b{fault.joint}",
-                fault.time,
-                f"stepped by {significant_text(fault.size * 1e3, sign=True)} mrad",
-            )
+            yield f"encoder b{fault.joint}", fault.time, f"stepped {by(fault.size)} mrad"
     for step in samples.robot.steps:
         if step.channel is not None:
-            at = clock.ballbar_time(step.time) if samples.has_clock else step.time
-            size = f"stepped by {significant_text(step.size * 1e3, sign=True)} mrad"
-            yield f"joint {step.channel + 1} of the robot's log", at, size
+            time = clock.ballbar_time(step.time) if samples.has_clock else step.time
+            channel = f"joint {step.channel + 1} of the robot's log"
+            yield channel, time, f"stepped {by(step.size)} mrad"
 
 
 def since_first(alarms: Iterable[Alarm], before: Iterable[Alarm]) -> tuple[Alarm, ...]:

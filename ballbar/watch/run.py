@@ -6,20 +6,17 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from multiprocessing import get_context
-from multiprocessing.pool import Pool
 from pathlib import Path
 
 from ballbar.watch.show import Show
-from ballbar.watch.state import State
+from ballbar.watch.state import WatchState
 from ballbar.watch.watch import Watch
 from cell.threads import one_thread_each
 
 PERIOD = 1.0  # [s] between updates
 REST = 1.0  # times as long as an update took: half a core at most
-LAST = 15.0  # [s] without new rows, behind the duration, after which the recording is over
+LAST = 15.0  # [s] without new rows, once the duration is over, after which the recording is over
 
 
 def watch(
@@ -29,12 +26,14 @@ def watch(
     accuracy: float | None,
     duration: float | None,
     stop: threading.Event,
-) -> State:
+) -> WatchState:
     """Watches a recording until `stop` is set, or its duration [s] is over; gives the last state.
 
     accuracy : [m] TCP error (rms) that is asked for.
     """
-    with _complete_fits() as pool:
+    # a process for the fits that take long, which yields to recorder and alarms; terminated at the
+    # end, since the result of an unfinished fit is of no use
+    with one_thread_each(), get_context("spawn").Pool(1, _yields_to_others) as pool:
         watched = Watch(folder, accuracy=accuracy, duration=duration, pool=pool)
         recorded, grown = -1.0, time.monotonic()
         while True:
@@ -52,27 +51,7 @@ def watch(
     return state
 
 
-@contextmanager
-def _complete_fits() -> Iterator[Pool]:
-    """A process for the fits that take long, which yields to recorder and alarms."""
-    with one_thread_each(), get_context("spawn").Pool(1, _yields_to_others) as pool:
-        yield pool  # terminated at the end: what it still does is of no use
-
-
 def _yields_to_others() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(10)
-
-
-@contextmanager
-def stopped_by_signals() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or SIGTERM sets."""
-    stop = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in numbers}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

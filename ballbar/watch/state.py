@@ -5,6 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+# Exponents with which the parts of the data fall while a path covers ever more. A repeated path
+# would give 0.5 to the first; the second is that of machines with all errors.
+WHITE, WIDENED = 0.8, 2.0
+
 
 @dataclass(frozen=True)
 class Alarm:
@@ -17,7 +23,7 @@ class Alarm:
 
     @property
     def key(self) -> tuple[str, str]:
-        """What it has in common with itself at another instant."""
+        """Kind and subject: the same at every instant while the alarm lasts."""
         return self.kind, self.subject
 
 
@@ -30,7 +36,7 @@ class Estimate:
     status: str  # word of the verdict
     sentence: str  # of the verdict
     tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid, with the scale
-    without_scale: float  # [m] likewise, without it
+    without_scale: float  # [m] the same without the scale
     white: float  # [m] part of that which the data would leave were their residuals white
     widened: float  # [m] part by which it is more, as they are not
     acceptable: bool
@@ -39,9 +45,28 @@ class Estimate:
     noise: dict[str, float]  # [rad] of one row, by channel; [m] of a length
     sphere: float  # share of the sphere that the tool has passed, 0 to 1
 
+    def at_end(self, duration: float, *, scale: float) -> float:
+        """[m] TCP uncertainty once a recording has its duration [s], if the fit remains good.
+
+        Predicted part by part. The part of the scale that plate and ball-bar determine stays; of
+        the factor by which known lengths that contradict each other widen it, nobody knows whether
+        it will be there, and its square root is taken. The parts of priors and masses stay too. The
+        part of the data falls as a power of time: slowly that of white noise, fast that which is
+        added because residuals are not white, for it is estimated from what single blocks of time
+        hold alone, and every lap reduces that (benchmarks.live_identification sound).
+
+        scale : [m] uncertainty of the scale by plate and ball-bar.
+        """
+        along = float(np.sqrt(max(0.0, self.tcp_sigma**2 - self.without_scale**2)))
+        stays = along if along <= scale else np.sqrt(along * scale)
+        share = min(1.0, self.until / duration)
+        fallen = self.white**2 * (1.0 - share ** (2.0 * WHITE))
+        fallen += self.widened**2 * (1.0 - share ** (2.0 * WIDENED))
+        return float(np.sqrt(stays**2 + max(0.0, self.without_scale**2 - fallen)))
+
 
 @dataclass(frozen=True)
-class State:
+class WatchState:
     """A recording at one instant."""
 
     seconds: float  # that both logs hold
@@ -56,7 +81,8 @@ class State:
 
     def to_dict(self) -> dict[str, Any]:
         """The state as plain data for JSON, in SI units."""
-        known = self.estimate
+        e = self.estimate
+        clock = (None, None) if e is None or e.clock is None else e.clock
         return {
             "schema": "ballbar-watch/1",
             "recorded_s": round(self.seconds, 3),
@@ -64,17 +90,17 @@ class State:
             "waiting": self.waiting,
             "alarms": [vars(alarm) for alarm in self.alarms],
             "axes_covered": list(self.axes),
-            "sphere_covered": None if known is None else known.sphere,
-            "model": None if known is None else known.model,
-            "verdict": None if known is None else known.status,
-            "identified_until_s": None if known is None else known.until,
-            "tcp_sigma_m": None if known is None else known.tcp_sigma,
-            "tcp_sigma_without_scale_m": None if known is None else known.without_scale,
+            "sphere_covered": e and e.sphere,
+            "model": e and e.model,
+            "verdict": e and e.status,
+            "identified_until_s": e and e.until,
+            "tcp_sigma_m": e and e.tcp_sigma,
+            "tcp_sigma_without_scale_m": e and e.without_scale,
             "tcp_sigma_end_m": self.tcp_sigma_end,
-            "clock_offset_s": None if known is None or known.clock is None else known.clock[0],
-            "clock_skew": None if known is None or known.clock is None else known.clock[1],
-            "clock_sigma": None if known is None else list(known.clock_sigma),
-            "noise": {} if known is None else known.noise,
+            "clock_offset_s": clock[0],
+            "clock_skew": clock[1],
+            "clock_sigma": e and list(e.clock_sigma),
+            "noise": e.noise if e else {},
             "predicted": self.predicted,
             "enough": self.enough,
         }

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ballbar.record.view import FLUSH
-from ballbar.replay.viewer import live_viewer
+from ballbar.record.view import TIMELINE, stacked
 from ballbar.units import MM
-from ballbar.watch.show import Data, Show
+from ballbar.watch.show import Data
 
-TIMELINE = "recording_time"
 APPLICATION = "ballbar-watch"
 SIGMA, END, COVERED, PREDICTED, ALARMS = (
     "/tcp/so_far_mm", "/tcp/at_the_end_mm", "/covered_percent", "/latest_rows", "/alarms",
@@ -54,22 +49,4 @@ def layout() -> rrb.Blueprint:
         rrb.TimeSeriesView(origin=COVERED, name="Sphere covered [%]"),
         rrb.TextLogView(origin=ALARMS, name="Alarms"),
     ]
-    return rrb.Blueprint(
-        rrb.Vertical(*views, row_shares=[3, 2, 1, 1]),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-    )
-
-
-@contextmanager
-def live_view() -> Iterator[Show]:
-    """A window that shows each state it is given; it remains open when the watch has ended.
-
-    Raises ViewerError if the viewer does not start.
-    """
-    stream = rr.RecordingStream(APPLICATION, send_properties=False)
-    stream.connect_grpc(live_viewer(), default_blueprint=layout())
-    yield WatchView(stream).show
-    with suppress(RuntimeError):  # the user has closed the window
-        stream.flush(timeout_sec=FLUSH)
+    return stacked(views, [3, 2, 1, 1])

@@ -8,7 +8,7 @@ is left out by the reader, and is whole at the next update. Then
    took no part in;
 2. where they agree, the recording but its last seconds is fitted by kinematics alone, and the logs
    are read as by the fit before, once that was confirmed;
-3. where that leaves something, the complete model is fitted in growing intervals, elsewhere.
+3. where a residual remains, the complete model is fitted in growing intervals, elsewhere.
 
 Nothing here waits or looks at a clock: `update` is given the time.
 """
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.pool import AsyncResult, Pool
 from pathlib import Path
 
@@ -27,9 +27,15 @@ from acquisition.recording import Recording
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
 from ballbar.sphere_coverage import coverage
-from ballbar.watch.alarms import SEEN_TWICE, Findings, Silence, Steps, since_first, standing
-from ballbar.watch.forecast import foretold
-from ballbar.watch.state import Alarm, Estimate, State
+from ballbar.watch.alarms import (
+    SEEN_TWICE,
+    FindingAlarms,
+    SilenceAlarms,
+    StepAlarms,
+    since_first,
+    standing,
+)
+from ballbar.watch.state import Alarm, Estimate, WatchState
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
@@ -65,14 +71,6 @@ SAME_MODEL = 3.0  # times chi-square: a fit of all rows that leaves no more has 
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
 
 
-@dataclass(frozen=True, eq=False)
-class _Complete:
-    """A complete fit under way."""
-
-    until: float
-    result: AsyncResult[Estimate]
-
-
 class Watch:
     """A recording folder, identified as it grows.
 
@@ -96,23 +94,27 @@ class Watch:
         self._begin()
 
     def _begin(self) -> None:
-        """Knows nothing: of a recording that begins, or begins anew in the same files."""
-        self._findings, self._silence, self._steps = Findings(), Silence(), Steps()
+        """Forgets everything: a recording begins, for the first time or again in the same files."""
+        self._findings, self._silence, self._steps = FindingAlarms(), SilenceAlarms(), StepAlarms()
         self._encoders: tuple[int, ...] | None = None
         self._fitted: RecordingFit | None = None
         self._next_fit = self._fitted_until = 0.0  # [s] of the recording
         self._estimate: Estimate | None = None
-        self._complete: _Complete | None = None
+        # end [s] of the recording and result of a complete fit under way
+        self._complete: tuple[float, AsyncResult[Estimate]] | None = None
         self._next_complete = COMPLETE_FIRST
         self._misfit: Alarm | None = None
-        self._state = State(0.0, {}, "no recording yet", ())
+        self._state = WatchState(0.0, {}, "no recording yet", ())
 
-    def update(self, now: float) -> State:
+    def update(self, now: float) -> WatchState:
         """The state of the recording; now : [s] on a clock that goes on evenly."""
         try:
             recording = read_with_causes(self._folder)
             self._cell = self._cell or _cell(self._folder, recording)
-            sizes = self._sizes(recording)
+            sources = recording.description.sources
+            named = (sources.robot, sources.ballbar, sources.length)
+            latest = [source.files[-1] for source in named if source is not None]
+            sizes = {name: (self._folder / name).stat().st_size for name in latest}
         except (UnfinishedLogError, DescriptionError, OSError) as error:
             return self._refused(str(error), patience=PATIENCE)
         except LogError as error:
@@ -128,18 +130,28 @@ class Watch:
         silent = self._silence.alarms(sizes, now, seconds)
         if not over:
             alarms += [*silent, *standing(logs)]
-        prediction = self._predicted(self._cell, logs)
+        prediction = None
+        if self._fitted is not None:
+            prediction = predict(self._cell, self._fitted, logs, HELD_OUT)
         alarms += self._identified(self._cell, logs, seconds, prediction)
         if self._fitted is not None:
             alarms += self._steps.alarms(self._fitted.samples, self._fitted.clock, seconds)
-        self._collect_complete()
-        alarms += self._implausible(seconds)
-        return self._stated(recording, logs, seconds, prediction, alarms)
+        if self._complete is not None and self._complete[1].ready():
+            with suppress(*NO_FIT):
+                self._estimate = replace(self._complete[1].get(), until=self._complete[0])
+            self._complete = None
+        estimate = self._estimate  # no longer young, and all the same of no such machine
+        if estimate and estimate.status == Status.IMPLAUSIBLE and estimate.until >= YOUNG:
+            alarms.append(Alarm("implausible", estimate.sentence, seconds))
+        rows = Counter[str]()
+        for file in recording.report.files:
+            rows[file.source] += file.rows_read
+        return self._stated(dict(rows), logs, seconds, prediction, alarms)
 
-    def finish(self, now: float) -> State:
+    def finish(self, now: float) -> WatchState:
         """The state of the whole recording, nothing of it held out.
 
-        With the model that the data ask for; what holds against the recording stays.
+        It is fitted with the model that the data support; alarms against the recording stay.
         """
         self._ended = True
         state = self.update(now)
@@ -158,7 +170,7 @@ class Watch:
         certain = CERTAIN_SIGMAS * estimate.tcp_sigma
         return self._accuracy is not None and estimate.acceptable and certain <= self._accuracy
 
-    def _refused(self, sentence: str, *, patience: int) -> State:
+    def _refused(self, sentence: str, *, patience: int) -> WatchState:
         """The last state, with an alarm for files that could be read and no longer can.
 
         patience : updates from which it is one.
@@ -175,33 +187,28 @@ class Watch:
             self._state = replace(self._state, alarms=alarms)
         return self._state
 
-    def _sizes(self, recording: Recording) -> dict[str, int]:
-        sources = recording.description.sources
-        named = (sources.robot, sources.ballbar, sources.length)
-        latest = [source.files[-1] for source in named if source is not None]
-        return {name: (self._folder / name).stat().st_size for name in latest}
-
-    def _predicted(self, cell: Cell, logs: Logs) -> Prediction | None:
-        """How the fit predicts the latest rows."""
-        if self._fitted is None:
-            return None
-        return predict(cell, self._fitted, logs, HELD_OUT)
-
     def _identified(
         self, cell: Cell, logs: Logs, seconds: float, prediction: Prediction | None
     ) -> list[Alarm]:
         """Fits the recording again if it has grown and agrees; alarms where it does not."""
-        off = prediction is not None and prediction.since is not None
-        if prediction is not None and off:
+        if prediction is not None and prediction.since is not None:
             alarm = self._disagreement(cell, logs, seconds, prediction)
             if alarm is not None or self._misfit is not None:
                 return [alarm] if alarm else []
-        if self._misfit is not None and not off:
+        else:
             self._misfit = None
-        wrong = self._suspected(cell, logs, seconds)
-        if wrong or seconds < max(SHORTEST, self._next_fit):
-            return wrong
-        used = _but_last(logs, HELD_OUT)
+        if seconds < SHORTEST:
+            return []
+        if self._estimate is None or not self._estimate.acceptable:  # no fit explains the logs yet
+            worst = suspects(cell, logs)[:1]
+            if worst and worst[0].hopeless:
+                return [Alarm("wrong from the start", str(worst[0]), seconds)]
+        if seconds < self._next_fit:
+            return []
+        instrument = logs.ballbar or logs.length or logs.robot
+        early = Clock(float(logs.robot.t[-1] - instrument.t[-1]), 0.0)  # both end together
+        last = float(instrument.t[-1]) - HELD_OUT
+        used = part_of(logs, early, min(0.0, -early.offset), last)
         try:
             known = self._known(prediction)
             fitted = fit_recording(cell, used, FitOptions(model="dh"), known=known)
@@ -240,31 +247,13 @@ class Watch:
             with suppress(*NO_FIT):
                 fitted = fit_recording(cell, logs, FitOptions(model="dh"))
                 young = self._fitted_until < YOUNG or not before.fit.converged
-                left = fitted.fit.chi2_per_dof / max(1.0, before.fit.chi2_per_dof)
-                if young or (fitted.fit.converged and left < SAME_MODEL):
+                increase = fitted.fit.chi2_per_dof / max(1.0, before.fit.chi2_per_dof)
+                if young or (fitted.fit.converged and increase < SAME_MODEL):
                     self._take(cell, fitted, seconds)
                     return None
         sure = self._misfit is not None or prediction.ratio > CERTAIN or self._ended
         self._misfit = Alarm("misfit", sentence, seconds)
         return self._misfit if sure else None
-
-    def _suspected(self, cell: Cell, logs: Logs, seconds: float) -> list[Alarm]:
-        """What is wrong with the logs from their start, as long as no fit explains them."""
-        good = self._estimate is not None and self._estimate.acceptable
-        if seconds < SHORTEST or good:
-            return []
-        return [
-            Alarm("wrong from the start", str(suspect), seconds)
-            for suspect in suspects(cell, logs)[:1]
-            if suspect.hopeless
-        ]
-
-    def _implausible(self, seconds: float) -> list[Alarm]:
-        """The alarm for a fit that is of no such machine, though it is no longer young."""
-        estimate = self._estimate
-        if estimate is None or estimate.status != Status.IMPLAUSIBLE or estimate.until < YOUNG:
-            return []
-        return [Alarm("implausible", estimate.sentence, seconds)]
 
     def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
         """Makes a fit the one that predicts, and its result the estimate."""
@@ -275,37 +264,31 @@ class Watch:
 
     def _ask_complete(self, cell: Cell, logs: Logs, until: float) -> None:
         """Hands the recording over to be fitted by the complete model, if it is time."""
-        wanted = self._estimate is not None and not self._estimate.acceptable
-        wanted |= self._estimate is not None and self._estimate.model == "complete"
-        if self._pool is None or not wanted or self._complete is not None:
+        estimate = self._estimate
+        if self._pool is None or estimate is None or self._complete is not None:
             return
-        if until >= self._next_complete:
+        needed = not estimate.acceptable or estimate.model == "complete"
+        if needed and until >= self._next_complete:
             arguments = cell, logs, self._accuracy
-            self._complete = _Complete(until, self._pool.apply_async(complete_estimate, arguments))
+            self._complete = until, self._pool.apply_async(complete_estimate, arguments)
             self._next_complete = until * COMPLETE_GROWTH
-
-    def _collect_complete(self) -> None:
-        if self._complete is None or not self._complete.result.ready():
-            return
-        with suppress(*NO_FIT):
-            self._estimate = replace(self._complete.result.get(), until=self._complete.until)
-        self._complete = None
 
     def _stated(
         self,
-        recording: Recording,
+        rows: dict[str, int],
         logs: Logs,
         seconds: float,
         prediction: Prediction | None,
         alarms: list[Alarm],
-    ) -> State:
+    ) -> WatchState:
+        """The state after an update, from what was found by it."""
         estimate, cell = self._estimate, self._cell
         assert cell is not None  # once a recording was read
         axes = joints_to_axes(cell.robot, logs.robot.q[:: 1 + logs.robot.q.shape[0] // 5000])
         span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
         end = None
         if self._duration is not None and estimate is not None and estimate.status == Status.GOOD:
-            end = foretold(estimate, self._duration, scale=scale_error(cell))
+            end = estimate.at_end(self._duration, scale=scale_error(cell))
         enough = (
             estimate is not None
             and self._reached(estimate)
@@ -313,9 +296,9 @@ class Watch:
             and prediction.ratio <= AGREES
             and not alarms
         )
-        self._state = State(
+        self._state = WatchState(
             seconds=seconds,
-            rows=_rows(recording),
+            rows=rows,
             waiting="" if estimate else "too little motion yet to identify anything",
             alarms=since_first(alarms, self._state.alarms),
             axes=tuple(np.minimum(1.0, np.ptp(axes, axis=0) / span).tolist()),
@@ -328,7 +311,7 @@ class Watch:
 
 
 def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimate:
-    """The estimate of the model that the data ask for. Raises StartError as an identification."""
+    """The estimate of the model that the data support. Raises StartError as an identification."""
     result = identify_together(cell, [logs], options=FitOptions(accuracy=accuracy))
     return _estimate(result, logs, _seconds(logs))
 
@@ -365,23 +348,7 @@ def _cell(folder: Path, recording: Recording) -> Cell:
     return load(named.robot, named.measured_by, named.plate, relative_to=folder)
 
 
-def _rows(recording: Recording) -> dict[str, int]:
-    """Rows of each source, in all of its files."""
-    rows = Counter[str]()
-    for file in recording.report.files:
-        rows[file.source] += file.rows_read
-    return dict(rows)
-
-
 def _seconds(logs: Logs) -> float:
     """[s] that both logs hold, each from its first row."""
-    behind = logs.ballbar or logs.length or logs.robot
-    return float(min(logs.robot.t[-1], behind.t[-1]))
-
-
-def _but_last(logs: Logs, seconds: float) -> Logs:
-    """The logs without their last seconds, each by its own clock."""
-    behind = logs.ballbar or logs.length or logs.robot
-    early = Clock(float(logs.robot.t[-1] - behind.t[-1]), 0.0)
-    last = float(behind.t[-1]) - seconds
-    return part_of(logs, early, min(0.0, -early.offset), last)
+    instrument = logs.ballbar or logs.length or logs.robot
+    return float(min(logs.robot.t[-1], instrument.t[-1]))

@@ -117,7 +117,7 @@ def _errors(
 def _columns(cell: Cell, point: Evaluation) -> Array:
     """(J + 5, 6, N) change of the loop-closure error per radian of each gear and encoder."""
     joints, bar = point.columns[:BAR], point.columns[BAR : BAR + 5]
-    gears = np.einsum("gj,jcn->gcn", gearing(cell).to_joint, joints)
+    gears = np.einsum("gj,jcn->gcn", gearing(cell.robot).to_joint, joints)
     return np.concatenate((gears, bar))
 
 
@@ -126,7 +126,7 @@ def _signals(cell: Cell, point: Evaluation, columns: Array) -> Iterator[_Signal]
 
     A log that shows too much moves the residual as the channel's own motion does with that sign.
     """
-    samples, to_gear = point.samples, gearing(cell).to_gear
+    samples, to_gear = point.recording, gearing(cell.robot).to_gear
     angles = (samples.joint_angles(point.robot_time) @ to_gear).T
     speeds = (samples.joint_speed(point.robot_time) @ to_gear).T
     for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):

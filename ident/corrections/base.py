@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from cell.geometry import Parameter
 from ident.loads.gear_loads import Loads
 
@@ -75,11 +75,11 @@ class State:
         return smooth_sign(self.tension, TENSION_WIDTH / self.sharpness)
 
 
-def backlash_transition(cell: Cell) -> Array:
+def backlash_transition(robot: Robot) -> Array:
     """(J,) [N m] width of the smooth transition between the flanks of each gear's backlash."""
-    gears = cell.robot.gears
+    gears = robot.gears
     if gears is None:
-        return np.zeros(cell.robot.joints)
+        return np.zeros(robot.joints)
     return np.asarray(0.5 * gears.lost_motion * gears.stiffness / BACKLASH_SHARE)
 
 

@@ -20,6 +20,8 @@ from cell.chain import Frames, cross, joint_screws, screw
 from cell.geometry import BAR_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
 from cell.inverse import UnreachableError, bar_angles, bar_roll
 from cell.rotation import inverse_left_jacobian, rotvec_from_matrix
+from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
+from ident.estimator.target_closure import TargetClosure, error_of_robot_motion
 
 CLOSING_STEPS, CLOSED = 20, 1e-12  # [m, rad] of an error that is zero but for rounding
 
@@ -39,6 +41,32 @@ class Closure:
             self.geometry, self.robot.part(samples), self.bar.part(samples), self.error[:, samples]
         )
 
+    def screw(self, parameter: Parameter, out: Array) -> None:
+        """Writes the motion (6, N) of a parameter's tool frame per unit to `out`."""
+        parameter_screw(self.geometry, self.robot, self.bar, parameter, out)
+
+    @property
+    def rod_column(self) -> Array:
+        """(6, N) change of the error per metre of the rod's length."""
+        return rod_jacobian(self)
+
+    @property
+    def plate_column(self) -> Array:
+        """(6, N) change of the error per radian of the plate's bending."""
+        return plate_jacobian(self)
+
+    def columns(self, to_joint: Array) -> Array:
+        """(J + 7, 6, N) change of the error for a unit of each error channel.
+
+        to_joint : (J, J), joints = gears @ to_joint.
+        """
+        joints = robot_joint_jacobian(self)
+        columns = np.empty((len(joints) + BEHIND_GEARS, *self.error.shape))
+        np.einsum("gj,jcn->gcn", to_joint, joints, out=columns[GEAR:BAR])
+        columns[BAR:ROD] = bar_joint_jacobian(self)
+        columns[ROD], columns[PLATE] = rod_jacobian(self), plate_jacobian(self)
+        return columns
+
 
 def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
     """Loop-closure error at robot angles q (N, J) and ball-bar angles b (N, 5) [rad].
@@ -53,13 +81,15 @@ def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
     return Closure(geometry, robot, bar, error)
 
 
-def parameter_jacobian(closure: Closure, parameters: Sequence[Parameter]) -> Array:
+def parameter_jacobian(closure: Closure | TargetClosure, parameters: Sequence[Parameter]) -> Array:
     """(P, 6, N) derivative of the error with respect to parameters, each in its unit [m, rad]."""
     out = np.empty((len(parameters), 6, closure.error.shape[1]))
     for k, parameter in enumerate(parameters):
-        parameter_screw(closure.geometry, closure.robot, closure.bar, parameter, out[k])
+        closure.screw(parameter, out[k])
     for first, last, is_robot in runs_of_one_side(parameters):
-        (_error_of_robot_motion if is_robot else _error_of_bar_motion)(closure, out[first:last])
+        (error_of_robot_motion if is_robot else _error_of_bar_motion)(
+            closure.error, out[first:last]
+        )
     return out
 
 
@@ -74,17 +104,17 @@ def runs_of_one_side(parameters: Sequence[Parameter]) -> Iterator[tuple[int, int
 
 def robot_joint_jacobian(closure: Closure) -> Array:
     """(J, 6, N) derivative of the error with respect to each robot joint angle [rad]."""
-    return _error_of_robot_motion(closure, joint_screws(closure.robot))
+    return error_of_robot_motion(closure.error, joint_screws(closure.robot))
 
 
 def bar_joint_jacobian(closure: Closure) -> Array:
     """(5, 6, N) derivative of the error with respect to each ball-bar angle [rad]."""
-    return _error_of_bar_motion(closure, joint_screws(closure.bar))
+    return _error_of_bar_motion(closure.error, joint_screws(closure.bar))
 
 
 def rod_jacobian(closure: Closure) -> Array:
     """(6, N) derivative of the error with respect to the rod length [m]."""
-    return _error_of_bar_motion(closure, screw(closure.bar, "d", 2))
+    return _error_of_bar_motion(closure.error, screw(closure.bar, "d", 2))
 
 
 def plate_jacobian(closure: Closure) -> Array:
@@ -98,16 +128,10 @@ def plate_jacobian(closure: Closure) -> Array:
     return -np.concatenate((cross(robot.y[-1], arm), robot.y[-1]))
 
 
-def _error_of_bar_motion(closure: Closure, motion: Array) -> Array:
+def _error_of_bar_motion(error: Array, motion: Array) -> Array:
     """(..., 6, N) change of the error for a motion of the ball-bar's tool frame; in place."""
-    motion[..., 3:, :] = inverse_left_jacobian(closure.error[3:], motion[..., 3:, :])
+    motion[..., 3:, :] = inverse_left_jacobian(error[3:], motion[..., 3:, :])
     return motion
-
-
-def _error_of_robot_motion(closure: Closure, motion: Array) -> Array:
-    """(..., 6, N) change of the error for a motion of the robot's tool frame; in place."""
-    motion[..., 3:, :] = inverse_left_jacobian(-closure.error[3:], motion[..., 3:, :])
-    return np.negative(motion, out=motion)
 
 
 def closed_angles(geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:

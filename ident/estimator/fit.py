@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from ident.estimator.normal_equations import (
     at_trial,
     normal_equations,
     trial,
+    whole_jacobian,
 )
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
@@ -63,8 +64,24 @@ class Fit:
         return self.linear.x
 
     @property
+    def robust_weights(self) -> Array:
+        """(N,) of every sample of all parts, 1 where it counts in full."""
+        return np.concatenate(self.linear.robust) ** 2
+
+    @cached_property
+    def jacobians(self) -> tuple[Array, ...]:
+        """(P, E, N) derivative of the whitened error of every part, robust weights included."""
+        linear = self.linear
+        return tuple(
+            whole_jacobian(self.model, self.x, k, point, weights.scaled(robust))
+            for k, (point, weights, robust) in enumerate(
+                zip(linear.evaluations, linear.weights, linear.robust, strict=True)
+            )
+        )
+
+    @property
     def ballbars(self) -> list[Array]:
-        """(N, 5) [rad] ball-bar angles of each recording, unmeasured joints as solved for."""
+        """(N, 5) [rad] ball-bar angles of each part, unmeasured joints as solved for."""
         return [point.ballbar for point in self.linear.evaluations]
 
     @property
@@ -87,19 +104,25 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class _WhitenedLoopClosure:
+class WhitenedLoopClosure:
     """The problem that `gauss_newton.minimise` solves."""
 
     model: Model
     x: Array
     ballbars: Sequence[Array]
     excess: ExcessNoise
-    keep_blocks: bool
-    freeze_after: int
+    keep_blocks: bool = False
+    freeze_after: int | None = None  # iterations after which weights stay; None for never
+    robust: Sequence[Array] = ()
 
     def start(self) -> NormalEquations:
         return normal_equations(
-            self.model, self.x, self.ballbars, self.excess, keep_blocks=self.keep_blocks
+            self.model,
+            self.x,
+            self.ballbars,
+            self.excess,
+            keep_blocks=self.keep_blocks,
+            robust=self.robust,
         )
 
     def trial(self, equations: NormalEquations, step: Array) -> Trial:
@@ -108,14 +131,16 @@ class _WhitenedLoopClosure:
     def accept(
         self, equations: NormalEquations, accepted: Trial, iterations: int
     ) -> NormalEquations:
+        frozen = self.freeze_after is not None and iterations >= self.freeze_after
         return normal_equations(
             self.model,
             accepted.x,
             [point.ballbar for point in equations.evaluations],
             self.excess,
-            weights=equations.weights if iterations >= self.freeze_after else (),
+            weights=equations.weights if frozen else (),
             previous=accepted.evaluations,
             keep_blocks=self.keep_blocks,
+            robust=self.robust,
         )
 
     def reuse(self, equations: NormalEquations, accepted: Trial) -> NormalEquations:
@@ -150,7 +175,7 @@ def fit(
             on_iteration(_iteration(model, equations))
 
     minimum = minimise(
-        _WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after),
+        WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,

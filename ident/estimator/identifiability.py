@@ -23,7 +23,7 @@ from cell.geometry import BAR_ROWS, Geometry, ParameterTable, bar_frames
 from cell.inverse import UnreachableError, refine_reachable
 from ident.estimator.closure import close_loop, closed_angles, parameter_jacobian
 from ident.estimator.dependencies import STRUCTURAL, orthogonalised
-from ident.estimator.model import Evaluation, noise_columns
+from ident.estimator.model import Evaluation
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.whitening import covariance, whitening
 
@@ -87,7 +87,7 @@ def identifiable(
     logs. Raises UnreachableError when the nominal robot reaches none of the poses.
     """
     columns = _columns_on_nominal(point, excess, nominal, requested)
-    clock = ["offset", "skew"] if point.samples.has_clock else []
+    clock = ["offset", "skew"] if point.recording.has_clock else []
     order = np.roll(np.arange(len(columns)), len(clock))
     names = [*clock, *(nominal.table.names[i] for i in requested)]
     selected, dropped = _selected(columns[order], names)
@@ -105,7 +105,7 @@ def _columns_on_nominal(
     point: Evaluation, excess: ExcessNoise, nominal: Geometry, requested: NDArray[np.intp]
 ) -> Array:
     """(R [+ 2], M) whitened columns on the nominal mechanism, moving as the recording says."""
-    samples, believed = point.samples, point.closure.geometry
+    samples, believed = point.recording, point.bar_closure.geometry
     taken = ("ox", "oy", "oz", *(f"btheta{j}" for j in range(1, 6)))
     geometry = nominal.replaced({name: believed[name] for name in taken})
     total = samples.times.size
@@ -132,7 +132,7 @@ def _columns_on_nominal(
         ballbar=ballbar,
         robot_time=at,
     )
-    weights = whitening(covariance(noise_columns(nominally, excess)), nominally.unmeasured_columns)
+    weights = whitening(covariance(nominally.noise_columns(excess)), nominally.unmeasured_columns)
     columns = parameter_jacobian(
         nominally.closure, [nominal.table.parameters[i] for i in requested]
     )

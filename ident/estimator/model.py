@@ -8,6 +8,7 @@ joints as logged; with them they are the gears, which parallel rod and wrist cou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,9 +16,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.clock import Clock
-from cell.descriptions import Cell
+from cell.descriptions import Robot
 from cell.geometry import BAR_ROWS, Geometry, Parameter
-from cell.robot_angles import by_axis
+from cell.poses import KnownDistance, PoseGroup, PoseTable
 from ident.corrections.base import (
     BAR,
     BEHIND_GEARS,
@@ -28,22 +29,14 @@ from ident.corrections.base import (
     State,
     backlash_transition,
 )
-from ident.estimator.closure import (
-    Closure,
-    bar_joint_jacobian,
-    beside_rod,
-    close_loop,
-    parameter_jacobian,
-    plate_jacobian,
-    pointing_bar,
-    robot_joint_jacobian,
-    rod_jacobian,
-)
+from ident.estimator.closure import Closure, parameter_jacobian
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
+from ident.estimator.samples import ArmMotion, Observations, Samples, StillPoses
+from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import Whitening, covariance, whitening
-from ident.loads.gear_loads import Loads, MassModel, loads, no_loads
+from ident.loads.at_rest import state_at_rest
+from ident.loads.gear_loads import Loads, MassModel, link_masses, loads, no_loads
 
 # A smaller change of the geometry [m, rad] or of the clock [s] moves the loads by less than a
 # thousandth of a percent, so those of the previous evaluation are reused.
@@ -51,6 +44,9 @@ LOADS_GEOMETRY, LOADS_CLOCK = 1e-5, 2e-4
 UNMEASURED_STEPS = 2  # Gauss-Newton steps for the unmeasured joints; they converge quadratically
 MAX_UNMEASURED_STEP = 0.5  # [rad]
 LINEAR_STEP = 1e-4  # [rad] a smaller step moves the tool less than 1e-8 of its lever off its column
+
+
+Regressors = tuple[tuple[Array, ...], ...]  # (N,) each, of every correction
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,29 +63,72 @@ def joints_as_logged(joints: int) -> Gearing:
     return Gearing(np.eye(joints), np.eye(joints), np.zeros(joints))
 
 
-def gearing(cell: Cell) -> Gearing:
+def gearing(robot: Robot) -> Gearing:
     """The channels are the gears of the robot."""
-    robot = cell.robot
-    return Gearing(robot.gear_to_joint, robot.joint_to_gear, backlash_transition(cell))
+    return Gearing(robot.gear_to_joint, robot.joint_to_gear, backlash_transition(robot))
+
+
+def still_model(
+    table: PoseTable, unknowns: Unknowns, corrections: Sequence[Correction], angle_noise: Array
+) -> Model:
+    """The model of still poses alone; angle_noise : (J,) [rad] of their joint angles."""
+    loaded = any(correction.slopes is not None for correction in corrections)
+    return Model(
+        gearing=gearing(table.robot),
+        masses=link_masses(table.robot) if loaded else None,
+        corrections=tuple(corrections),
+        unknowns=unknowns,
+        recordings=(),
+        table=table,
+        angle_noise=angle_noise,
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """One recording at one value of the unknowns."""
+    """One set of observations at one value of the unknowns."""
 
-    samples: Samples
-    closure: Closure
+    samples: Observations
+    closure: Closure | TargetClosure
     ballbar: Array  # (N, 5) [rad] as the encoders read; unmeasured joints as solved for
     gearing: Gearing
     clock: Clock
     robot_time: Array  # (N,) [s] of the samples on the robot's clock
     state: State | None = None  # what the regressors depend on; None without corrections
-    regressors: tuple[tuple[Array, ...], ...] = ()  # (N,) each, of every correction
+    regressors: Regressors = ()
     varied: tuple[Parameter, ...] = ()  # parameters of the robot that are channels
     loads_at: tuple[Geometry, Clock] | None = None  # for which the loads were computed
     regressors_at: Clock | None = None  # for which regressors without loads were computed
     # (6, N) [m, rad] by which plate and structure move the tool beside the joints; None: not at all
     yielded: Array | None = None
+
+    @property
+    def recording(self) -> Samples:
+        """The observations, a recording. Raises TypeError where they are none."""
+        if not isinstance(self.samples, Samples):
+            raise TypeError("the observations are no recording")
+        return self.samples
+
+    @property
+    def bar_closure(self) -> Closure:
+        """The closure with a ball-bar. Raises TypeError where there is none."""
+        if not isinstance(self.closure, Closure):
+            raise TypeError("no ball-bar was observed")
+        return self.closure
+
+    @property
+    def still(self) -> PoseGroup:
+        """The group of still poses that was observed. Raises TypeError where there is none."""
+        if not isinstance(self.samples, StillPoses):
+            raise TypeError("the observations are no still poses")
+        return self.samples.group
+
+    @property
+    def target_closure(self) -> TargetClosure:
+        """The closure at a target. Raises TypeError where there is none."""
+        if not isinstance(self.closure, TargetClosure):
+            raise TypeError("no target was observed")
+        return self.closure
 
     @cached_property
     def channel_speed(self) -> Array:
@@ -100,16 +139,11 @@ class Evaluation:
     @cached_property
     def columns(self) -> Array:
         """(J + 7, 6, N) change of the loop-closure error for a unit of each error channel."""
-        joints = robot_joint_jacobian(self.closure)
-        columns = np.empty((len(joints) + BEHIND_GEARS, *self.closure.error.shape))
-        np.einsum("gj,jcn->gcn", self.gearing.to_joint, joints, out=columns[GEAR:BAR])
-        columns[BAR:ROD] = bar_joint_jacobian(self.closure)
-        columns[ROD], columns[PLATE] = rod_jacobian(self.closure), plate_jacobian(self.closure)
-        return columns
+        return self.closure.columns(self.gearing.to_joint)
 
     @cached_property
     def varied_columns(self) -> Array:
-        """(V, 6, N) likewise for a unit of each varied parameter."""
+        """(V, 6, N) change of the loop-closure error for a unit of each varied parameter."""
         return parameter_jacobian(self.closure, self.varied)
 
     @property
@@ -119,13 +153,15 @@ class Evaluation:
 
     @property
     def unmeasured_columns(self) -> Array:
-        """(m, 6, N) change of the loop-closure error per radian of each unmeasured joint.
+        """(m, 6, N) change of the loop-closure error for a unit of what nothing senses [m, rad]."""
+        return self.samples.free_columns(self.closure, self.columns)
 
-        Where the length is measured: per metre or radian of what the joints can move together.
+    def noise_columns(self, excess: ExcessNoise, uncertain: Array | float = 0.0) -> Array:
+        """(K, 6, N) change of the loop-closure error for one sigma of each source of noise.
+
+        uncertain : (J, N) [rad] of the gears beyond log noise and excess noise.
         """
-        if self.samples.measures_length:
-            return beside_rod(self.closure)
-        return np.asarray(self.columns[BAR:ROD][self.samples.unmeasured])
+        return self.samples.noise_columns(self, excess, uncertain)
 
     def with_ballbar_step(self, step: Array) -> Evaluation:
         """After a small step (m, N) [rad] of the unmeasured joints, to first order."""
@@ -137,7 +173,7 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Corrections, unknowns and samples of a fit."""
+    """Corrections, unknowns and observations of a fit: recordings, then groups of still poses."""
 
     gearing: Gearing
     masses: MassModel | None  # None where no correction needs loads
@@ -147,6 +183,27 @@ class Model:
     sharpness: float = (
         1.0  # below 1 the backlash changes flanks over a wider load; for continuation
     )
+    table: PoseTable | None = None  # still poses
+    angle_noise: Array | float = 0.0  # (J,) [rad] of their joint angles, by their rounding
+
+    @cached_property
+    def parts(self) -> tuple[Observations, ...]:
+        """Everything that was observed."""
+        groups = () if self.table is None else self.table.groups
+        noise = np.broadcast_to(self.angle_noise, len(self.gearing.to_joint))
+        return (*self.recordings, *(StillPoses(group, noise) for group in groups))
+
+    @property
+    def poses(self) -> PoseTable:
+        """The still poses. Raises ValueError where there are none."""
+        if self.table is None:
+            raise ValueError("the model has no still poses")
+        return self.table
+
+    @property
+    def distances(self) -> tuple[KnownDistance, ...]:
+        """Known distances between seats."""
+        return () if self.table is None else self.table.distances
 
     @cached_property
     def varied(self) -> tuple[Parameter, ...]:
@@ -154,13 +211,33 @@ class Model:
         channels = (c.channel for correction in self.corrections for c in correction.coefficients)
         return tuple(dict.fromkeys(c for c in channels if isinstance(c, Parameter)))
 
+    @cached_property
+    def resting(self) -> dict[int, tuple[State, Regressors]]:
+        """State and regressors of every part at rest.
+
+        By the nominal robot at the angles as given: what the fit changes would not be seen.
+        """
+        out = {}
+        for k, part in enumerate(self.parts):
+            if part.at_rest:
+                q = part.joint_angles(np.zeros(0))
+                state = state_at_rest(
+                    self.masses,
+                    self.unknowns.fixed,
+                    q,
+                    self.gearing.to_gear,
+                    self.gearing.transition,
+                )
+                out[k] = state, self._regressors(state, None)
+        return out
+
+    def at_rest(self, x: Array) -> tuple[Evaluation, ...]:
+        """Every group of still poses at the unknowns x (P,), where there is nothing else."""
+        return tuple(self.evaluate(x, k, np.zeros((0, 0))) for k in range(len(self.parts)))
+
     def robot_times(self, x: Array, k: int) -> Array:
         """(N,) [s] on the robot's clock of the samples of recording k, clock steps included."""
-        samples, steps = self.recordings[k], self.unknowns.own[k].steps
-        t = self.unknowns.clock(x, k).robot_time(samples.times)
-        if steps is not None:
-            t = t + x[steps] @ samples.after_clock_steps()
-        return np.clip(t, samples.robot.start, samples.robot.end)
+        return self.parts[k].robot_times(self.unknowns, x, k)
 
     def tension(self, x: Array, k: int) -> Array:
         """(N,) [N] of the rod at the samples of recording k: measured times gain, plus spline."""
@@ -177,7 +254,7 @@ class Model:
         *,
         hold_loads: bool = False,
     ) -> Evaluation:
-        """Loop-closure error of recording k at x (P,), ball-bar angles (N, 5) [rad].
+        """Loop-closure error of part k at x (P,), ball-bar angles (N, 5) [rad].
 
         Where the length is measured, the bar points at the tool whatever the angles.
 
@@ -186,46 +263,50 @@ class Model:
         the clocks are alike. hold_loads : reuse the loads whenever the clocks are alike, as a trial
         step within one iteration does.
         """
-        samples, layout = self.recordings[k], self.unknowns
-        geometry, clock = layout.geometry(x, k), layout.clock(x, k)
-        at = self.robot_times(x, k)
+        samples, layout = self.parts[k], self.unknowns
+        geometry, clock = samples.geometry(layout, x, k), samples.clock(layout, x, k)
+        at = samples.robot_times(layout, x, k)
         q = samples.joint_angles(at)
-        if samples.measures_length:
-            ballbar = pointing_bar(geometry, q, samples.extension)
+        ballbar = samples.bar_angles(geometry, q, ballbar)
         if not self.corrections:
-            closure = close_loop(geometry, q, ballbar)
+            closure = samples.close(layout, x, geometry, q, ballbar)
             return Evaluation(samples, closure, ballbar, self.gearing, clock, at)
-        same_clock = (
-            previous is not None
-            and previous.regressors_at is not None
-            and previous.regressors_at.alike(clock)
-            and layout.own[k].steps is None
-        )
-        reusable = previous if same_clock else None
-        carried, loads_at = self._loads(
-            k, previous, geometry, clock, ballbar, hold=hold_loads and same_clock, at=at
-        )
-        state = State(
-            t=samples.times,
-            recording=k,
-            gears=(q @ self.gearing.to_gear).T,
-            bar=ballbar[:, :BAR_ROWS].T + geometry.bar.theta[:, None],
-            loads=carried,
-            tension=self.tension(x, k),
-            width=self.gearing.transition,
-            gear_speed=(samples.robot.speed(at) @ self.gearing.to_gear).T,
-            gear_acceleration=(samples.robot.arm(at, 2) @ self.gearing.to_gear).T,
-            sharpness=self.sharpness,
-        )
-        regressors = self._regressors(state, reusable)
+        loads_at, regressors_at = None, None
+        if samples.at_rest:
+            state, regressors = self.resting[k]
+        else:
+            same_clock = (
+                previous is not None
+                and previous.regressors_at is not None
+                and previous.regressors_at.alike(clock)
+                and layout.own[k].steps is None
+            )
+            reusable = previous if same_clock else None
+            motion = samples.arm_motion(at)
+            carried, loads_at = self._loads(
+                motion, previous, geometry, clock, ballbar, hold=hold_loads and same_clock, at=at
+            )
+            state = State(
+                t=samples.times,
+                recording=k,
+                gears=(q @ self.gearing.to_gear).T,
+                bar=ballbar[:, :BAR_ROWS].T + geometry.bar.theta[:, None],
+                loads=carried,
+                tension=self.tension(x, k),
+                width=self.gearing.transition,
+                gear_speed=(motion.logged_speed @ self.gearing.to_gear).T,
+                gear_acceleration=(motion.acceleration @ self.gearing.to_gear).T,
+                sharpness=self.sharpness,
+            )
+            regressors = self._regressors(state, reusable)
+            regressors_at = reusable.regressors_at if reusable else clock
         moved, varied = self._displacements(x, regressors, at.size)
         joints = q + moved[GEAR:BAR].T @ self.gearing.to_joint
-        if samples.measures_length:
-            closure = close_loop(geometry, joints, pointing_bar(geometry, joints, ballbar[:, -1]))
-        else:
-            closure = close_loop(geometry, joints, ballbar + moved[BAR:ROD].T)
-        error = closure.error + rod_jacobian(closure) * moved[ROD]
-        plate = plate_jacobian(closure) * moved[PLATE]
+        bar = ballbar.copy()
+        bar[:, :BAR_ROWS] += moved[BAR:ROD].T
+        closure = samples.close(layout, x, geometry, joints, bar)
+        error = closure.error + closure.rod_column * moved[ROD]
+        plate = closure.plate_column * moved[PLATE]
         structure = np.einsum("vcn,vn->cn", parameter_jacobian(closure, self.varied), varied)
         error += plate
         error += structure
@@ -240,14 +321,14 @@ class Model:
             regressors=regressors,
             varied=self.varied,
             loads_at=loads_at,
-            regressors_at=reusable.regressors_at if reusable else clock,
+            regressors_at=regressors_at,
             yielded=-(plate + structure),
         )
 
     def weights(self, x: Array, evaluation: Evaluation, excess: ExcessNoise) -> Whitening:
         """Weights of one recording from its noise, at an evaluation."""
         uncertain = self.backlash_uncertainty(x, evaluation)
-        scaled = noise_columns(evaluation, excess, uncertain)
+        scaled = evaluation.noise_columns(excess, uncertain)
         return whitening(covariance(scaled), evaluation.unmeasured_columns)
 
     def solved(
@@ -264,13 +345,9 @@ class Model:
 
         weights : those to be kept, if any.
         """
-        samples = self.recordings[k]
         point = self.evaluate(x, k, ballbar, previous)
         used = weights or self.weights(x, point, excess)
-        # a bar that points at the tool leaves its joints nothing to absorb
-        for _ in range(
-            0 if samples.measures_length or not samples.unmeasured else UNMEASURED_STEPS
-        ):
+        for _ in range(UNMEASURED_STEPS if self.parts[k].solved_joints else 0):
             step = used.unmeasured_step(point.closure.error)
             step = np.clip(step, -MAX_UNMEASURED_STEP, MAX_UNMEASURED_STEP)
             stepped = point.with_ballbar_step(step)
@@ -297,7 +374,7 @@ class Model:
 
     def _loads(
         self,
-        k: int,
+        motion: ArmMotion,
         previous: Evaluation | None,
         geometry: Geometry,
         clock: Clock,
@@ -306,7 +383,7 @@ class Model:
         hold: bool,
         at: Array,
     ) -> tuple[Loads, tuple[Geometry, Clock]]:
-        """Loads of recording k, and the geometry and clock that they were computed for."""
+        """Loads along a motion, and the geometry and clock that they were computed for."""
         if previous is not None and previous.state is not None and previous.loads_at is not None:
             past, then = previous.loads_at
             drift = abs(clock.offset - then.offset) + abs(clock.skew - then.skew) * np.ptp(at)
@@ -315,15 +392,10 @@ class Model:
                 return previous.state.loads, previous.loads_at
         if self.masses is None:
             return no_loads(len(self.gearing.to_joint), at.size), (geometry, clock)
-        log = self.recordings[k].robot
-        q, speed, acceleration = (
-            np.asarray(f) for f in (log.spline(at), log.arm(at, 1), log.arm(at, 2))
-        )
-        return loads(self.masses, geometry, q, ballbar, speed, acceleration), (geometry, clock)
+        now = loads(self.masses, geometry, motion.q, ballbar, motion.speed, motion.acceleration)
+        return now, (geometry, clock)
 
-    def _regressors(
-        self, state: State, previous: Evaluation | None
-    ) -> tuple[tuple[Array, ...], ...]:
+    def _regressors(self, state: State, previous: Evaluation | None) -> Regressors:
         """Regressors of every correction; those without loads are taken from `previous`, if any."""
         known = previous.regressors if previous else ((),) * len(self.corrections)
         return tuple(
@@ -358,25 +430,3 @@ class Model:
         first = self.unknowns.coefficients.start + names.index("backlash1")
         half = np.abs(x[first : first + len(self.gearing.to_joint)])[:, None]
         return np.asarray(half * (1.0 - evaluation.state.load_sign() ** 2))
-
-
-def noise_columns(
-    evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
-) -> Array:
-    """(J + 7, 6, N) change of the loop-closure error for one sigma of each channel's noise.
-
-    The last one is of the stamps, which displace all channels of a log at once.
-    uncertain : (J, N) [rad] of the robot's channels beyond log noise and excess noise.
-    """
-    samples, columns = evaluation.samples, evaluation.columns
-    logged = samples.joint_noise[:, None]
-    beyond = by_axis(len(logged), main=excess.gear, wrist=excess.wrist)[:, None]
-    robot = np.sqrt(logged**2 + beyond**2 + np.square(uncertain))
-    measured = np.array([j + 1 in samples.encoders for j in range(BAR_ROWS)])
-    ballbar = np.where(measured, np.hypot(samples.encoder_noise, excess.bar), 0.0)
-    out = np.empty_like(columns)
-    np.multiply(columns[GEAR:BAR], robot[:, None, :], out=out[GEAR:BAR])
-    np.multiply(columns[BAR:ROD], ballbar[:, None, None], out=out[BAR:ROD])
-    np.multiply(columns[ROD], np.hypot(excess.rod, samples.length_noise), out=out[ROD])
-    np.multiply(evaluation.time_column, samples.stamp_noise, out=out[PLATE])
-    return out

@@ -25,6 +25,8 @@ class ExcessNoise:
     wrist: float = 0.0  # [rad] of the axes behind them
     bar: float = 0.0  # [rad] of each ball-bar encoder: sub-divisional error
     rod: float = 0.0  # [m] of the rod's length
+    position: float = 0.0  # [m] of a still pose along each axis: what the model leaves unexplained
+    rotation: float = 0.0  # [rad] the same of its orientation
 
 
 @dataclass(frozen=True, eq=False)

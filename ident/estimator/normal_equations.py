@@ -17,6 +17,7 @@ from scipy.linalg.blas import dsyrk
 
 from cell.arrays import Array
 from cell.geometry import Parameter
+from cell.poses import KnownDistance
 from ident.estimator.model import Evaluation, Model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.whitening import Whitening
@@ -35,7 +36,7 @@ class JacobianBlock:
 
     def scores(self, vector: Array, model: Model, k: int) -> Array:
         """(P, n) each unknown's column times a whitened vector (E, n), sample by sample."""
-        out, knots = np.zeros((model.unknowns.count, vector.shape[1])), model.unknowns.own[k].knots
+        out, knots = np.zeros((model.unknowns.count, vector.shape[1])), model.unknowns.knots(k)
         out[self.index] = (self.values * vector).sum(axis=1)
         if self.slope is not None and knots is not None:
             splines = model.recordings[k].splines[:, self.samples]
@@ -48,13 +49,15 @@ class NormalEquations:
     """The normal equations at x, and what they were made of; costs include the prior."""
 
     x: Array  # (P,)
-    evaluations: tuple[Evaluation, ...]  # one a recording
+    evaluations: tuple[Evaluation, ...]  # of each recording, then of each group of still poses
     weights: tuple[Whitening, ...]
-    residuals: tuple[Array, ...]  # (E, N) each, whitened
+    residuals: tuple[Array, ...]  # (E, N) each, whitened, robust weights included
     normal: Array  # (P, P)
     gradient: Array  # (P,) of half the cost
     cost: float
-    blocks: tuple[tuple[JacobianBlock, ...], ...] = ()  # of each recording, where they were kept
+    blocks: tuple[tuple[JacobianBlock, ...], ...] = ()  # of each part, where they were kept
+    # (N,) square root of each sample's robust weight, of every part; empty where all count in full
+    robust: tuple[Array, ...] = ()
 
     @property
     def equations(self) -> int:
@@ -75,12 +78,13 @@ def normal_equations(
     weights: Sequence[Whitening] = (),
     previous: Sequence[Evaluation] = (),
     keep_blocks: bool = False,
+    robust: Sequence[Array] = (),
 ) -> NormalEquations:
-    """Normal equations of all recordings and the prior at x (P,).
+    """Normal equations of all parts and the prior at x (P,).
 
-    ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start. weights : of each
-    recording, to be kept. previous : evaluations nearby (Model.evaluate). keep_blocks : whether the
-    Jacobian is kept, so that `at_trial` can reuse it.
+    ballbars : (N, 5) [rad] of each part, where its unmeasured joints start. weights : of each
+    part, to be kept. previous : evaluations nearby (Model.evaluate). keep_blocks : whether the
+    Jacobian is kept, so that `at_trial` can reuse it. robust : as of NormalEquations.
     """
     solved = [
         model.solved(
@@ -93,7 +97,7 @@ def normal_equations(
         )
         for k, ballbar in enumerate(ballbars)
     ]
-    residuals = tuple(weight(point.closure.error) for point, weight in solved)
+    residuals = _residuals([p for p, _ in solved], [w for _, w in solved], robust)
     out = NormalEquations(
         x=x,
         evaluations=tuple(point for point, _ in solved),
@@ -102,7 +106,12 @@ def normal_equations(
         normal=np.diag(model.unknowns.sigma**-2.0),
         gradient=(x - model.unknowns.mean) / model.unknowns.sigma**2,
         cost=_prior_cost(model, x) + float(sum((r * r).sum() for r in residuals)),
+        robust=tuple(robust),
     )
+    for known in model.distances:
+        row, value = known_distance(model, x, known)
+        out.normal[:] += np.outer(row, row)
+        out.gradient[:] += row * value
     blocks = []
     for k, residual in enumerate(residuals):
         own = []
@@ -131,9 +140,7 @@ def trial(model: Model, equations: NormalEquations, step: Array) -> Trial:
         model.evaluate(x, k, point.ballbar, point, hold_loads=True)
         for k, point in enumerate(equations.evaluations)
     )
-    residuals = tuple(
-        weight(point.closure.error) for point, weight in zip(points, equations.weights, strict=True)
-    )
+    residuals = _residuals(points, equations.weights, equations.robust)
     cost = _prior_cost(model, x) + float(sum((r * r).sum() for r in residuals))
     return Trial(x, cost, points, residuals)
 
@@ -141,6 +148,9 @@ def trial(model: Model, equations: NormalEquations, step: Array) -> Trial:
 def at_trial(model: Model, equations: NormalEquations, accepted: Trial) -> NormalEquations:
     """The normal equations at an accepted trial with the Jacobian and weights of the old ones."""
     gradient = (accepted.x - model.unknowns.mean) / model.unknowns.sigma**2
+    for known in model.distances:
+        row, value = known_distance(model, accepted.x, known)
+        gradient += row * value
     for k, (blocks, residual) in enumerate(zip(equations.blocks, accepted.residuals, strict=True)):
         for block in blocks:
             gradient += gradient_of(model, k, block, residual[:, block.samples])
@@ -162,55 +172,94 @@ def jacobian(
     firsts: Sequence[int] = (),
     from_the_end: bool = False,
 ) -> Iterator[JacobianBlock]:
-    """Whitened derivatives of recording k, block after block in order of time.
+    """Whitened derivatives of part k, block after block in order of time.
 
     firsts : first sample of each block, increasing; by default blocks are of one size.
-    from_the_end : the last block first, for sums over all samples behind an instant.
+    from_the_end : the last block first, for sums over all samples after an instant.
     """
-    layout, samples, own = model.unknowns, model.recordings[k], model.unknowns.own[k]
-    point, weights, x = equations.evaluations[k], equations.weights[k], equations.x
+    point, weights = equations.evaluations[k], equations.weights[k]
+    if equations.robust:
+        weights = weights.scaled(equations.robust[k])
+    return _blocks(model, equations.x, k, point, weights, firsts, from_the_end=from_the_end)
+
+
+def whole_jacobian(model: Model, x: Array, k: int, point: Evaluation, weights: Whitening) -> Array:
+    """(P, E, N) derivative of the weighted error of part k, a group of still poses."""
+    out = np.zeros((model.unknowns.count, weights.matrix.shape[0], point.samples.size))
+    for block in _blocks(model, x, k, point, weights):
+        out[block.index, :, block.samples] = block.values
+    return out
+
+
+def _blocks(
+    model: Model,
+    x: Array,
+    k: int,
+    point: Evaluation,
+    weights: Whitening,
+    firsts: Sequence[int] = (),
+    *,
+    from_the_end: bool = False,
+) -> Iterator[JacobianBlock]:
+    layout, part = model.unknowns, model.parts[k]
     parameters = layout.fixed.table.parameters
-    geometric = [parameters[i] for i in (*layout.shared, *own.parameters)]
-    parts = [slice(0, layout.shared.size), own.geometry, layout.coefficients]
-    if layout.gain is not None:
-        parts.append(slice(layout.gain, layout.gain + 1))
-    parts += [part for part in (own.clock, own.steps) if part is not None]
+    slope = None
+    if point.state is not None and part.tension_unknown(layout, k):
+        slope = weights(model.tension_column(x, point))
+    own_parameters, own_geometry = part.own_geometry(layout, k)
+    own_columns = part.own_columns(layout, x, k, point, weights, slope)
+    geometric = [parameters[i] for i in (*layout.shared, *own_parameters)]
+    parts = [slice(0, layout.shared.size), own_geometry, layout.coefficients]
+    parts += [place for place, _ in own_columns]
     index = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     channels = [c.channel for correction in model.corrections for c in correction.coefficients]
     columns = weights(point.columns) if channels else ()
     varied = dict(zip(point.varied, weights(point.varied_columns), strict=True))
     regressors = [signal for signals in point.regressors for signal in signals]
-    shift = weights(point.time_column) if own.clock is not None else None
-    slope = None
-    if point.state is not None and (layout.gain is not None or own.knots is not None):
-        slope = weights(model.tension_column(x, point))
-    steps = samples.after_clock_steps() if own.steps is not None else ()
-    edges = [*(firsts or range(0, samples.times.size, BLOCK_SAMPLES)), samples.times.size]
+    edges = [*(firsts or range(0, part.size, BLOCK_SAMPLES)), part.size]
     blocks = [slice(first, stop) for first, stop in pairwise(edges)]
     for block in reversed(blocks) if from_the_end else blocks:
         values = np.empty((index.size, weights.matrix.shape[0], block.stop - block.start))
         weights.part(block).jacobian(point.closure.part(block), geometric, values[: len(geometric)])
-        rows = iter(values[len(geometric) :])
+        row = len(geometric)
         for channel, regressor in zip(channels, regressors, strict=True):
             column = varied[channel] if isinstance(channel, Parameter) else columns[channel]
-            np.multiply(column[:, block], regressor[block], out=next(rows))
-        if layout.gain is not None and slope is not None:
-            np.multiply(slope[:, block], samples.tension[block], out=next(rows))
-        if shift is not None:
-            next(rows)[:] = shift[:, block]
-            np.multiply(shift[:, block], samples.times[block], out=next(rows))
-            for after in steps:
-                np.multiply(shift[:, block], after[block], out=next(rows))
+            np.multiply(column[:, block], regressor[block], out=values[row])
+            row += 1
+        for _, own in own_columns:
+            values[row : row + len(own)] = own[..., block]
+            row += len(own)
         yield JacobianBlock(block, index, values, None if slope is None else slope[:, block])
 
 
+def _residuals(
+    points: Sequence[Evaluation], weights: Sequence[Whitening], robust: Sequence[Array]
+) -> tuple[Array, ...]:
+    """(E, N) weighted loop-closure error of every part."""
+    white = tuple(w(point.closure.error) for point, w in zip(points, weights, strict=True))
+    return tuple(r * f for r, f in zip(white, robust, strict=True)) if robust else white
+
+
 def _prior_cost(model: Model, x: Array) -> float:
-    return float((((x - model.unknowns.mean) / model.unknowns.sigma) ** 2).sum())
+    """Cost of the priors and of the known distances between seats."""
+    cost = float((((x - model.unknowns.mean) / model.unknowns.sigma) ** 2).sum())
+    return cost + sum(known_distance(model, x, known)[1] ** 2 for known in model.distances)
+
+
+def known_distance(model: Model, x: Array, known: KnownDistance) -> tuple[Array, float]:
+    """Derivative (P,) and value of a known distance's residual, in its standard deviations."""
+    layout, row = model.unknowns, np.zeros(model.unknowns.count)
+    first, second = (layout.seat(x, seat).origin for seat in known.seats)
+    apart = second - first
+    length = float(np.linalg.norm(apart))
+    row[layout.seats[known.seats[0]].start :][:3] = -apart / length / known.sigma
+    row[layout.seats[known.seats[1]].start :][:3] = apart / length / known.sigma
+    return row, (length - known.length) / known.sigma
 
 
 def gradient_of(model: Model, k: int, block: JacobianBlock, residual: Array) -> Array:
     """(P,) of half the cost of one block with residuals (E, n)."""
-    out, knots = np.zeros(model.unknowns.count), model.unknowns.own[k].knots
+    out, knots = np.zeros(model.unknowns.count), model.unknowns.knots(k)
     out[block.index] = block.values.reshape(block.index.size, -1) @ residual.reshape(-1)
     if block.slope is not None and knots is not None:
         splines = model.recordings[k].splines[:, block.samples]
@@ -220,7 +269,7 @@ def gradient_of(model: Model, k: int, block: JacobianBlock, residual: Array) -> 
 
 def add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> None:
     """Adds the products of one block's columns to the normal matrix (P, P); in place."""
-    flat, knots = block.values.reshape(block.index.size, -1), model.unknowns.own[k].knots
+    flat, knots = block.values.reshape(block.index.size, -1), model.unknowns.knots(k)
     half = dsyrk(1.0, flat.T, trans=1)  # the upper triangle
     normal[np.ix_(block.index, block.index)] += half + np.triu(half, 1).T
     if block.slope is None or knots is None:

@@ -1,24 +1,46 @@
-"""One recording at the instants of the fit: both logs as smooth functions, and their noise.
+"""Observations as the fit takes them: a recording at its instants, or still poses.
 
-The instants are spread evenly over the part where both logs exist and the robot moves. They are
-times of the ball-bar's clock, or of the robot's where the ball-bar has no encoders.
+Those of a recording are instants at which both logs are smooth functions, spread evenly over the
+part where both exist and the robot moves. They are times of the ball-bar's clock, or of the robot's
+where the ball-bar has no encoders. A still pose is an observation whose speed is zero and whose
+clock is absent.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from cell.arrays import Array
+from cell.chain import forward
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, Geometry
-from ident.estimator.closure import complete_bar_angles, pointing_bar
+from cell.placement import target_frames
+from cell.poses import PoseGroup
+from cell.robot_angles import by_axis
+from ident.corrections.base import BAR, GEAR, PLATE, ROD
+from ident.estimator.closure import (
+    Closure,
+    beside_rod,
+    close_loop,
+    complete_bar_angles,
+    pointing_bar,
+)
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.target_closure import TargetClosure, close_on_target
+from ident.estimator.unknowns import Unknowns
 from ident.signals.smooth_log import SmoothLog, smoothing
+
+if TYPE_CHECKING:
+    from ident.estimator.model import Evaluation
+    from ident.estimator.whitening import Whitening
 
 MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during the fit
 DWELL_KEPT = (
@@ -30,8 +52,225 @@ _GRID_STEP, _GRID_SIZE = 0.05, 200  # [s], instants at least, on which motion is
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """One recording, ready to be compared with a mechanism."""
+class ArmMotion:
+    """Motion of the robot's joints at N instants."""
+
+    q: Array  # (N, J) [rad]
+    logged_speed: Array  # (N, J) [rad/s] of the log
+    speed: Array  # (N, J) [rad/s] of the arm as a rigid body
+    acceleration: Array  # (N, J) [rad/s^2] of the arm as a rigid body
+
+
+class Observations(ABC):
+    """What one instrument sensed of the robot, ready to be compared with a mechanism."""
+
+    at_rest: ClassVar[bool] = False  # whether regressors and loads do not depend on the unknowns
+
+    @property
+    def solved_joints(self) -> bool:
+        """Whether the instrument has joints without sensor whose angles are solved for."""
+        return False
+
+    @property
+    def unmeasured(self) -> list[int]:
+        """Columns of the ball-bar joints without encoder, from 0."""
+        return []
+
+    times: Array  # (N,) [s]
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of samples N."""
+
+    @abstractmethod
+    def geometry(self, layout: Unknowns, x: Array, k: int) -> Geometry:
+        """The mechanism that was observed; k : number of a recording."""
+
+    @abstractmethod
+    def clock(self, layout: Unknowns, x: Array, k: int) -> Clock:
+        """The clock against the robot's."""
+
+    @abstractmethod
+    def robot_times(self, layout: Unknowns, x: Array, k: int) -> Array:
+        """(N,) [s] on the robot's clock, clock steps included."""
+
+    @abstractmethod
+    def joint_angles(self, at: Array) -> Array:
+        """(N, J) [rad] as logged, at robot times (N,) [s]."""
+
+    @abstractmethod
+    def joint_speed(self, at: Array) -> Array:
+        """(N, J) [rad/s] derivative of `joint_angles`."""
+
+    @abstractmethod
+    def arm_motion(self, at: Array) -> ArmMotion:
+        """The motion at robot times (N,) [s], which loads depend on."""
+
+    @abstractmethod
+    def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
+        """(N, 5) or more [rad, m] of a ball-bar's joints, those it cannot know as given."""
+
+    @abstractmethod
+    def close(
+        self, layout: Unknowns, x: Array, geometry: Geometry, q: Array, bar: Array
+    ) -> Closure | TargetClosure:
+        """Loop closure at actual angles q (N, J), bar (N, 5) or more [rad]."""
+
+    @abstractmethod
+    def free_columns(self, closure: Closure | TargetClosure, columns: Array) -> Array:
+        """(m, 6, N) changes of the error that nothing senses; columns : of the error channels."""
+
+    @abstractmethod
+    def noise_columns(
+        self, evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
+    ) -> Array:
+        """(K, 6, N) change of the error for one standard deviation of each source of noise.
+
+        uncertain : (J, N) [rad] of the gears beyond log noise and excess noise.
+        """
+
+    @abstractmethod
+    def own_geometry(self, layout: Unknowns, k: int) -> tuple[NDArray[np.intp], slice]:
+        """Kinematic parameters that are its own, indices into the table, and their unknowns."""
+
+    @abstractmethod
+    def own_columns(
+        self,
+        layout: Unknowns,
+        x: Array,
+        k: int,
+        point: Evaluation,
+        weights: Whitening,
+        slope: Array | None,
+    ) -> list[tuple[slice, Array]]:
+        """Unknowns of its own besides, and (p, E, N) the weighted error's change per unit of each.
+
+        slope : (E, N) of the weighted error per newton of a tension that is not known.
+        """
+
+    def tension_unknown(self, layout: Unknowns, k: int) -> bool:
+        """Whether the tension of a rod is among the unknowns."""
+        del layout, k
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class StillPoses(Observations):
+    """Still poses of one seat and one target."""
+
+    group: PoseGroup
+    angle_noise: Array  # (J,) [rad] of the joint angles, by their rounding
+
+    at_rest: ClassVar[bool] = True
+
+    @property
+    def size(self) -> int:
+        return self.group.size
+
+    @cached_property
+    def times(self) -> Array:  # type: ignore[override]
+        """(N,) [s] zeros."""
+        return np.zeros(self.size)
+
+    def geometry(self, layout: Unknowns, x: Array, k: int) -> Geometry:
+        """The robot up to its bare flange."""
+        del k
+        return layout.bare(x)
+
+    def clock(self, layout: Unknowns, x: Array, k: int) -> Clock:
+        """None is needed."""
+        del layout, x, k
+        return Clock(0.0, 0.0)
+
+    def robot_times(self, layout: Unknowns, x: Array, k: int) -> Array:
+        """Zeros."""
+        del layout, x, k
+        return np.zeros(self.size)
+
+    def joint_angles(self, at: Array) -> Array:
+        """(N, J) [rad] as given."""
+        del at
+        return self.group.q
+
+    def joint_speed(self, at: Array) -> Array:
+        """(N, J) zeros."""
+        del at
+        return np.zeros_like(self.group.q)
+
+    def arm_motion(self, at: Array) -> ArmMotion:
+        """At rest."""
+        still = self.joint_speed(at)
+        return ArmMotion(self.group.q, still, still, still)
+
+    def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
+        """(N, 5) zeros: no ball-bar holds the tool."""
+        del geometry, ballbar
+        return np.zeros((len(q), BAR_ROWS))
+
+    def close(
+        self, layout: Unknowns, x: Array, geometry: Geometry, q: Array, bar: Array
+    ) -> TargetClosure:
+        """Loop closure at the target."""
+        del bar
+        group = self.group
+        frames = target_frames(forward(geometry.robot, q), layout.target(x, group.target))
+        return close_on_target(group.kind, group.values, layout.seat(x, group.seat), frames)
+
+    def free_columns(self, closure: Closure | TargetClosure, columns: Array) -> Array:
+        """What the instrument does not sense of the target."""
+        del columns
+        assert isinstance(closure, TargetClosure)
+        return closure.sight.free
+
+    def noise_columns(
+        self, evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
+    ) -> Array:
+        """Noise of the angles and the instrument, and what the model leaves unexplained."""
+        closure = evaluation.closure
+        assert isinstance(closure, TargetClosure)
+        parts = [
+            self.angle_noise[:, None, None] * closure.joint_columns,
+            closure.sensor_columns(self.group.sigma),
+        ]
+        if excess.gear or excess.wrist or np.ndim(uncertain):
+            gears = evaluation.columns[GEAR:BAR]
+            beyond = by_axis(len(gears), main=excess.gear, wrist=excess.wrist)[:, None]
+            parts.append(np.sqrt(beyond**2 + np.square(uncertain))[:, None] * gears)
+        unexplained = np.repeat([excess.position, excess.rotation], 3)
+        if unexplained.any():
+            parts.append(np.repeat(np.diag(unexplained)[:, :, None], self.size, axis=2))
+        return np.concatenate(parts)
+
+    def own_geometry(self, layout: Unknowns, k: int) -> tuple[NDArray[np.intp], slice]:
+        """None."""
+        del layout, k
+        return np.zeros(0, dtype=np.intp), slice(0, 0)
+
+    def own_columns(
+        self,
+        layout: Unknowns,
+        x: Array,
+        k: int,
+        point: Evaluation,
+        weights: Whitening,
+        slope: Array | None,
+    ) -> list[tuple[slice, Array]]:
+        """Of seat and target."""
+        del k, slope
+        closure = point.closure
+        assert isinstance(closure, TargetClosure)
+        seat = layout.seats[self.group.seat]
+        target = layout.targets[self.group.target]
+        return [
+            (seat, weights(closure.seat_columns(x[seat]))),
+            (target, weights(closure.target_columns(x[target]))),
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Observations):
+    """One recording of a ball-bar."""
 
     robot: SmoothLog
     # Encoder angles, or of a bar without encoders the sensed length; None where nothing is sensed
@@ -49,8 +288,114 @@ class Samples:
     held: Array | None = None  # (N,) [s] robot times at which the noise of the robot's log is held
 
     @property
+    def size(self) -> int:
+        return int(self.times.size)
+
+    @property
     def has_clock(self) -> bool:
         return self.ballbar is not None
+
+    def geometry(self, layout: Unknowns, x: Array, k: int) -> Geometry:
+        """The robot with the ball-bar's plate as its tool, and this recording's ball-bar."""
+        return layout.geometry(x, k)
+
+    def clock(self, layout: Unknowns, x: Array, k: int) -> Clock:
+        """The clock of the recording."""
+        return layout.clock(x, k)
+
+    def robot_times(self, layout: Unknowns, x: Array, k: int) -> Array:
+        """(N,) [s] on the robot's clock, clock steps included."""
+        t, steps = layout.clock(x, k).robot_time(self.times), layout.own[k].steps
+        if steps is not None:
+            t = t + x[steps] @ self.after_clock_steps()
+        return np.clip(t, self.robot.start, self.robot.end)
+
+    def arm_motion(self, at: Array) -> ArmMotion:
+        """As the robot's log has it, and its arm smoothed further."""
+        log = self.robot
+        splines = (log.spline(at), log.speed(at), log.arm(at, 1), log.arm(at, 2))
+        return ArmMotion(*(np.asarray(values) for values in splines))
+
+    def own_geometry(self, layout: Unknowns, k: int) -> tuple[NDArray[np.intp], slice]:
+        """Encoder offsets and base pose of the ball-bar."""
+        return layout.own[k].parameters, layout.own[k].geometry
+
+    def tension_unknown(self, layout: Unknowns, k: int) -> bool:
+        """Whether gain or knots of the tension are."""
+        return layout.gain is not None or layout.own[k].knots is not None
+
+    def own_columns(
+        self,
+        layout: Unknowns,
+        x: Array,
+        k: int,
+        point: Evaluation,
+        weights: Whitening,
+        slope: Array | None,
+    ) -> list[tuple[slice, Array]]:
+        """Of the gain of a measured tension, of the clock and of its steps."""
+        del x
+        out, own = list[tuple[slice, Array]](), layout.own[k]
+        if layout.gain is not None:
+            gain = np.zeros((len(weights.matrix), self.size)) if slope is None else slope
+            place = slice(layout.gain, layout.gain + 1)
+            out.append((place, (gain * self.tension)[None]))
+        if own.clock is not None:
+            shift = weights(point.time_column)
+            out.append((own.clock, np.stack((shift, shift * self.times))))
+            if own.steps is not None:
+                out.append((own.steps, shift * self.after_clock_steps()[:, None]))
+        return out
+
+    @property
+    def solved_joints(self) -> bool:
+        """Whether joints without encoder are solved for.
+
+        A bar that points at the tool leaves its joints nothing to absorb.
+        """
+        return bool(self.unmeasured) and not self.measures_length
+
+    def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
+        """As given; where the length is measured the bar points at the tool whatever they are."""
+        return pointing_bar(geometry, q, self.extension) if self.measures_length else ballbar
+
+    def close(
+        self, layout: Unknowns, x: Array, geometry: Geometry, q: Array, bar: Array
+    ) -> Closure:
+        """Loop closure of robot and ball-bar."""
+        del layout, x
+        if self.measures_length:
+            bar = pointing_bar(geometry, q, self.extension)
+        return close_loop(geometry, q, bar)
+
+    def free_columns(self, closure: Closure | TargetClosure, columns: Array) -> Array:
+        """Per radian of each unmeasured joint.
+
+        Where the length is measured: per metre or radian of what the joints can move together.
+        """
+        assert isinstance(closure, Closure)
+        if self.measures_length:
+            return beside_rod(closure)
+        return np.asarray(columns[BAR:ROD][self.unmeasured])
+
+    def noise_columns(
+        self, evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
+    ) -> Array:
+        """(J + 7, 6, N) of the error channels.
+
+        The last one is of the stamps, which displace all channels of a log at once.
+        """
+        columns, logged = evaluation.columns, self.joint_noise[:, None]
+        beyond = by_axis(len(logged), main=excess.gear, wrist=excess.wrist)[:, None]
+        robot = np.sqrt(logged**2 + beyond**2 + np.square(uncertain))
+        measured = np.array([j + 1 in self.encoders for j in range(BAR_ROWS)])
+        ballbar = np.where(measured, np.hypot(self.encoder_noise, excess.bar), 0.0)
+        out = np.empty_like(columns)
+        np.multiply(columns[GEAR:BAR], robot[:, None, :], out=out[GEAR:BAR])
+        np.multiply(columns[BAR:ROD], ballbar[:, None, None], out=out[BAR:ROD])
+        np.multiply(columns[ROD], np.hypot(excess.rod, self.length_noise), out=out[ROD])
+        np.multiply(evaluation.time_column, self.stamp_noise, out=out[PLATE])
+        return out
 
     @property
     def measures_length(self) -> bool:

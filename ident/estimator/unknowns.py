@@ -1,9 +1,11 @@
 """The unknowns of a fit as one vector, with a Gaussian prior for each.
 
-Shared by all recordings are the geometry of robot and ball-bar, the coefficients of the corrections
-and the gain of a measured rod force. Each recording has its own encoder offsets, base pose of the
-ball-bar, clock, and where nothing measures the rod's tension its spline. An infinite prior sigma
-means no prior.
+Shared by all that was measured are the geometry of robot and ball-bar, the coefficients of the
+corrections and the gain of a measured rod force. Each recording has its own encoder offsets, base
+pose of the ball-bar, clock, and where nothing measures the rod's tension its spline. Then come the
+seats of other instruments and the targets that they measured, which start where `ident.start` found
+them; of those whose orientation nothing measures only the position is unknown. An infinite prior
+sigma means no prior.
 
 The gauge of the robot's parameters stays fixed: of the IRB 2400 `rd1`, `rtheta1`, `rd3`. The plate
 is the known length (thesis Table 3.2, `ra6`): fixed in a fit without priors, else an unknown under
@@ -12,7 +14,7 @@ the prior of its file.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +22,17 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.geometry import Geometry, ParameterTable, parameter_named, parameter_table
+from cell.descriptions import Cell, Robot
+from cell.geometry import (
+    Geometry,
+    Parameter,
+    ParameterTable,
+    parameter_named,
+    parameter_table,
+    robot_geometry,
+)
+from cell.placement import Placement
+from cell.poses import PoseGroup
 from ident.corrections.base import Coefficient, Correction
 
 LENGTH_PRIOR = (
@@ -40,6 +51,12 @@ TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identifi
 MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
 MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of notes/log_formats
 KNOWN_LENGTH = 1e-5  # [m] standard deviation up to which a length of the cell is taken as exact
+# Of a parameter about its catalogue value where still poses alone identify it. UR5, UR10 and Panda:
+# from 60 poses on, 5 mrad and 2 mm predict as well; 1 mrad and 0.3 mm are too tight
+# (docs/real_robots, priors).
+STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR = 2e-3, 7e-4  # [rad], [m]
+PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps steps finite
+HELD = 1e-9  # of a prior's sigma: below what data could tell
 BASE_POSE = ("ox", "oy", "oz", "otx", "oty")
 
 
@@ -122,14 +139,37 @@ class Own:
     knots: slice | None  # of the tension's spline [N]
 
     def moved(self, shift: int) -> Own:
-        """The places behind `shift` more unknowns."""
+        """The places after `shift` more unknowns."""
+        optional = (self.clock, self.steps, self.knots)
+        clock, steps, knots = (None if p is None else _further(p, shift) for p in optional)
+        return Own(self.parameters, _further(self.geometry, shift), clock, steps, knots)
 
-        def further(part: slice) -> slice:
-            return slice(part.start + shift, part.stop + shift)
 
-        rest = (self.clock, self.steps, self.knots)
-        clock, steps, knots = (None if part is None else further(part) for part in rest)
-        return Own(self.parameters, further(self.geometry), clock, steps, knots)
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where the unknowns of seats and targets stand in the vector, and where they start."""
+
+    seats: dict[str, slice]  # shift [m], and of a whole frame a rotation vector [rad]
+    targets: dict[str, slice]
+    seat_starts: dict[str, Placement]  # in the robot's base frame
+    target_starts: dict[str, Placement]  # in the flange's frame
+    last_row: NDArray[np.intp]  # indices into the table of the robot's last row
+    flange: Array  # its values where it ends in the bare flange
+
+    def shifted(self, shift: int) -> Placed:
+        """The places after `shift` more unknowns."""
+        seats, targets = (
+            {name: _further(part, shift) for name, part in places.items()}
+            for places in (self.seats, self.targets)
+        )
+        return replace(self, seats=seats, targets=targets)
+
+
+NOWHERE = Placed({}, {}, {}, {}, np.zeros(0, dtype=np.intp), np.zeros(0))
+
+
+def _further(part: slice, shift: int) -> slice:
+    return slice(part.start + shift, part.stop + shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +183,38 @@ class Unknowns:
     shared: NDArray[np.intp]  # indices into the table of the first unknowns, in its order
     coefficients: slice  # of the corrections; they follow the shared parameters
     gain: int | None  # of the measured rod force
-    own: tuple[Own, ...]
+    own: tuple[Own, ...]  # of each recording
+    placed: Placed = NOWHERE
 
     @property
     def count(self) -> int:
         return len(self.names)
+
+    @property
+    def seats(self) -> dict[str, slice]:
+        """Where the unknowns of each seat stand: shift [m], of a whole frame a rotation vector."""
+        return self.placed.seats
+
+    @property
+    def targets(self) -> dict[str, slice]:
+        """Where the unknowns of each target stand, as those of seats."""
+        return self.placed.targets
+
+    @property
+    def framed(self) -> set[str]:
+        """Seats and targets whose orientation is unknown too."""
+        places = {**self.seats, **self.targets}
+        return {name for name, part in places.items() if part.stop - part.start == 6}
+
+    @property
+    def geometric(self) -> slice:
+        """The shared parameters among the unknowns."""
+        return slice(0, self.shared.size)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The shared parameters."""
+        return tuple(self.fixed.table.parameters[i] for i in self.shared)
 
     @property
     def machine(self) -> NDArray[np.intp]:
@@ -160,6 +227,35 @@ class Unknowns:
         values[self.shared] = x[: self.shared.size]
         values[self.own[k].parameters] = x[self.own[k].geometry]
         return self.fixed.with_values(values)
+
+    def knots(self, k: int) -> slice | None:
+        """The knots of the tension's spline of part k; None where it has none."""
+        return self.own[k].knots if k < len(self.own) else None
+
+    def bare(self, x: Array) -> Geometry:
+        """The kinematic parameters with the bare flange as the robot's last row."""
+        values = self.fixed.values.copy()
+        values[self.shared] = x[: self.shared.size]
+        values[self.placed.last_row] = self.placed.flange
+        return self.fixed.with_values(values)
+
+    def seat(self, x: Array, name: str) -> Placement:
+        """A seat in the robot's base frame; turns about the base's axes."""
+        change = x[self.placed.seats[name]]
+        return self.placed.seat_starts[name].moved(change, about_own_axes=False)
+
+    def target(self, x: Array, name: str) -> Placement:
+        """A target in the flange's frame; turns about its own axes."""
+        change = x[self.placed.targets[name]]
+        return self.placed.target_starts[name].moved(change, about_own_axes=True)
+
+    def held(self, targets: Iterable[str] = ()) -> Unknowns:
+        """The same with robot, coefficients and some targets held at their priors' means."""
+        sigma = self.sigma.copy()
+        sigma[self.machine] *= HELD
+        for name in targets:
+            sigma[self.placed.targets[name]] *= HELD
+        return replace(self, sigma=sigma)
 
     def clock(self, x: Array, k: int) -> Clock:
         """The clock of recording k."""
@@ -193,6 +289,7 @@ class Unknowns:
             coefficients=slice(first, stop + shift),
             gain=None if self.gain is None else self.gain + shift,
             own=tuple(own.moved(shift) for own in self.own),
+            placed=self.placed.shifted(shift),
         )
         return layout, recast(x, means)
 
@@ -214,6 +311,7 @@ class Unknowns:
             coefficients=slice(old.start + shift, old.stop + shift),
             gain=None if self.gain is None else self.gain + shift,
             own=tuple(own.moved(shift) for own in self.own),
+            placed=self.placed.shifted(shift),
         )
         return layout, np.insert(x, places, values)
 
@@ -307,6 +405,81 @@ def complete_unknowns(
     return layout, layout.mean.copy()
 
 
+def still_unknowns(
+    robot: Robot,
+    nominal: Geometry,
+    groups: Sequence[PoseGroup],
+    seats: Mapping[str, Placement],
+    targets: Mapping[str, Placement],
+    corrections: Sequence[Correction],
+) -> Unknowns:
+    """Unknowns of still poses alone, all with priors.
+
+    The joint offset and offset of the first row are a gauge against the seats, those of the last
+    row against the targets, and of two parallel axes only the sum of their offsets moves anything:
+    these stay nominal. nominal : geometry about which the parameters have their priors, its last
+    row the bare flange. seats, targets : where they start.
+    """
+    build, table = _Builder(), nominal.table
+    names = [p.name for p in arm_parameters(robot)]
+    for name in names:
+        length = parameter_named(name).is_length
+        build.add(name, nominal[name], STILL_LENGTH_PRIOR if length else STILL_ANGLE_PRIOR)
+    every = [c for correction in corrections for c in correction.coefficients]
+    coefficients = build.block(
+        [c.name for c in every], [c.mean for c in every], [c.sigma for c in every]
+    )
+    placed = _placed(build, robot, table, groups, seats, targets)
+    shared = [table.index[name] for name in names]
+    return build.unknowns(nominal, np.array(shared), coefficients, None, (), placed)
+
+
+def arm_parameters(robot: Robot) -> tuple[Parameter, ...]:
+    """The robot's parameters without gauge and tool: what other instruments tell from their seats
+    and targets.
+    """
+    table = parameter_table(robot)
+    fixed = {*table.gauge, *last_row_names(table)}
+    return tuple(p for p in table.parameters if p.side == "robot" and p.name not in fixed)
+
+
+def last_row_names(table: ParameterTable) -> list[str]:
+    """Parameters of the robot's last row, at which the tool sits."""
+    names = [f"r{kind}{table.joints}" for kind in ("a", "d", "alpha", "theta", "beta")]
+    return [name for name in names if name in table.index]
+
+
+def _placed(
+    build: _Builder,
+    robot: Robot,
+    table: ParameterTable,
+    groups: Sequence[PoseGroup],
+    seats: Mapping[str, Placement],
+    targets: Mapping[str, Placement],
+) -> Placed:
+    """Adds the unknowns of the groups' seats and targets."""
+
+    def placement(name: str, *, turns: bool) -> slice:
+        axes = ("x", "y", "z", "rx", "ry", "rz")[: 6 if turns else 3]
+        count = len(axes)
+        return build.block([f"{name}.{c}" for c in axes], [0.0] * count, [PLACEMENT_PRIOR] * count)
+
+    framed = {g.seat for g in groups if g.kind.seat_turns}
+    whole = {g.target for g in groups if g.kind.target_turns}
+    seat_names, target_names = (
+        tuple(dict.fromkeys(getattr(g, kind) for g in groups)) for kind in ("seat", "target")
+    )
+    bare, last = robot_geometry(robot), last_row_names(table)
+    return Placed(
+        seats={s: placement(f"seat {s}", turns=s in framed) for s in seat_names},
+        targets={t: placement(f"target {t}", turns=t in whole) for t in target_names},
+        seat_starts={name: seats[name] for name in seat_names},
+        target_starts={name: targets[name] for name in target_names},
+        last_row=np.array([table.index[name] for name in last], dtype=np.intp),
+        flange=np.array([bare[name] for name in last]),
+    )
+
+
 def _own(build: _Builder, recording: RecordingStart, tail: str) -> Own:
     start, clock = recording.geometry, recording.clock
     offsets = [f"btheta{joint}" for joint in recording.encoders]
@@ -371,6 +544,7 @@ class _Builder:
         coefficients: slice,
         gain: int | None,
         own: Sequence[Own],
+        placed: Placed = NOWHERE,
     ) -> Unknowns:
         return Unknowns(
             names=tuple(self.names),
@@ -381,6 +555,7 @@ class _Builder:
             coefficients=coefficients,
             gain=gain,
             own=tuple(own),
+            placed=placed,
         )
 
 

@@ -7,20 +7,20 @@ unlimited variance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from cell.arrays import Array
-from ident.estimator.closure import rod_jacobian
 from ident.estimator.fit import Fit
-from ident.estimator.model import Evaluation, noise_columns
+from ident.estimator.model import Evaluation
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.whitening import cholesky, covariance, solve_lower
 
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
 UNMEASURED_SIGMA = 1.0  # [rad] of a joint without encoder: a twelfth of all turns, no knowledge
+COMPONENTS = ("gear", "wrist", "bar", "rod")  # of recordings, found together
 ROD_SIGMA_RANGE = 1e-8, 1e-3  # [m] from nothing to a rod that is no constraint any more
 
 
@@ -32,7 +32,7 @@ def rod_deviation(fit: Fit) -> float:
     """
     (point,) = fit.linear.evaluations
     weights = fit.model.weights(fit.x, point, replace(fit.excess, rod=0.0))
-    residual, rod = weights(point.closure.error), weights(rod_jacobian(point.closure))
+    residual, rod = weights(point.closure.error), weights(point.closure.rod_column)
     projection, weight = (rod * residual).sum(axis=0), (rod * rod).sum(axis=0)
     optimum = minimize_scalar(
         _rod_deviance,
@@ -83,13 +83,13 @@ class _Likelihood:
 
     @classmethod
     def of(cls, point: Evaluation, uncertain: Array | float, error: Array) -> _Likelihood:
-        """uncertain : as of `noise_columns`."""
-        logged = covariance(noise_columns(point, ExcessNoise(), uncertain))
+        """uncertain : as of `Evaluation.noise_columns`."""
+        logged = covariance(point.noise_columns(ExcessNoise(), uncertain))
         for column in point.unmeasured_columns * UNMEASURED_SIGMA:
             logged += column[:, None] * column[None]
-        silent = covariance(noise_columns(point, ExcessNoise()))
-        units = [ExcessNoise(**{field.name: 1.0}) for field in fields(ExcessNoise)]
-        added = [covariance(noise_columns(point, unit)) - silent for unit in units]
+        silent = covariance(point.noise_columns(ExcessNoise()))
+        units = [ExcessNoise(**{name: 1.0}) for name in COMPONENTS]
+        added = [covariance(point.noise_columns(unit)) - silent for unit in units]
         return cls(error, logged, np.array(added))
 
     def deviance(self, variances: Array) -> tuple[float, Array]:

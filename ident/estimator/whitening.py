@@ -13,15 +13,16 @@ want the samples first, and the transposition alone costs more than these loops 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.geometry import Parameter, parameter_screw
+from cell.geometry import Parameter
 from cell.rotation import inverse_left_jacobian
 from ident.estimator.closure import Closure, runs_of_one_side
+from ident.estimator.target_closure import TargetClosure
 
 # [m, rad] rounding of counts and times; keeps C positive definite where noise leaves a direction
 # free
@@ -56,6 +57,10 @@ class Whitening:
         """Whitened columns (..., E, N) of columns (..., 6, N), unmeasured directions removed."""
         return _product(self.matrix, columns)
 
+    def scaled(self, factor: Array) -> Whitening:
+        """The weights with each sample's multiplied by a factor (N,)."""
+        return replace(self, matrix=self.matrix * factor)
+
     def part(self, samples: slice) -> Whitening:
         """The weights of some of the samples."""
         return Whitening(
@@ -66,7 +71,10 @@ class Whitening:
         )
 
     def jacobian(
-        self, closure: Closure, parameters: Sequence[Parameter], out: Array | None = None
+        self,
+        closure: Closure | TargetClosure,
+        parameters: Sequence[Parameter],
+        out: Array | None = None,
     ) -> Array:
         """(P, E, N) whitened `parameter_jacobian`, without forming that; out : to fill."""
         out = np.empty((len(parameters), *self.matrix.shape[::2])) if out is None else out
@@ -74,7 +82,7 @@ class Whitening:
         for first, last, is_robot in runs_of_one_side(parameters):
             screws = np.empty((last - first, 6, out.shape[2]))
             for screw, parameter in zip(screws, parameters[first:last], strict=True):
-                parameter_screw(closure.geometry, closure.robot, closure.bar, parameter, screw)
+                closure.screw(parameter, screw)
             matrix = of_robot if is_robot else of_bar
             np.einsum("ejn,pjn->pen", matrix, screws, out=out[first:last])
         return out
@@ -89,11 +97,11 @@ class Whitening:
             step[i, turning] = head[turning] / self.triangle[i, i, turning]
         return -step
 
-    def _of_robot_motion(self, closure: Closure) -> Array:
+    def _of_robot_motion(self, closure: Closure | TargetClosure) -> Array:
         """(E, 6, N) whitened change of the error per motion of the robot's tool frame."""
         return -self._turned(closure.error[3:])
 
-    def _of_bar_motion(self, closure: Closure) -> Array:
+    def _of_bar_motion(self, closure: Closure | TargetClosure) -> Array:
         """(E, 6, N) whitened change of the error per motion of the ball-bar's tool frame."""
         return self._turned(-closure.error[3:])
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.bodies import bar_bodies, carried_bodies
+from cell.bodies import bar_bodies, carried_bodies, link_bodies
 from cell.chain import Frames, cross, joint_screws, screw
-from cell.descriptions import Cell, Link
+from cell.descriptions import Cell, Link, Robot
 from cell.dynamics import joint_moments, joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames
 
@@ -81,6 +81,12 @@ def mass_model(cell: Cell) -> MassModel:
         cell.robot.gear_to_joint,
         None if cell.ballbar.stroke is None else sum(link.mass for link in cell.ballbar.links),
     )
+
+
+def link_masses(robot: Robot) -> MassModel:
+    """The links of a robot alone, whatever it carries. Raises InputError where it states none."""
+    links = [[link] for link in link_bodies(robot)]
+    return MassModel(links, [], robot.gravity, robot.gear_to_joint)
 
 
 def loads(

@@ -1,6 +1,6 @@
 """A robot as identified from still poses: where it puts a target, and how far to trust that.
 
-The region that holds 95 % of poses comes from cross-validation (ident.poses.cross_validation), not
+The region that holds 95 % of poses comes from cross-validation (ident.cross_validation), not
 from the instrument's sigma alone. Outside the range over which an axis was fitted nothing is known
 of the error, so the stated uncertainty there is infinite.
 """
@@ -18,11 +18,11 @@ from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws, screw
 from cell.descriptions import Robot
 from cell.geometry import Parameter
+from cell.placement import Placement, target_frames
 from cell.statistics import chi_square_quantile
 from ident.corrections.base import Correction
-from ident.poses.closure import Placement, target_frames
-from ident.poses.cross_validation import LEVEL
-from ident.poses.joint_corrections import channels, joint_displacements, regressors_at
+from ident.cross_validation import LEVEL
+from ident.loads.at_rest import angles_at_rest, regressors_at_rest
 
 WORKSPACE = 800  # poses, as many as the accuracy grid of a moving robot
 _WORKSPACE_SEED = 2400  # the poses are part of the metric
@@ -50,8 +50,7 @@ class IdentifiedArm:
 
     def joints(self, q: Array) -> Array:
         """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad]."""
-        regressors = regressors_at(self.robot, self.corrections, q)
-        return q + joint_displacements(self.robot, self.corrections, self.values, regressors)
+        return angles_at_rest(self.robot, self.corrections, self.values, q)
 
     def frames(self, q: Array) -> Frames:
         """Frames of the robot at logged angles q (N, J) [rad]; the last is that of the target."""
@@ -82,8 +81,7 @@ class IdentifiedArm:
         rows = [screw(frames, p.kind, p.row)[:3] for p in self.parameters]
         joints = joint_screws(frames)[: self.robot.a.size, :3]
         gears = np.einsum("gj,jcn->gcn", self.robot.gear_to_joint, joints)
-        regressors = regressors_at(self.robot, self.corrections, q)
-        each = [gears[c] * r for c, r in zip(channels(self.corrections), regressors, strict=True)]
+        each = [gears[k] * r for k, r in regressors_at_rest(self.robot, self.corrections, q)]
         shifts = np.repeat(np.eye(3)[:, :, None], len(q), axis=2)
         turns = np.cross(
             np.eye(3)[:, :, None], (frames.tip - self.seat.origin[:, None])[None], axis=1

@@ -18,30 +18,10 @@ from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import Geometry, Parameter, robot_frames
-from cell.robot_angles import by_axis
 from cell.rotation import matrix_from_rotvec
-from ident.corrections.base import (
-    BAR,
-    BEHIND_GEARS,
-    GEAR,
-    Channel,
-    Correction,
-    State,
-    backlash_transition,
-)
-from ident.loads.gear_loads import mass_model, own_weight
-
-# [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
-UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
-
-
-def backlash_flanks(load: Array) -> Array:
-    """(J, N) flank, -1, 0 or 1, on which gears at rest lie under a load (J, N) [N m].
-
-    0 where the load hardly decides.
-    """
-    undecided = by_axis(len(load), main=UNDECIDED, wrist=UNDECIDED_WRIST)
-    return np.where(np.abs(load) < undecided[:, None], 0.0, np.sign(load))
+from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, Channel, Correction, backlash_transition
+from ident.loads.at_rest import state_at_rest
+from ident.loads.gear_loads import mass_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,20 +121,9 @@ class UnloadedRobot:
 
     def _regressors(self, q: Array) -> Iterator[tuple[Channel, Array]]:
         """Channel and regressor (N,) of every coefficient, at rest under the robot's own weight."""
-        weight = own_weight(mass_model(self.cell), self.geometry, q)
-        gears = (q @ self.cell.robot.joint_to_gear).T
-        still = np.zeros_like(gears)
-        state = State(
-            t=still[0],
-            recording=-1,
-            gears=gears,
-            bar=np.zeros((5, len(q))),
-            loads=weight,
-            tension=still[0],
-            width=backlash_transition(self.cell),
-            gear_speed=still,
-            gear_acceleration=still,
-            flanks=backlash_flanks(weight.gear),
+        robot = self.cell.robot
+        state = state_at_rest(
+            mass_model(self.cell), self.geometry, q, robot.joint_to_gear, backlash_transition(robot)
         )
         for correction in self.corrections:
             regressors = correction.regressors(state)

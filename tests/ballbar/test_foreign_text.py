@@ -24,7 +24,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from ballbar.claims.page import page_text
-from ballbar.compensation.joint_targets import TargetFile, joint_columns, targets_text
+from ballbar.compensation.targets_file import TargetFile, joint_columns, targets_text
 from ballbar.export.formats import FORMATS, exported
 from ballbar.export.result import Result, load_result
 from ballbar.report.page import template
@@ -35,10 +35,8 @@ from cell.foreign_text import comment, is_printable, markdown
 from cell.geometry import Geometry
 from cell.load import load_robot, robot_names
 from cell.strict_yaml import load_yaml
-from planning.export import pdl2, rapid, table
-from planning.krl import krl
 from planning.pose_plan import PosePlan
-from planning.pose_programs import krl_poses, pdl2_poses, rapid_poses
+from planning.programs import ProgrammedPath, path_program, path_table, pose_program
 from planning.targets import Targets
 from tests.helpers.calibrations import write_calibration_of
 
@@ -102,12 +100,13 @@ def code(program: str, mark: str) -> list[str]:
 @given(HOSTILE)
 def test_no_title_adds_code_to_a_program(cell: Cell, made: Result, text: str) -> None:
     plain, evil = with_title(cell, "A robot"), with_title(cell, text)
-    for write, mark in ((rapid, "!"), (pdl2, "--"), (krl, ";"), (table, "#")):
-        programs = [write("plan", c.robot, TARGETS, [c.robot.title]) for c in (plain, evil)]
-        assert code(programs[0], mark) == code(programs[1], mark)
-    for poses, mark in ((rapid_poses, "!"), (pdl2_poses, "--"), (krl_poses, ";")):
-        pair = [poses(pose_plan_of(c, c.robot.title)) for c in (plain, evil)]
-        assert code(pair[0], mark) == code(pair[1], mark)
+    paths = [ProgrammedPath("plan", c.robot, TARGETS, [c.robot.title]) for c in (plain, evil)]
+    assert code(path_table(paths[0]), "#") == code(path_table(paths[1]), "#")
+    poses = [pose_plan_of(c, c.robot.title) for c in (plain, evil)]
+    for language, mark in (("rapid", "!"), ("pdl2", "--"), ("krl", ";")):
+        for write, pair in ((path_program, paths), (pose_program, poses)):
+            programs = [write(language, plan) for plan in pair]
+            assert code(programs[0], mark) == code(programs[1], mark)
     results = [replace(made, cell=c, file=Path(c.robot.title)) for c in (plain, evil)]
     for kind, mark in (("abb", "!"), ("dh", "#"), ("mdh", "#"), ("hayati", "#"), ("poe", "#")):
         texts = [FORMATS[kind](result) for result in results]  # type: ignore[index]

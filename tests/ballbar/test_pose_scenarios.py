@@ -16,8 +16,8 @@ from ballbar.result.limits import pose_limits
 from ballbar.scenario import PoseScenario, load_any_scenario, load_scenario, scenario_file
 from cell.errors import DescriptionError
 from cell.poses import PoseTable
-from ident.poses.identify import identify_poses
-from ident.poses.result import PoseIdentification
+from ident.identify_poses import identify_poses
+from ident.pose_result import PoseIdentification
 from sim.poses.files import write_poses
 from sim.poses.simulate import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar

@@ -14,11 +14,13 @@ import pytest
 import yaml
 
 from acquisition.recording import read_recording
-from ballbar.rehearsal import day, files
-from ballbar.rehearsal.day import HeldTargets, Rehearsal, Stage, request_data
+from ballbar.rehearsal import files, second_path, targets
+from ballbar.rehearsal.day import Rehearsal, Stage
 from ballbar.rehearsal.files import OUTPUTS, chain, rehearse_into
 from ballbar.rehearsal.live import Cause, LivePath, as_recorded, check_fault, record_live
 from ballbar.rehearsal.page import rehearsal_page
+from ballbar.rehearsal.second_path import plan_second_path, request_data
+from ballbar.rehearsal.targets import HeldTargets, correctable
 from ballbar.result.limits import corrected_limits
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario, load_scenario, scenario_file
@@ -166,18 +168,10 @@ def test_ctrl_c_while_the_day_plans_ends_the_day(
         write_yaml(folder / "plan.yaml", {"search": {"stopped": True}, "tcp_sigma_m": {}})
         return True
 
-    monkeypatch.setattr(day, "plan_path", stopped)
-    under_way = day._Day(
-        scenario=load_scenario(IRB),
-        file=scenario_file(IRB),
-        folder=tmp_path,
-        speed=10.0,
-        command="",
-        show=print,
-        progress=print,
-    )
+    monkeypatch.setattr(second_path, "plan_path", stopped)
+    named = scenario_file(IRB).parent
     with pytest.raises(KeyboardInterrupt):
-        day._planned(under_way)
+        plan_second_path(load_scenario(IRB), tmp_path, tmp_path / "result1", named)
 
 
 def test_targets_of_the_day_are_those_that_no_check_refuses(
@@ -190,9 +184,8 @@ def test_targets_of_the_day_are_those_that_no_check_refuses(
         if faults := next(reasons):
             raise TargetError(faults)
 
-    monkeypatch.setattr(day, "corrected_targets", refuse)
-    targets = np.arange(5.0)[:, None]
-    assert day._correctable(MagicMock(), targets)[:, 0].tolist() == [2.0, 4.0]
+    monkeypatch.setattr(targets, "corrected_targets", refuse)
+    assert correctable(MagicMock(), np.arange(5.0)[:, None])[:, 0].tolist() == [2.0, 4.0]
 
 
 @pytest.mark.slow

@@ -20,10 +20,9 @@ from rerun.chunk import RrdReader
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.watch.alarms import standing
 from ballbar.watch.beside import WatchBeside
-from ballbar.watch.forecast import WHITE, WIDENED, foretold
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, _facts, line
-from ballbar.watch.state import Estimate, State
+from ballbar.watch.state import WHITE, WIDENED, Estimate, WatchState
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
 from ballbar.watch.watch import PATIENCE, Watch
 from cell.logs import RobotLog
@@ -58,7 +57,7 @@ def growing(recorded: Recorded, tmp_path: Path) -> GrowingRecording:
     return GrowingRecording(recorded.folder, tmp_path / "growing", CLOCK)
 
 
-def watched(growing: GrowingRecording, *instants: float, **options: float) -> list[State]:
+def watched(growing: GrowingRecording, *instants: float, **options: float) -> list[WatchState]:
     """The states of a watch at some instants [s]."""
     watch, states = Watch(growing.folder, **options), []
     for now in instants:
@@ -233,12 +232,12 @@ def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_t
 
 def test_a_clock_that_no_motion_shows_yet_is_said_to_be_not_determined() -> None:
     unknown = replace(ESTIMATE, clock=(1.5, 2e-5), clock_sigma=(0.21, 5e-3))
-    facts = _facts(State(1.0, {}, "", (), estimate=unknown).to_dict())
+    facts = _facts(WatchState(1.0, {}, "", (), estimate=unknown).to_dict())
     assert facts["clock"] == (
         "offset not determined (sigma 210 ms); skew not determined (sigma 5000 ppm)"
     )
     known = replace(ESTIMATE, clock=(1.5, 2e-5), clock_sigma=(2e-6, 3e-8))
-    facts = _facts(State(1.0, {}, "", (), estimate=known).to_dict())
+    facts = _facts(WatchState(1.0, {}, "", (), estimate=known).to_dict())
     assert facts["clock"] == (
         "offset +1500.0000 ms (sigma 2.0 us); skew +20.000 ppm (sigma 0.030 ppm)"
     )
@@ -251,14 +250,14 @@ def test_scale_and_priors_stay_and_the_part_of_the_data_falls_until_the_end() ->
     half = replace(half, tcp_sigma=float(np.hypot(rest, scale)))
     fell = white * 0.5**WHITE, widened * 0.5**WIDENED
     expected = np.linalg.norm([scale, by_priors, *fell])
-    assert foretold(half, 120.0, scale=scale) == pytest.approx(expected)
-    assert foretold(half, 60.0, scale=scale) == pytest.approx(half.tcp_sigma)
-    assert foretold(half, 50.0, scale=scale) == pytest.approx(half.tcp_sigma)  # it went on longer
+    assert half.at_end(120.0, scale=scale) == pytest.approx(expected)
+    assert half.at_end(60.0, scale=scale) == pytest.approx(half.tcp_sigma)
+    assert half.at_end(50.0, scale=scale) == pytest.approx(half.tcp_sigma)  # it went on longer
 
 
-def test_where_lengths_contradict_each_other_half_the_widening_is_foretold() -> None:
+def test_where_lengths_contradict_each_other_half_the_widening_is_predicted() -> None:
     apart = replace(ESTIMATE, until=120.0, tcp_sigma=np.hypot(4e-5, 9e-5), without_scale=4e-5)
-    assert foretold(apart, 120.0, scale=3e-5) == pytest.approx(np.hypot(4e-5, np.sqrt(27e-10)))
+    assert apart.at_end(120.0, scale=3e-5) == pytest.approx(np.hypot(4e-5, np.sqrt(27e-10)))
 
 
 @pytest.mark.slow
@@ -284,19 +283,19 @@ def test_nothing_is_enough_while_files_that_were_read_cannot_be(
 
 
 @pytest.mark.slow
-def test_a_recording_that_begins_anew_in_the_same_files_is_a_new_one(
+def test_a_recording_that_begins_again_in_the_same_files_is_a_new_one(
     growing: GrowingRecording, tmp_path: Path, recorded: Recorded
 ) -> None:
     growing.write_until(50.0)
     watch = Watch(growing.folder, accuracy=1.0)
     watch.update(50.0)
     assert watch.update(51.0).enough
-    anew = GrowingRecording(recorded.folder, tmp_path / "anew", CLOCK)
-    for at in (8.0, 9.0):
-        anew.write_until(at)
+    again = GrowingRecording(recorded.folder, tmp_path / "again", CLOCK)
+    for now in (8.0, 9.0):
+        again.write_until(now)
         for name in ("robot.csv", "ballbar.csv"):
-            (growing.folder / "raw" / name).write_bytes((anew.folder / "raw" / name).read_bytes())
-        state = watch.update(60.0 + at)
+            (growing.folder / "raw" / name).write_bytes((again.folder / "raw" / name).read_bytes())
+        state = watch.update(60.0 + now)
         assert state.estimate is None
         assert not state.enough
         assert state.alarms == ()

@@ -13,7 +13,7 @@ from cell.descriptions import Robot
 from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseGroup, PoseTable
-from ident.poses.unknowns import robot_parameters
+from ident.estimator.unknowns import arm_parameters
 
 TARGET = np.array([0.05, -0.03, 0.12])  # [m] of the reflector in the flange's frame
 SEAT_TURN = np.array([0.2, -0.1, 0.7])  # [rad]
@@ -42,7 +42,7 @@ def drawn_robot(
     robot = load_robot(name)
     nominal = nominal_chain(robot)
     rows = {f.name: getattr(nominal, f.name).copy() for f in fields(Chain)}
-    for p in robot_parameters(robot):
+    for p in arm_parameters(robot):
         rows[p.kind][p.row] += (length if p.is_length else angle) * rng.standard_normal()
     low = np.maximum(robot.axis_lower, -2.0)
     high = np.minimum(robot.axis_upper, 2.0)

@@ -12,14 +12,14 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward
+from cell.placement import Placement, target_frames
 from cell.poses import PoseTable
 from cell.robot_angles import controller_to_joints
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
-from ident.poses.closure import Placement, target_frames
-from ident.poses.joint_corrections import joint_displacements, regressors_at
-from ident.poses.unknowns import robot_parameters
+from ident.estimator.unknowns import arm_parameters
+from ident.loads.at_rest import angles_at_rest
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
@@ -46,9 +46,8 @@ class DrawnRobot:
         """Frames at joint angles q (N, J) [rad]; the last is that of the target."""
         robot = self.setup.robot
         corrections = _corrections(self.setup)
-        regressors = regressors_at(robot, corrections, q)
-        moved = q + joint_displacements(robot, corrections, self.coefficients, regressors)
-        return target_frames(forward(self.chain, moved), self.targets[target])
+        joints = angles_at_rest(robot, corrections, self.coefficients, q)
+        return target_frames(forward(self.chain, joints), self.targets[target])
 
     def measured(self, poses: Candidates, rng: np.random.Generator) -> PoseTable:
         """What the instrument measures of poses, with its noise."""
@@ -86,7 +85,7 @@ def drawn_robot(
     rows = {
         kind: getattr(setup.chain, kind).copy() for kind in ("a", "d", "alpha", "theta", "beta")
     }
-    for parameter in robot_parameters(setup.robot):
+    for parameter in arm_parameters(setup.robot):
         sigma = LENGTH if parameter.is_length else ANGLE
         rows[parameter.kind][parameter.row] += sigma * rng.standard_normal()
     weights, harmonics = _corrections(setup)

@@ -14,7 +14,7 @@ from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.corrections.unit_weights import unit_weights
-from ident.poses.unknowns import robot_parameters
+from ident.estimator.unknowns import arm_parameters
 
 RANGE = 2.0  # [rad] over which every joint is said to be fitted
 ORDER = 17  # of the joint error of joint 2
@@ -25,7 +25,7 @@ def write_pose_result(path: Path, name: str, *, seed: int) -> Path:
     rng, robot = np.random.default_rng(seed), load_robot(name)
     nominal = nominal_chain(robot)
     parameters = {}
-    for p in robot_parameters(robot):
+    for p in arm_parameters(robot):
         value = float(getattr(nominal, p.kind)[p.row])
         size = 3e-4 if p.is_length else 1e-3
         parameters[p.name] = {

@@ -1,4 +1,4 @@
-"""Reads back what planning.export writes: RAPID, PDL2 and KRL of a path, nothing else."""
+"""Reads back what planning.programs writes: RAPID, PDL2 and KRL of a path, nothing else."""
 
 from __future__ import annotations
 

@@ -13,13 +13,13 @@ from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
 from cell.geometry import nominal_chain
 from cell.load import load_robot
+from cell.placement import Placement, target_frames
 from cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
-from ident.poses.closure import Placement, target_frames
-from ident.poses.joint_corrections import joint_displacements, regressors_at
-from ident.poses.unknowns import robot_parameters
+from ident.estimator.unknowns import arm_parameters
+from ident.loads.at_rest import angles_at_rest
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -42,9 +42,8 @@ class TrueRobot:
 
     def frames(self, q: Array, target: Placement) -> Frames:
         """Frames of the robot; the last is that of a target."""
-        regressors = regressors_at(self.robot, self.corrections, q)
-        moved = joint_displacements(self.robot, self.corrections, self.values, regressors)
-        return target_frames(forward(self.chain, q + moved), target)
+        joints = angles_at_rest(self.robot, self.corrections, self.values, q)
+        return target_frames(forward(self.chain, joints), target)
 
 
 def true_robot(
@@ -59,7 +58,7 @@ def true_robot(
     rng, robot = np.random.default_rng(seed), load_robot(name)
     nominal = nominal_chain(robot)
     rows = {f.name: getattr(nominal, f.name).copy() for f in fields(Chain)}
-    for parameter in robot_parameters(robot):
+    for parameter in arm_parameters(robot):
         rows[parameter.kind][parameter.row] += rng.normal(
             0.0, 3e-4 if parameter.is_length else 5e-4
         )

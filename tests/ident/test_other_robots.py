@@ -15,8 +15,8 @@ from cell.logs import RobotLog
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.unknowns import fixed_names
 from ident.identify import identify
+from ident.loads.at_rest import angles_at_rest
 from ident.options import FitOptions
-from ident.poses.joint_corrections import joint_displacements, regressors_at
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error, tcp_error
 from ident.verdict import Status
@@ -118,8 +118,7 @@ def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Pa
     values = SAG * np.random.default_rng(2).standard_normal(len(correction.coefficients))
 
     def sag(q: Array) -> Array:
-        at = regressors_at(run.cell.robot, [correction], q)
-        return joint_displacements(run.cell.robot, [correction], values, at)
+        return angles_at_rest(run.cell.robot, [correction], values, q) - q
 
     logged = robot.q
     for _ in range(3):  # the robot stands at `robot.q` where its log says `logged`

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
 from planning import search as searching
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
-from planning.clearance import FAR, nearest, nearest_of_runs, segment_distance
+from planning.capsules import segment_distance
+from planning.clearance import FAR
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
@@ -22,9 +24,8 @@ from planning.first import first_path
 from planning.force import predicted_forces
 from planning.plan import known_path
 from planning.request import load_request
-from planning.search import RatedCandidate, neighbours, search
+from planning.search import RatedCandidate, evaluating_processes, neighbours, search
 from planning.trajectory import trajectories, trajectories_of_many
-from planning.workers import evaluating_processes
 from sim.path import Lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 
@@ -157,6 +158,12 @@ def test_segments_are_no_farther_apart_than_any_of_their_points(seed: int) -> No
     size = float(np.linalg.norm(u) + np.linalg.norm(v))
     assert distance == pytest.approx(brute, abs=0.01 * size)  # points 0.005 of it apart
 
+    def squared(w: Array) -> float:
+        return float(((p + w[0] * u - q - w[1] * v) ** 2).sum())
+
+    least = minimize(squared, [0.0, 0.0], bounds=[(-1.0, 1.0)] * 2, tol=1e-14)
+    assert distance == pytest.approx(np.sqrt(least.fun), abs=1e-6)  # the minimiser's tolerance
+
 
 def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array) -> None:
     space, of = space_of(evaluator.request), evaluator.clearance
@@ -166,8 +173,8 @@ def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array)
     ]
     frames = [(robot_frames(t.nominal, t.q[::5]), bar_frames(t.nominal, t.b[::5])) for t in alone]
     for (robot, bar), t in zip(frames, alone, strict=True):
-        (found,) = nearest_of_runs(of, robot, bar, t.t[::5], within=FAR)
-        assert found == nearest(of, t.nominal, t.q, t.b, t.t)
+        (found,) = of.nearest_of_runs(robot, bar, t.t[::5], within=FAR)
+        assert found == of.nearest(t.nominal, t.q, t.b, t.t)
 
 
 def test_neighbours_of_a_path_have_one_cycle_more_or_less(evaluator: Evaluator) -> None:

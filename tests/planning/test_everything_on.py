@@ -1,11 +1,11 @@
-"""Everything on: every error source of a real cell, alike in scenarios, drawn robots and plans."""
+"""Everything on: all error sources of a real cell, one list for scenarios, robots and plans."""
 
 from __future__ import annotations
 
 import pytest
 
 from ballbar.scenario import load_scenario
-from planning.files import EVERYTHING_ON, TWO_CLOCKS
+from planning.planned_scenario import EVERYTHING_ON, TWO_CLOCKS
 from sim.errors.sample_errors import SampleErrors
 from sim.settings import ClockSettings, ErrorSettings
 from tests.helpers.drawn_robots import scenario_of

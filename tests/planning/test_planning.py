@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from typer.testing import CliRunner
 from ballbar.commands.cli import app
 from ballbar.plan import show as command
 from ballbar.plan.summary import say_answers
+from cell.descriptions import ProgramLanguage
 from cell.errors import DescriptionError, InputError
 from cell.geometry import bar_frames
 from cell.load import load_cell, load_robot
@@ -26,19 +26,25 @@ from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
-from planning.clearance import clearance, nearest
+from planning.clearance import clearance
 from planning.crlb import moving, predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
-from planning.export import SUFFIXES, TELESCOPING, pdl2, rapid, table, without_program
 from planning.files import path_data, planned_path_data
 from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
-from planning.krl import krl
 from planning.limits import violations
 from planning.plan import assess, covered, hints
+from planning.programs import (
+    SUFFIXES,
+    TELESCOPING,
+    ProgrammedPath,
+    path_program,
+    path_table,
+    without_program,
+)
 from planning.questions import question
 from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
-from planning.search import SearchProgress, ranked, search
+from planning.search import SearchProgress, evaluating_processes, ranked, search
 from planning.targets import SAG, Targets, targets_of
 from planning.trajectory import trajectories
 from planning.verify import (
@@ -50,12 +56,11 @@ from planning.verify import (
     violations_in,
 )
 from planning.what_if import answers
-from planning.workers import evaluating_processes
 from planning.workspace import KeepOut
 from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, load_lissajous
-from tests.helpers.program_reader import Program, read_krl, read_pdl2, read_rapid
+from tests.helpers.program_reader import read_krl, read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "scenarios"
@@ -194,24 +199,14 @@ def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(
     trajectory = trajectories(cell, manual, PlanTiming())[0]
     highest = trajectory.tip[:, 2].max()
     low, high = (-5.0, -5.0, highest + 1.0), (5.0, 5.0, highest + 2.0)
-    free = nearest(
-        clearance(cell, request().cell),
-        trajectory.nominal,
-        trajectory.q,
-        trajectory.b,
-        trajectory.t,
-    )
+    motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    free = clearance(cell, request().cell).nearest(*motion)
     above = request().cell.model_copy(
         update={"keep_out": (KeepOut(name="lamp", lower_m=low, upper_m=high),)}
     )
     lower = above.keep_out[0].model_copy(update={"lower_m": (-5.0, -5.0, highest - 0.5)})
-    found = nearest(
-        clearance(cell, above.model_copy(update={"keep_out": (lower,)})),
-        trajectory.nominal,
-        trajectory.q,
-        trajectory.b,
-        trajectory.t,
-    )
+    boxed = above.model_copy(update={"keep_out": (lower,)})
+    found = clearance(cell, boxed).nearest(*motion)
     assert "box lamp" in found.pair
     assert found.distance < free.distance
 
@@ -227,7 +222,7 @@ def test_capsules_are_as_far_apart_as_two_segments(manual: PathCandidate) -> Non
             p for p in of.pairs if {of.names[p[0]], of.names[p[1]]} == {"upper arm", "rod"}
         ),
     )
-    found = nearest(only, trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    found = only.nearest(trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
     k = int(np.flatnonzero(np.isclose(trajectory.t, found.t))[0])
     from cell.geometry import robot_frames  # noqa: PLC0415  the oracle's own
 
@@ -349,20 +344,23 @@ def test_where_no_program_is_written_the_reason_is_given() -> None:
     assert "panda has 7 axes, programs are for six" in without_program(load_robot("panda"))
 
 
-@pytest.mark.parametrize(
-    ("write", "read"), [(rapid, read_rapid), (pdl2, read_pdl2), (krl, read_krl)]
-)
+READERS = {"rapid": read_rapid, "pdl2": read_pdl2, "krl": read_krl}
+
+
+@pytest.mark.parametrize("language", READERS)
 def test_a_program_for_a_telescoping_bar_leaves_the_servo_as_it_is(
-    write: Callable[..., str], read: Callable[[str], Program]
+    language: ProgramLanguage,
 ) -> None:
     t, dwells = np.array([0.0, 2.0, 4.0, 8.0]), np.array([0.0, 0.0, 1.0, 0.0])
     targets = Targets(t, np.outer(t, np.arange(6.0) - 2.0), dwells, 0.0)
-    text = write("plan", load_robot("kr10_r1100"), targets, ["limit"], TELESCOPING)
-    program = read(text)
+    robot = load_robot("kr10_r1100")
+    text = path_program(language, ProgrammedPath("plan", robot, targets, ["limit"], TELESCOPING))
+    program = READERS[language](text)
     assert program.axes == pytest.approx(targets.axes)
     assert program.rests == pytest.approx(dwells)
     assert "soft" not in text.lower()
     assert "mount the telescoping bar" in text
+    assert "ball-bar" not in text
 
 
 @pytest.mark.slow
@@ -373,20 +371,19 @@ def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, PathCandidat
     robot, timing = evaluator.cell.robot, evaluator.request.timing
     targets = targets_of(evaluator.cell, trajectory, timing)
     assert targets.sag <= SAG
-    for text, read in ((rapid, read_rapid), (pdl2, read_pdl2), (krl, read_krl)):
-        program = read(text("one", robot, targets, ["limit line"]))
+    path = ProgrammedPath("one", robot, targets, ["limit line"])
+    for language, read in READERS.items():
+        program = read(path_program(language, path))
         assert program.axes == pytest.approx(targets.axes, abs=5e-5)
         assert program.rests == pytest.approx(targets.dwells)
         assert any("RUN SLOWLY FIRST" in line for line in program.comments)
         assert "limit line" in program.comments
-    moves = read_rapid(rapid("one", robot, targets, []))
+    moves = read_rapid(path_program("rapid", path))
     assert moves.softness == dict.fromkeys(range(1, 7), 80.0)
     assert moves.seconds.sum() + moves.rests.sum() == pytest.approx(
         timing.duration_s, abs=0.5
     )  # four digits of each segment
-    rows = [
-        line for line in table("one", robot, targets, []).splitlines() if not line.startswith("#")
-    ]
+    rows = [line for line in path_table(path).splitlines() if not line.startswith("#")]
     assert np.array([[float(x) for x in row.split(",")] for row in rows[1:]])[
         :, 1:7
     ] == pytest.approx(targets.axes, abs=5e-5)

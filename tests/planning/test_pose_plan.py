@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 from typer.testing import CliRunner
 
 from acquisition.formats.rapid import jointtarget_text
@@ -25,19 +24,20 @@ from cell.chain import Chain, forward
 from cell.errors import DescriptionError, InputError
 from cell.files import write_yaml
 from cell.poses import PoseTable
-from ident.poses.fit import pose_equations
-from ident.poses.identify import PoseOptions, identify_poses
-from ident.poses.model import Discrepancy, PoseModel
+from ident.estimator.model import still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.robust_fit import equations_at
+from ident.identify_poses import PoseOptions, identify_poses
+from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
-from planning.pose_clearance import arm_of, segment_distance, smallest_distance, station_frames
 from planning.pose_design import APART, Design, decrease, exchanged, greedy
 from planning.pose_information import expected_group, information_of
 from planning.pose_plan import PosePlan, pose_plan
-from planning.pose_programs import krl_poses, pdl2_poses, rapid_poses
 from planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from planning.programs import pose_program
 from planning.request import load_request
 from planning.route import clear_moves, nearest_neighbours, two_opt
-from planning.stations import PoseSetup, setup_of
+from planning.stations import PoseSetup, setup_of, station_frames
 from tests.helpers.measured_plans import DrawnRobot, drawn_robot
 
 PLANS = Path(__file__).parents[2] / "scenarios" / "plans"
@@ -94,7 +94,7 @@ def keeps_limits(setup: PoseSetup, poses: Candidates) -> None:
         own = poses.axes[poses.station == k]
         frames = station_frames(setup, station, own)
         line = setup.instrument.measured != "socket"
-        apart = smallest_distance(setup, station, arm_of(setup, station), frames, line=line)
+        apart = smallest_distance(setup, station, frames, line=line)
         assert apart.min() >= setup.request.limits.clearance_m
 
 
@@ -164,20 +164,6 @@ def test_a_box_and_the_floor_exclude_poses() -> None:
     assert lowest[1] < 0.3 < lowest[0]
 
 
-def test_segments_are_as_far_apart_as_a_minimiser_says() -> None:
-    rng = np.random.default_rng(3)
-    first, second = rng.normal(size=(2, 2, 3, 20))
-    for k, distance in enumerate(segment_distance(first, second)):
-
-        def apart(u: Array, k: int = k) -> float:
-            p = first[0, :, k] + u[0] * (first[1, :, k] - first[0, :, k])
-            q = second[0, :, k] + u[1] * (second[1, :, k] - second[0, :, k])
-            return float(((p - q) ** 2).sum())
-
-        least = minimize(apart, [0.5, 0.5], bounds=[(0.0, 1.0)] * 2, tol=1e-14)
-        assert distance == pytest.approx(np.sqrt(least.fun), abs=1e-6)  # the minimiser's tolerance
-
-
 @pytest.mark.parametrize("path", [TRACKER, WIRE], ids=["points", "lengths"])
 def test_the_rows_add_up_to_the_information_of_an_identification(path: Path) -> None:
     setup = changed(path)
@@ -189,9 +175,9 @@ def test_the_rows_add_up_to_the_information_of_an_identification(path: Path) -> 
         for k, station in enumerate(setup.stations)
     )
     table = PoseTable("all", setup.robot, groups)
-    model = PoseModel(table, information.layout, information.corrections, np.zeros(6))
+    model = still_model(table, information.layout, information.corrections, np.zeros(6))
     weights = [np.ones(group.size) for group in groups]
-    whole = pose_equations(model, information.layout.mean, Discrepancy(5e-5), weights)
+    whole = equations_at(model, information.layout.mean, ExcessNoise(position=5e-5), weights)
     scale = np.outer(information.layout.sigma, information.layout.sigma)
     total = information.prior + rows.T @ rows
     rounding = 1e-14 * np.abs(total).max()
@@ -220,7 +206,7 @@ def test_the_rows_of_a_length_are_its_derivative() -> None:
             values[parameter.row] += step
             ends.append(length(replace(setup.chain, **{parameter.kind: values})))
         slope = (ends[0] - ends[1]) / 2e-6
-        at = layout.geometry.start + i
+        at = i
         expected = np.abs(slope) * layout.sigma[at] / sigma  # the sign of a row is free
         assert np.abs(rows[:, at]) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
@@ -381,7 +367,7 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
 
 
 def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
-    text = rapid_poses(tracker)
+    text = pose_program("rapid", tracker)
     lines = text.splitlines()
     targets = jointtarget_text(
         LogText("p.mod", "utf-8", lines, np.arange(1, len(lines) + 1), quoted=False)
@@ -393,17 +379,17 @@ def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
     assert read[poses] == pytest.approx(expected, abs=1e-4)
     assert re.findall(r"MoveAbsJ (\w+)", text) == names
     assert text.count("WaitTime 3;") == 30
-    for program, move in ((pdl2_poses, r"MOVE JOINT TO \{(.*)\}"), (krl_poses, r"PTP \{(.*)\}")):
-        moves = [re.sub(r"A\d ", "", found) for found in re.findall(move, program(tracker))]
+    for language, move in (("pdl2", r"MOVE JOINT TO \{(.*)\}"), ("krl", r"PTP \{(.*)\}")):
+        program = pose_program(language, tracker)
+        moves = [re.sub(r"A\d ", "", found) for found in re.findall(move, program)]
         read = np.array([[float(v) for v in found.split(",")] for found in moves])
         assert read[poses] == pytest.approx(expected, abs=1e-4)
-    assert krl_poses(tracker).count("WAIT SEC 3") == 30
+    assert pose_program("krl", tracker).count("WAIT SEC 3") == 30
 
 
 def test_a_program_stops_where_a_person_attaches_the_instrument(wire: PosePlan) -> None:
-    assert rapid_poses(wire).count("Stop; ! attach") == 40
-    assert pdl2_poses(wire).count("PAUSE -- attach") == 40
-    assert krl_poses(wire).count("HALT ; attach") == 40
+    for language, stop in (("rapid", "Stop; !"), ("pdl2", "PAUSE --"), ("krl", "HALT ;")):
+        assert pose_program(language, wire).count(f"{stop} attach") == 40
 
 
 @pytest.mark.slow

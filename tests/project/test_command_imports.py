@@ -23,7 +23,7 @@ SLOW = LIBRARIES - {"numpy", "yaml"} | {"jinja2"}
 OF_OTHERS = {
     "planning",
     "ident.thesis.costs",
-    "ident.poses",
+    "ident.identify_poses",
     "ballbar.export",
     "ballbar.identifiability",
 }

@@ -56,7 +56,7 @@ def state() -> State:
             bearing_per_newton=rng.normal(0.0, 0.5, (BEARINGS, 2, N)),
         ),
         tension=rng.normal(0.0, 4.0, N),
-        width=backlash_transition(CELL),
+        width=backlash_transition(CELL.robot),
         gear_speed=rng.normal(0.0, 0.1, (6, N)),
         gear_acceleration=rng.normal(0.0, 0.1, (6, N)),
     )
@@ -220,6 +220,8 @@ def test_a_softer_state_changes_flanks_over_a_wider_load(state: State) -> None:
 
 def test_the_transition_is_a_share_of_the_load_that_winds_up_half_the_backlash() -> None:
     gears = CELL.robot.gears
-    deflection = backlash_transition(CELL) / gears.stiffness
+    deflection = backlash_transition(CELL.robot) / gears.stiffness
     assert deflection * BACKLASH_SHARE == pytest.approx(0.5 * gears.lost_motion)
-    assert backlash_transition(CELL)[:3] == pytest.approx(np.full(3, 1.5), rel=0.5)  # as documented
+    assert backlash_transition(CELL.robot)[:3] == pytest.approx(
+        np.full(3, 1.5), rel=0.5
+    )  # as documented

@@ -12,7 +12,7 @@ from cell.load import load_robot
 from ident.corrections import SUBSTITUTES, as_in_result, supported_corrections
 from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import torques, unit_weights
-from ident.poses.joint_corrections import joint_displacements, regressors_at
+from ident.loads.at_rest import angles_at_rest, regressors_at_rest
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -62,11 +62,11 @@ def test_a_coefficient_is_named_after_the_frame_of_its_weight_and_the_joint_that
     robot = load_robot("ur5")
     q = np.random.default_rng(8).uniform(-2.0, 2.0, (4, 6))
     levers, correction = torques(forward(nominal_chain(robot), q), DOWN), unit_weights(robot)
-    rows = regressors_at(robot, [correction], q)
+    rows = [row for _, row in regressors_at_rest(robot, [correction], q)]
     for i, coefficient in enumerate(correction.coefficients):
         frame, joint = (int(part[-1]) - 1 for part in coefficient.name.split("_"))
         assert np.allclose(rows[i], levers[joint, frame])
-        sag = joint_displacements(robot, [correction], np.eye(len(rows))[i], rows)
+        sag = angles_at_rest(robot, [correction], np.eye(len(rows))[i], q) - q
         assert np.allclose(sag, np.outer(rows[i], np.eye(6)[joint]))
 
 
@@ -74,9 +74,9 @@ def test_the_terms_of_an_order_are_its_cosine_and_sine() -> None:
     robot = load_robot("ur5")
     q = np.random.default_rng(5).uniform(-2.0, 2.0, (7, 6))
     correction = joint_harmonics([(1, 17)])
-    rows = regressors_at(robot, [correction], q)
+    rows = [row for _, row in regressors_at_rest(robot, [correction], q)]
     assert np.allclose(rows, [np.cos(17.0 * q[:, 1]), np.sin(17.0 * q[:, 1])])
-    moved = joint_displacements(robot, [correction], np.array([1e-4, 2e-4]), rows)
+    moved = angles_at_rest(robot, [correction], np.array([1e-4, 2e-4]), q) - q
     assert np.allclose(moved[:, 1], 1e-4 * rows[0] + 2e-4 * rows[1])
     assert not moved[:, [0, 2, 3, 4, 5]].any()
 

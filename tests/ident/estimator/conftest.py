@@ -60,7 +60,7 @@ def machine() -> CompleteModel:
     rng = np.random.default_rng(3)
     x = x + 0.1 * np.minimum(layout.sigma, 1e-3) * rng.standard_normal(x.size)
     ballbar = make_interp_spline(path.t, path.b, k=5)(times)
-    model = Model(gearing(CELL), mass_model(CELL), corrections, layout, (samples,))
+    model = Model(gearing(CELL.robot), mass_model(CELL), corrections, layout, (samples,))
     return CompleteModel(model, x, ballbar)
 
 
@@ -76,4 +76,6 @@ def rigid(machine: CompleteModel) -> CompleteModel:
     samples = replace(samples, tension=np.zeros(200), splines=samples.splines[:0], clock_steps=())
     start = RecordingStart(UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR)
     layout, x = complete_unknowns(CELL, NOMINAL, [start], (), measured_force=False, rod_sigma=None)
-    return CompleteModel(Model(gearing(CELL), None, (), layout, (samples,)), x, machine.ballbar)
+    return CompleteModel(
+        Model(gearing(CELL.robot), None, (), layout, (samples,)), x, machine.ballbar
+    )

@@ -70,7 +70,7 @@ def elastic_fit() -> Fit:
     layout, x = complete_unknowns(
         CELL, NOMINAL, [start], chosen, measured_force=True, rod_sigma=None
     )
-    model = Model(gearing(CELL), mass_model(CELL), chosen, layout, (samples,))
+    model = Model(gearing(CELL.robot), mass_model(CELL), chosen, layout, (samples,))
     return fit(model, x, [samples.ballbar_angles(NOMINAL, NO_CLOCK_ERROR)], EXCESS)
 
 

@@ -18,7 +18,6 @@ from ident.estimator.model import (
     Model,
     gearing,
     joints_as_logged,
-    noise_columns,
 )
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
@@ -301,7 +300,7 @@ def test_a_small_step_of_unmeasured_joints_moves_the_error_along_their_columns(
 
 
 def test_channels_of_the_complete_model_are_gears_those_of_kinematics_joints() -> None:
-    gears = gearing(CELL)
+    gears = gearing(CELL.robot)
     assert gears.to_joint @ gears.to_gear == pytest.approx(np.eye(6), abs=1e-12)
     assert (gears.transition > 0.0).all()
     assert np.array_equal(joints_as_logged(6).to_joint, np.eye(6))
@@ -339,7 +338,7 @@ def test_noise_columns_scale_each_channel_by_its_own_noise(noisy: Samples) -> No
     expected = np.concatenate(
         (point.columns[:PLATE] * sigma[:, None, :], [2e-5 * point.time_column])
     )
-    assert noise_columns(point, excess, uncertain) == pytest.approx(expected, rel=1e-12)
+    assert point.noise_columns(excess, uncertain) == pytest.approx(expected, rel=1e-12)
 
 
 def test_which_flank_a_gear_lies_on_is_uncertain_near_a_reversal_of_its_load(

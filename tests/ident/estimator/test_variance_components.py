@@ -10,10 +10,9 @@ import pytest
 from ident.complete_fit import FIRST_EXCESS
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
-from ident.estimator.model import noise_columns
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
-from ident.estimator.variance_components import excess_noise, rod_deviation
+from ident.estimator.variance_components import COMPONENTS, excess_noise, rod_deviation
 from ident.estimator.whitening import covariance
 from tests.helpers.six_axes import NAMES, TABLE
 from tests.helpers.synthetic_recording import (
@@ -91,7 +90,7 @@ def deviance(fit: Fit, excess: ExcessNoise) -> float:
     (point,) = fit.linear.evaluations
     share = np.sqrt(fit.linear.equations / (fit.linear.equations - fit.model.unknowns.count))
     free = point.unmeasured_columns  # of a variance so large that its size does not matter
-    spread = covariance(noise_columns(point, excess)) + np.einsum("mkn,mln->kln", free, free)
+    spread = covariance(point.noise_columns(excess)) + np.einsum("mkn,mln->kln", free, free)
     matrices, error = spread.transpose(2, 0, 1), point.closure.error.T * share
     chi2 = np.einsum("nk,nk->n", error, np.linalg.solve(matrices, error[:, :, None])[:, :, 0])
     return float((chi2 + np.linalg.slogdet(matrices)[1]).sum())
@@ -114,7 +113,7 @@ def test_several_components_at_once_are_the_most_likely_ones() -> None:
     assert_most_likely(fit, found)
     planted = [np.sqrt(3.0) * 1e-5] * 3 + [1e-5]
     # they share the residual of 286 samples, so each has a sampling error of 10 %
-    assert list(vars(found).values()) == pytest.approx(planted, rel=0.3)
+    assert [getattr(found, name) for name in COMPONENTS] == pytest.approx(planted, rel=0.3)
 
 
 def test_components_ten_times_their_start_are_the_most_likely_ones_after_two_passes() -> None:

@@ -12,8 +12,9 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from cell.payload import Payload, with_payload
 from ident.corrections import CORRECTIONS
+from ident.loads.at_rest import UNDECIDED, UNDECIDED_WRIST, backlash_flanks
 from ident.loads.gear_loads import mass_model, own_weight
-from ident.robot.unloaded_robot import UNDECIDED, UNDECIDED_WRIST, UnloadedRobot, backlash_flanks
+from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.six_axes import INDEX
 
 CHOSEN = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain", "encoder_harmonics")

@@ -1,0 +1,87 @@
+"""The second path of the rehearsed day: planned after the first result, by the planner's files."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ballbar.plan.show import plan_path
+from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.terminal import PlainConsole
+from cell.files import write_yaml
+from cell.strict_yaml import load_model, load_yaml
+from planning.request import PlanRequest, load_request
+from sim.path_files import LissajousFile
+
+SEARCH = 10.0  # [s] of the search for the second path: the same search as of `plan`, shorter
+REACH = 0.15  # [m] to each side of its first seat within which the ball-bar may be set up again
+# [deg] about the vertical in which the rod of a telescoping bar may lean in its cup, as in
+# scenarios/plans/ur10e_telescoping.yaml
+CONE = 80.0
+REQUEST, PLAN = "request.yaml", "plan"
+
+
+@dataclass(frozen=True)
+class SecondPath:
+    """A planned path."""
+
+    scenario: Scenario  # that records it
+    seat: tuple[float, ...]  # (3,) [m] position of the ball-bar
+    tcp_sigma: dict[str, float]  # [m] predicted uncertainties, as in plan.yaml
+    feasible: bool  # no limit is violated in MuJoCo
+
+
+def plan_second_path(scenario: Scenario, folder: Path, result: Path, named: Path) -> SecondPath:
+    """Plans in a folder the path that adds most to a result.
+
+    named : folder to which the file names of the scenario are relative.
+    """
+    plan, said = folder / PLAN, PlainConsole(file=io.StringIO())
+    write_yaml(folder / REQUEST, request_data(scenario, named))
+    request = load_request(folder / REQUEST)
+    assert isinstance(request, PlanRequest)
+    feasible = plan_path(
+        request, folder / REQUEST, folder=plan, seconds=SEARCH, after=[result], out=said, err=said
+    )
+    planned = load_yaml(plan / "plan.yaml").data
+    if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on
+        raise KeyboardInterrupt
+    position = load_model(plan / "path.yaml", LissajousFile).ballbar_position_m
+    assert position is not None  # a plan states it
+    file = str((plan / "path.yaml").resolve())
+    changes = {
+        "cell": scenario.cell.model_copy(update={"ballbar_position_m": position}),
+        "path": scenario.path.model_copy(update={"file": file}),
+        "recording": scenario.recording + 1,
+    }
+    second = scenario.model_copy(update=changes)
+    return SecondPath(second, position, planned["tcp_sigma_m"], feasible)
+
+
+def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
+    """The planning request of a scenario's second path: its cell, times and sensors."""
+    named = with_absolute_names(scenario, relative_to).cell
+    position, encoders = np.array(named.ballbar_position_m), scenario.encoders
+    region = {
+        "lower": (position - REACH).round(6).tolist(),
+        "upper": (position + REACH).round(6).tolist(),
+    }
+    request: dict[str, object] = {
+        "schema": "ballbar-plan/1",
+        "name": "path2",
+        "timing": scenario.path.model_dump(include={"duration_s", "dwell_s", "stops"}),
+        "seed": scenario.seed,
+    }
+    cell: dict[str, object] = {
+        "robot": named.robot,
+        "plate": named.plate,
+        "ballbar_region_m": region,
+    }
+    if named.instrument is not None:
+        seat = {"axis": [0.0, 0.0, 1.0], "cone_deg": CONE}
+        return request | {"cell": cell | {"instrument": named.instrument, "seat": seat}}
+    sensors = {"encoders": list(encoders.fitted)}
+    return request | {"cell": cell | {"ballbar": named.ballbar}, "sensors": sensors}

@@ -1,0 +1,142 @@
+"""What an instrument senses of a target: the behaviour that every kind of instrument has.
+
+Each kind is one module of this folder, found by its name, and one or more descriptions
+(cell/instruments/*.yaml). It says where the target is by its values, how that point moves with each
+value, and whether the target's orientation is sensed. Everything else follows: directions in which
+the point does not move with any value are free, and so are the turns of a target whose orientation
+is not sensed.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import cross
+from cell.placement import Placement
+from cell.rotation import matrix_from_rotvec
+
+if TYPE_CHECKING:
+    from cell.instrument import Instrument
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Where an instrument has N targets, robot base frame.
+
+    Components that it does not sense are those of the predicted target.
+    """
+
+    point: Array  # (3, N) [m]
+    per_value: Array  # (D, 3, N) change of the point per unit of each value
+    rotation: Array | None = None  # (3, 3, N) orientation of the target; None where not sensed
+
+    @property
+    def directions(self) -> Array:
+        """(D, 3, N) unit vectors along which the point is sensed, perpendicular to each other."""
+        return np.asarray(self.per_value / np.linalg.norm(self.per_value, axis=1, keepdims=True))
+
+    @property
+    def free(self) -> Array:
+        """(m, 6, N) shifts [m] and turns [rad] of the target that no value shows."""
+        sensed = self.directions
+        count, _, n = sensed.shape
+        shifts = np.zeros((3 - count, 3, n))
+        if count == 1:
+            shifts[0], shifts[1] = across(sensed[0])
+        elif count == 2:
+            shifts[0] = cross(sensed[0], sensed[1])
+        turns = np.repeat(np.eye(3)[:, :, None], n, axis=2) if self.rotation is None else None
+        parts = [np.concatenate((shifts, np.zeros_like(shifts)), axis=1)]
+        if turns is not None:
+            parts.append(np.concatenate((np.zeros_like(turns), turns), axis=1))
+        return np.concatenate(parts)
+
+
+class Kind(ABC):
+    """A kind of instrument."""
+
+    name: ClassVar[str]  # as tables and results call what it measures
+    # joints from the floor to the target that such an instrument has, sensed ones marked with *
+    chains: ClassVar[tuple[tuple[str, ...], ...]]
+    columns: ClassVar[int]  # values of one pose
+    directions: ClassVar[int]  # of the target's position that it senses
+    seat_turns: ClassVar[bool] = True  # whether the orientation of its seat matters
+    target_turns: ClassVar[bool] = False  # whether that of the target does
+    # whether the values are lengths or coordinates, which the scale of the instrument stretches
+    scales: ClassVar[bool] = True
+    # whether it sees the robot from its seat alone, so that it says little of other places
+    local: ClassVar[bool] = False
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+    @property
+    def equations(self) -> int:
+        """Independent equations that one pose gives."""
+        return self.directions + 3 * self.target_turns
+
+    @abstractmethod
+    def sight(self, values: Array, seat: Placement, predicted: Array) -> Sight:
+        """Where the target is by values (N, M) [m, rad].
+
+        seat : in the robot's base frame. predicted : (3, N) [m] position of the target there.
+        """
+
+    @abstractmethod
+    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+        """(N, M) [m, rad] values of targets as they stand.
+
+        rod : (3, N) [m] from the seat to the target, seat frame. rotation : (3, 3, N) of the
+        target there. noise : (6, N) in the instrument's standard deviations: along the line of
+        sight, twice across it, and about three axes.
+        """
+
+    @abstractmethod
+    def sigma(self, values: Array, instrument: Instrument) -> Array:
+        """(N, K) [m, rad] standard deviation of values (N, M), or where there are none of the
+        target's place.
+        """
+
+
+def across(along: Array) -> Array:
+    """(2, 3, N) unit vectors perpendicular to unit vectors (3, N) and to each other."""
+    least = np.eye(3)[np.abs(along).argmin(axis=0)].T
+    first = cross(along, least)
+    first /= np.linalg.norm(first, axis=0)
+    return np.stack((first, cross(along, first)))
+
+
+def seat_axes(seat: Placement, count: int) -> Array:
+    """(3, 3, N) the axes of a seat's frame, one after the other, N times."""
+    return np.repeat(seat.rotation.T[:, :, None], count, axis=2)
+
+
+def position_in_seat(rod: Array, noise: Array, instrument: Instrument) -> Array:
+    """(3, N) [m] measured position by a length and two angles; arguments as of `Kind.measure`."""
+    distance = np.linalg.norm(rod, axis=0)
+    sight = rod / distance
+    sideways = instrument.sigma_direction * distance
+    first, second = across(sight)
+    shift = instrument.sigma_length * noise[0] * sight
+    return np.asarray(rod + shift + sideways * (noise[1] * first + noise[2] * second))
+
+
+def position_sigma(values: Array, instrument: Instrument) -> Array:
+    """(N, 3) [m] standard deviation of positions (N, 3 or more), alike along the three axes."""
+    sideways = instrument.sigma_direction * np.linalg.norm(values[:, :3], axis=1)
+    each = np.sqrt((instrument.sigma_length**2 + 2.0 * sideways**2) / 3.0)
+    return np.repeat(each[:, None], 3, axis=1)
+
+
+def turned(rotation: Array, noise: Array, instrument: Instrument) -> Array:
+    """(3, 3, N) measured orientation of a target; arguments as of `Kind.measure`."""
+    turn = matrix_from_rotvec(instrument.sigma_rotation * noise[3:])
+    return np.asarray(np.einsum("ijn,jkn->ikn", turn, rotation))

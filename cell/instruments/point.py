@@ -1,0 +1,43 @@
+"""The position of the target in the frame of the seat: laser tracker, coordinate machine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.instruments.base import Kind, Sight, position_in_seat, position_sigma, seat_axes
+from cell.placement import Placement
+
+if TYPE_CHECKING:
+    from cell.instrument import Instrument
+
+
+class Point(Kind):
+    """Three coordinates [m] in the seat's frame."""
+
+    name = "point"
+    chains = (
+        ("revolute*", "revolute*", "prismatic*", "ball"),
+        ("prismatic*", "prismatic*", "prismatic*", "ball"),
+    )
+    columns, directions = 3, 3
+
+    def sight(self, values: Array, seat: Placement, predicted: Array) -> Sight:
+        """The point in the robot's base frame."""
+        del predicted
+        point = seat.rotation @ values[:, :3].T + seat.origin[:, None]
+        return Sight(point, seat_axes(seat, len(values)))
+
+    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+        """(N, 3) [m]"""
+        del rotation
+        return np.asarray(position_in_seat(rod, noise, instrument).T)
+
+    def sigma(self, values: Array, instrument: Instrument) -> Array:
+        """(N, 3) [m]"""
+        return position_sigma(values, instrument)
+
+
+KIND = Point()

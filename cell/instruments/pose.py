@@ -1,0 +1,47 @@
+"""Position and orientation of the target in the frame of the seat: tracker with a 6-D target."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.instruments.base import Sight, position_in_seat, position_sigma, turned
+from cell.instruments.point import Point
+from cell.placement import Placement
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+
+if TYPE_CHECKING:
+    from cell.instrument import Instrument
+
+
+class Pose(Point):
+    """Three coordinates [m] and a rotation vector [rad] in the seat's frame."""
+
+    name = "pose"
+    chains = (
+        ("revolute*", "revolute*", "prismatic*", "ball*"),
+        ("prismatic*", "prismatic*", "prismatic*", "ball*"),
+    )
+    columns = 6
+    target_turns = True
+
+    def sight(self, values: Array, seat: Placement, predicted: Array) -> Sight:
+        """Point and orientation in the robot's base frame."""
+        rotation = np.einsum("ij,jkn->ikn", seat.rotation, matrix_from_rotvec(values[:, 3:].T))
+        return replace(super().sight(values, seat, predicted), rotation=rotation)
+
+    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+        """(N, 6) [m, rad]"""
+        turns = rotvec_from_matrix(turned(rotation, noise, instrument))
+        return np.hstack((position_in_seat(rod, noise, instrument).T, turns.T))
+
+    def sigma(self, values: Array, instrument: Instrument) -> Array:
+        """(N, 6) [m, rad]"""
+        turns = np.full((len(values), 3), instrument.sigma_rotation)
+        return np.hstack((position_sigma(values, instrument), turns))
+
+
+KIND = Pose()

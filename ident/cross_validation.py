@@ -1,0 +1,248 @@
+"""How far the robot is from the model where it was not fitted: contiguous regions left out.
+
+The declared sigma of the instrument and the covariance of the parameters alone would hold a third
+of the poses they claim: what the model leaves unexplained dominates on every measured robot. It is
+found by refitting the linearised model without each of eight regions of joint space (Gram matrix
+less that of the region). Where the instrument stood at several places, each place is left out as
+well, and the worse of the two is stated: a robot that was fitted where one socket stands is not yet
+known elsewhere. The variance of those residuals beyond that of the parameters is added to
+each stated region, and the region's size is the 95 % quantile of the residuals' own Mahalanobis
+distances instead of that of chi-square (docs/real_robots, regions).
+
+Lengths judge the model along the rod alone. What is unexplained there is an error of the joints in
+the main, and across the rod it may be larger; the fit hides a part of it besides, for it has
+nothing to gain across the rod. Where nothing but lengths were measured, the regions of points are
+therefore those of a joint error of the size that explains the residuals along the rod, in place of
+the variance along the rod, which holds the noise of an instrument that measures no points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from cell.arrays import Array
+from cell.poses import PoseTable
+from cell.statistics import chi_square_quantile
+from ident.estimator.fit import Fit
+from ident.estimator.model import Evaluation
+from ident.estimator.normal_equations import whole_jacobian
+from ident.estimator.regions import pose_regions
+from ident.estimator.uncertainty import inflation_factors
+from ident.estimator.whitening import Whitening
+
+LEVEL = 0.95
+# Share of the variance of joint errors that the rods of one, two, or three and more seats show
+# beside what the fit takes up. Measured on the tables of a UR5 and a UR10 with their points turned
+# into lengths, and on drawn robots (tests/ident/test_length_regions.py).
+SEEN = {1: 0.2, 2: 0.6, 3: 0.8}
+# Least factor of the regions of points where rods alone judge: joint errors differ from place to
+# place, and the rods do not show by how much.
+FACTOR_OF_RODS = 1.6
+REGIONS, PLACES = "in regions of joint space", "at places"  # that were not fitted
+SAME_PLACE = 0.15  # [m] between seats that see the robot from one place
+BLOCKS = 32  # regions whose poses share what the model leaves over
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Errors of poses in regions of joint space, or at places, that were not fitted."""
+
+    left_out: str  # what was left out in turn, of the two the one that is predicted worse
+    error: Array  # (N,) [m] of the target's position; along the rod where lengths were measured
+    counting: NDArray[np.bool_]  # (N,) all but the poses that the fit left out as far off
+    sigma: float  # [m] discrepancy along each axis, the instrument's noise included
+    factor: float  # squared Mahalanobis distance that holds LEVEL, over that of chi-square
+    of_points: float  # [m] the same of points: 0 where nothing but lengths were measured
+    joint_sigma: (
+        float  # [rad] of each joint, in place of it; 0 where more than lengths was measured
+    )
+
+    @property
+    def factor_of_points(self) -> float:
+        """The factor of the regions of points."""
+        return max(self.factor, FACTOR_OF_RODS) if self.joint_sigma else self.factor
+
+    @property
+    def mean(self) -> float:
+        """[m]"""
+        return float(self.error[self.counting].mean())
+
+    @property
+    def quantile(self) -> float:
+        """[m] below which LEVEL of the errors lie."""
+        return float(np.quantile(self.error[self.counting], LEVEL))
+
+
+def cross_validated(fit: Fit) -> CrossValidation:
+    """Errors of every pose with its region, or its place, left out of the fit: the worse."""
+    table = fit.model.poses
+    validations = [with_folds(fit, REGIONS, pose_regions(table.q))]
+    places = places_of(fit)
+    if len(set(places.values())) > 1:
+        fold = np.concatenate([np.full(g.size, places[g.seat]) for g in table.groups])
+        validations.append(with_folds(fit, PLACES, fold))
+    return max(validations, key=lambda validation: validation.sigma)
+
+
+def only_lengths(table: PoseTable) -> bool:
+    """Whether rods alone measured the poses of a table."""
+    return all(group.kind.directions < 3 for group in table.groups)
+
+
+def at_one_place(fit: Fit) -> bool:
+    """Whether the robot reached for sockets of one place, or rods measured it from one.
+
+    Points and poses are seen over the whole workspace from wherever the instrument stands.
+    """
+    local = all(group.kind.local for group in fit.model.poses.groups)
+    return local and len(set(places_of(fit).values())) == 1
+
+
+def places_of(fit: Fit) -> dict[str, int]:
+    """Number, from 0, of the place in the cell at which each seat stands.
+
+    Seats near each other, or at a known distance as two sockets of one fixture are, are one place.
+    """
+    layout = fit.model.unknowns
+    seats = list(layout.seats)
+    origins = np.stack([layout.seat(fit.x, name).origin for name in seats])
+    linked = np.linalg.norm(origins[:, None] - origins, axis=2) < SAME_PLACE
+    for known in fit.model.poses.distances:
+        linked[seats.index(known.seats[0]), seats.index(known.seats[1])] = True
+    return dict(zip(seats, connected_components(linked, directed=False)[1].tolist(), strict=True))
+
+
+def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidation:
+    """Cross-validation by a linear refit without each fold; fold : (N,) number of each pose's."""
+    equations, model, table = fit.linear, fit.model, fit.model.poses
+    ends = np.cumsum([g.size for g in table.groups])[:-1]
+    rows = [position_rows(point) for point in equations.evaluations]
+    moves = [
+        whole_jacobian(model, equations.x, k, point, row)
+        for k, (point, row) in enumerate(zip(equations.evaluations, rows, strict=True))
+    ]
+    rests = [
+        row(point.closure.error) for point, row in zip(equations.evaluations, rows, strict=True)
+    ]
+    for number in np.unique(fold):
+        held = np.split(fold == number, ends)
+        step = _without(fit, held)
+        for rest, move, own in zip(rests, moves, held, strict=True):
+            rest[:, own] += np.einsum("pen,p->en", move[:, :, own], step)
+    spreads = [spread_of(move, fit.covariance) for move in moves]
+    weighted = [robust > 0.0 for robust in equations.robust]
+    judged = list(zip(rests, spreads, weighted, strict=True))
+    count = sum(rest[:, k].size for rest, _, k in judged)
+    known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
+    square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
+    declared = min(float(g.sigma[:, :3].min()) for g in table.groups)
+    variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
+    ratios = [
+        mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
+        for rest, spread, k in judged
+    ]
+    return CrossValidation(
+        left_out=left_out,
+        error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
+        counting=np.concatenate(weighted),
+        sigma=float(np.sqrt(variance)),
+        factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
+        of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
+        joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
+    )
+
+
+def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
+    """(P,) change of the unknowns by a linear refit without poses, (N,) of each group.
+
+    Seats and targets that nothing else measured are fitted to the poses that were left out: where
+    an instrument stands is always found anew.
+    """
+    equations, layout, table = fit.linear, fit.model.unknowns, fit.model.poses
+    normal, gradient = equations.normal.copy(), equations.gradient.copy()
+    own_normal, own_gradient = np.zeros_like(normal), np.zeros_like(gradient)
+    for jacobian, residual, k in zip(fit.jacobians, equations.residuals, held, strict=True):
+        own = jacobian[:, :, k].reshape(layout.count, -1)
+        own_normal += own @ own.T
+        own_gradient += own @ residual[:, k].reshape(-1)
+    step = -np.linalg.solve(normal - own_normal, gradient - own_gradient)
+    fitted = [g for g, k in zip(table.groups, held, strict=True) if not k.all()]
+    alone = [
+        *(part for name, part in layout.seats.items() if name not in {g.seat for g in fitted}),
+        *(part for name, part in layout.targets.items() if name not in {g.target for g in fitted}),
+    ]
+    if alone:
+        index = np.concatenate([np.arange(part.start, part.stop) for part in alone])
+        step[index] = 0.0
+        rest = (own_gradient + own_normal @ step)[index]
+        inner = own_normal[np.ix_(index, index)] + np.diag(layout.sigma[index] ** -2.0)
+        step[index] = -np.linalg.solve(inner, rest)
+    return np.asarray(step)
+
+
+def _joint_sigma(fit: Fit) -> float:
+    """[rad] joint errors that explain what the model leaves over along the rods, noise aside.
+
+    What two deviations of an estimated noise allow is not counted.
+    """
+    points = fit.linear.evaluations
+    along = [position_rows(point)(point.target_closure.joint_columns)[:, 0] for point in points]
+    lever = float((np.concatenate(along, axis=1) ** 2).sum(axis=0).mean())  # [m^2]
+    noise = float((np.concatenate([p.still.sigma for p in points]) ** 2).mean())
+    chance = 2.0 * np.sqrt(2.0 / fit.model.poses.size) * noise
+    seen = SEEN[min(len(fit.model.unknowns.seats), max(SEEN))]
+    return float(np.sqrt(max(fit.excess.position**2 - chance, 0.0) / (seen * lever)))
+
+
+def robust_covariance(fit: Fit) -> Array:
+    """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
+
+    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space.
+    """
+    equations, layout = fit.linear, fit.model.unknowns
+    blocks = pose_regions(fit.model.poses.q, BLOCKS)
+    scores = np.concatenate(
+        [
+            np.einsum("pen,en->pn", jacobian, residual)
+            for jacobian, residual in zip(fit.jacobians, equations.residuals, strict=True)
+        ],
+        axis=1,
+    )
+    sums = np.zeros((layout.count, blocks.max() + 1))
+    np.add.at(sums.T, blocks, scores.T)
+    inflation = inflation_factors(fit.covariance, scores @ scores.T, sums)
+    prior = fit.covariance @ (fit.covariance / layout.sigma[:, None] ** 2)
+    robust = (fit.covariance - prior) * np.outer(inflation, inflation) + prior
+    return np.asarray(0.5 * (robust + robust.T))
+
+
+def position_rows(point: Evaluation) -> Whitening:
+    """Rows that take the position out of a loop-closure error [m]; along the rod of lengths."""
+    n = point.samples.size
+    if point.still.kind.directions < 3:
+        sensed = point.target_closure.sight.directions
+        matrix = np.concatenate((sensed, np.zeros_like(sensed)), axis=1)
+    else:
+        matrix = np.repeat(np.eye(6)[:3, :, None], n, axis=2)
+    none = np.zeros((0, 6, n))
+    return Whitening(matrix, none, np.zeros((0, 0, n)), np.zeros((0, n), dtype=bool))
+
+
+def spread_of(moves: Array, covariance: Array) -> Array:
+    """(N, E, E) [m^2] covariance of positions. moves : (P, E, N) per unit of each unknown."""
+    p, e, n = moves.shape
+    half = (covariance @ moves.reshape(p, -1)).reshape(p, e, n)
+    return np.asarray(np.einsum("pen,pfn->nef", half, moves))
+
+
+def mahalanobis(rest: Array, spread: Array, variance: float) -> Array:
+    """(N,) squared Mahalanobis distance of errors (E, N) [m], spread (N, E, E) plus variance."""
+    whole = spread + variance * np.eye(len(rest))
+    return np.asarray(
+        np.einsum("en,ne->n", rest, np.linalg.solve(whole, rest.T[..., None])[..., 0])
+    )

@@ -1,0 +1,168 @@
+"""Robust maximum a posteriori fit of still poses: iteratively reweighted Gauss-Newton.
+
+Weights of poses whose whitened residual is long fall as in Huber 1964; those very far off are left
+out. What the model leaves unexplained is estimated along with it, as one variance of position and
+one of rotation: with P unknowns of which the data determine p, the mean square of the residuals
+times `n / (n - p)`; on real robots it is ten times the noise of the instrument (docs/real_robots).
+The priors of the robot's parameters and of the corrections' coefficients have the tails of
+Student's distribution, so that a joint whose zero was lost is not held at its catalogue value, nor
+the sag under a heavy tool near none (Lange, Little & Taylor 1989: both are weights of an
+iteration).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from ident.estimator.fit import Fit, WhitenedLoopClosure
+from ident.estimator.gauss_newton import Stop, inverse, minimise
+from ident.estimator.model import Model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import NormalEquations, normal_equations
+from ident.estimator.unknowns import Unknowns
+
+HUBER = 3.0  # Huber's threshold, in root mean squares of a pose's whitened residual
+GROSS = 10.0  # in the same: a pose further off is left out (docs/real_robots)
+MEDIAN = 0.9  # of the root mean square of three normal numbers
+TAILS = 4.0  # degrees of freedom of the priors' Student distribution
+ROUNDS = 15  # of new variances and weights
+SETTLED = 0.01  # relative change of the variances' roots that ends them
+NEGLIGIBLE = 1e-3  # decrease of the cost that ends a search, per degree of freedom
+MAX_ITERATIONS = 15  # of a search
+START = ExcessNoise(position=1e-3, rotation=1e-3)  # before a residual is known
+LEAST = ExcessNoise(position=1e-7, rotation=1e-7)
+
+
+def fit_robustly(
+    model: Model, x: Array, excess: ExcessNoise = START, *, left_out: NDArray[np.intp] | None = None
+) -> Fit:
+    """Fit a model of still poses from x (P,).
+
+    left_out : poses, by their place in the table, that shall not count.
+    """
+    counting = np.ones(model.poses.size)
+    counting[[] if left_out is None else left_out] = 0.0
+    robust = counts = np.split(counting, np.cumsum([p.size for p in model.parts])[:-1])
+    declared = model.unknowns
+    iterations, converged = 0, False
+    for _ in range(ROUNDS):
+        minimum = minimise(_problem(model, x, excess, robust), _STOP, max_iterations=MAX_ITERATIONS)
+        linear, x = minimum.equations, minimum.equations.x
+        iterations += minimum.iterations
+        before, excess = excess, unexplained(model, linear)
+        robust = [r * c for r, c in zip(robust_weights(linear), counts, strict=True)]
+        model = replace(model, unknowns=widened(declared, x))
+        converged = minimum.converged or minimum.stuck
+        if converged and _settled(before, excess):
+            break
+    linear = equations_at(model, x, excess, robust)
+    return Fit(model, linear, inverse(linear.normal), excess, iterations, converged)
+
+
+def fit_unweighted(model: Model, x: Array, excess: ExcessNoise) -> Fit:
+    """The minimum from x (P,), every pose in full, the unexplained part given."""
+    robust = [np.ones(part.size) for part in model.parts]
+    minimum = minimise(_problem(model, x, excess, robust), _STOP, max_iterations=MAX_ITERATIONS)
+    linear = minimum.equations
+    covariance = inverse(linear.normal)
+    return Fit(model, linear, covariance, excess, minimum.iterations, minimum.converged)
+
+
+def equations_at(
+    model: Model, x: Array, excess: ExcessNoise, robust: Sequence[Array]
+) -> NormalEquations:
+    """Normal equations of still poses at x (P,); robust : as of NormalEquations."""
+    return normal_equations(model, x, _no_bars(model), excess, robust=robust)
+
+
+_STOP = Stop(decrease=NEGLIGIBLE)
+
+
+def _problem(
+    model: Model, x: Array, excess: ExcessNoise, robust: Sequence[Array]
+) -> WhitenedLoopClosure:
+    return WhitenedLoopClosure(model, x, _no_bars(model), excess, robust=robust)
+
+
+def _no_bars(model: Model) -> list[Array]:
+    return [np.zeros((part.size, 0)) for part in model.parts]
+
+
+def stacked(parts: Sequence[Array]) -> Array:
+    """(..., E, N) arrays of all groups one after the other; absent equations are zero."""
+    rows = max(part.shape[-2] for part in parts)
+
+    def padded(part: Array) -> Array:
+        missing = [(0, 0)] * part.ndim
+        missing[-2] = (0, rows - part.shape[-2])
+        return np.pad(part, missing)
+
+    return np.concatenate([padded(part) for part in parts], axis=-1)
+
+
+def robust_weights(linear: NormalEquations) -> list[Array]:
+    """(N,) square root of Huber's weight of each group's poses, by the scale of all residuals."""
+    lengths = whitened_lengths(linear)
+    scale = max(1.0, median_scale(lengths))
+    return [
+        np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) * (v < GROSS * scale)
+        for v in lengths
+    ]
+
+
+def whitened_lengths(linear: NormalEquations) -> list[Array]:
+    """(N,) root mean square of each pose's whitened residual, robust weights left out."""
+    return [
+        np.sqrt((weights(point.closure.error) ** 2).sum(axis=0) / len(weights.matrix))
+        for point, weights in zip(linear.evaluations, linear.weights, strict=True)
+    ]
+
+
+def median_scale(lengths: Sequence[Array]) -> float:
+    """Scale of whitened lengths that a few wrong poses do not move: 1 for white noise."""
+    return float(np.median(np.concatenate(lengths))) / MEDIAN
+
+
+def widened(declared: Unknowns, x: Array) -> Unknowns:
+    """The unknowns with the priors of parameters and coefficients in Student's distribution."""
+    sigma, machine = declared.sigma.copy(), declared.machine
+    far = (x[machine] - declared.mean[machine]) / sigma[machine]
+    sigma[machine] *= np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
+    return replace(declared, sigma=sigma)
+
+
+def determined(linear: NormalEquations, layout: Unknowns) -> float:
+    """Number of unknowns that the data determine, in addition to what the priors tell."""
+    return float(layout.count - np.trace(inverse(linear.normal) / layout.sigma[:, None] ** 2))
+
+
+def unexplained(model: Model, linear: NormalEquations) -> ExcessNoise:
+    """Position and rotation variance of the residual beyond what the sensors explain."""
+    spare = max(0.05, 1.0 - determined(linear, model.unknowns) / linear.equations)
+    position = rotation = 0.0
+    count = turns = 0.0
+    for point, robust in zip(linear.evaluations, linear.robust, strict=True):
+        weight = robust**2
+        square = point.closure.error**2
+        noise = (point.noise_columns(ExcessNoise()) ** 2).sum(axis=0)  # (6, N)
+        position += float((weight * (square[:3].sum(axis=0) / spare - noise[:3].sum(axis=0))).sum())
+        count += point.still.kind.directions * float(weight.sum())
+        if point.still.kind.target_turns:
+            turning = square[3:].sum(axis=0) / spare - noise[3:].sum(axis=0)
+            rotation += float((weight * turning).sum())
+            turns += 3.0 * float(weight.sum())
+    return ExcessNoise(
+        position=float(np.sqrt(max(position / count, LEAST.position**2))),
+        rotation=float(np.sqrt(max(rotation / turns, LEAST.rotation**2))) if turns else 0.0,
+    )
+
+
+def _settled(before: ExcessNoise, after: ExcessNoise) -> bool:
+    return abs(after.position - before.position) <= SETTLED * before.position and (
+        abs(after.rotation - before.rotation) <= SETTLED * before.rotation
+    )

@@ -1,0 +1,259 @@
+"""What the residuals of still poses show beside the model: outliers, unsettled poses, drift.
+
+Outliers are recognised by the length of the whitened residual against its median. A pose read
+before the robot stood still has its residual along the last move: the joint angles were not yet, or
+no longer, those of the measurement. A drifting base shows as a score of the seat's motion in
+proportion to time (White 1982, as in ident.estimator.order_search).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from cell.arrays import Array
+from cell.poses import PoseGroup
+from ident.estimator.fit import Fit
+from ident.estimator.robust_fit import median_scale, whitened_lengths
+from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
+from ident.moved_seats import Step
+
+OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
+# Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and
+# a row within seven halves of the declared noise is no outlier that matters.
+WIDE = 0.5
+UNSETTLED = 4.5  # likewise, of a residual along the last move
+SHARE_OF_MOVE = 15.0  # score of a share of the last move; chance exceeds it in one of ten thousand
+SCALE = 4.0  # deviations from which the scale of the measured values is named
+# Least scale that is named: 1 mm at a reach of 1 m. Instruments and warm arms stay below 0.02 %; a
+# wrong unit, compensation or variant of the robot lies above.
+LEAST_SCALE = 1e-3
+# Least effect of what is named, over the error of one measurement along an axis, noise and what the
+# model leaves unexplained: what is smaller changes the stated uncertainty by less than an eighth.
+LEAST_EFFECT = 0.5
+ALONG = 0.95  # cosine between residual and last move from which it lies along it
+DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
+CHANCE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """A seat that moves in proportion to time while it measures."""
+
+    seat: str
+    shift: float  # [m] of the targets, mean, from the first pose to the last
+    turn: float  # [rad]
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """Poses and seats that are not as they should be; poses by their place in the table."""
+
+    outliers: NDArray[np.intp]
+    unsettled: NDArray[np.intp]
+    unfinished: float  # share of the last move by which all angles were read early; 0: not seen
+    drifts: tuple[Drift, ...]
+    steps: tuple[Step, ...] = ()  # of the table that was given; the fit has two names for each
+
+
+def lengths_of(fit: Fit) -> Array:
+    """(N,) each pose's whitened residual over the median-based scale of all, at least WIDE."""
+    lengths = whitened_lengths(fit.linear)
+    return np.concatenate(lengths) / max(median_scale(lengths), WIDE)
+
+
+def findings_of(fit: Fit) -> Findings:
+    """What a fit shows of its poses."""
+    lengths = lengths_of(fit)
+    unsettled = _unsettled(fit, lengths)
+    outliers = np.setdiff1d(np.flatnonzero(lengths > OUTLIER), unsettled)
+    return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit))
+
+
+def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
+    """Poses whose residual lies along the last move, more than one of them and in one direction."""
+    candidates: list[int] = []
+    signs: list[float] = []
+    first = 0
+    for point, weights, move in zip(
+        fit.linear.evaluations, fit.linear.weights, _last_moves(fit), strict=True
+    ):
+        n = point.still.size
+        residual = weights(point.closure.error)
+        if len(residual) >= 3 and n > 1:
+            along = weights(move)
+            size = np.linalg.norm(along, axis=0) * np.linalg.norm(residual, axis=0)
+            cosine = (along * residual).sum(axis=0) / np.maximum(size, np.finfo(float).tiny)
+            far = lengths[first : first + n] > UNSETTLED
+            for i in np.flatnonzero(far & (np.abs(cosine) > ALONG)):
+                candidates.append(first + int(i))
+                signs.append(float(np.sign(cosine[i])))
+        first += n
+    if len(candidates) < 2:
+        return np.zeros(0, dtype=np.intp)
+    direction = np.sign(sum(signs))
+    aligned = [i for i, s in zip(candidates, signs, strict=True) if s == direction]
+    return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
+
+
+def _last_moves(fit: Fit) -> list[Array]:
+    """(6, N) of every group: change of the error for the whole last move of the robot."""
+    groups = [point.still for point in fit.linear.evaluations]
+    return [
+        np.asarray(np.einsum("jcn,nj->cn", point.target_closure.joint_columns, moved))
+        for point, moved in zip(fit.linear.evaluations, last_moves(groups), strict=True)
+    ]
+
+
+def last_moves(groups: Sequence[PoseGroup]) -> list[Array]:
+    """(N, J) [rad] of every group: how far the robot moved since it last stood elsewhere.
+
+    Several targets at one pose, rows with the same angles, have the same move. Zero where the row
+    before is missing.
+    """
+    moves = [np.zeros_like(group.q) for group in groups]
+    for file in dict.fromkeys(group.file for group in groups):
+        rows = sorted(
+            (int(row), k, i)
+            for k, group in enumerate(groups)
+            if group.file == file
+            for i, row in enumerate(group.rows)
+        )
+        for (before, k, i), (row, own, at) in pairwise(rows):
+            if row - before > 1:
+                continue
+            moved = groups[own].q[at] - groups[k].q[i]
+            moves[own][at] = moved if moved.any() else moves[k][i]
+    return moves
+
+
+def _unfinished(fit: Fit) -> float:
+    """Share of the last move by which all angles were read early; 0 where chance explains it.
+
+    A score test of one unknown that turns every pose by that share, as the orders are tested.
+    """
+    equations, moves = fit.linear, _last_moves(fit)
+    columns = [
+        weights(move) * robust
+        for move, weights, robust in zip(moves, equations.weights, equations.robust, strict=True)
+    ]
+    parts = list(zip(fit.jacobians, equations.residuals, columns, strict=True))
+    gram = sum(
+        jacobian.reshape(len(jacobian), -1) @ column.reshape(-1) for jacobian, _, column in parts
+    )
+    solved = np.linalg.solve(equations.normal, gram)
+    score = variance = information = 0.0
+    for jacobian, residual, column in parts:
+        rest = column - np.einsum("pen,p->en", jacobian, solved)
+        each = (rest * residual).sum(axis=0)
+        score += float(each.sum())
+        variance += float((each * each).sum())
+        information += float((rest * rest).sum())
+    if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
+        return 0.0
+    share = -score / information
+    moved = np.concatenate([move[:3] for move in moves], axis=1)
+    effect = abs(share) * float(np.sqrt((moved**2).mean()))
+    return share if effect > LEAST_EFFECT * _error_of_one(fit) else 0.0
+
+
+def _error_of_one(fit: Fit) -> float:
+    """[m] error of one measurement along an axis: declared noise and what is unexplained."""
+    noise = np.concatenate([g.sigma[:, :3].reshape(-1) for g in fit.model.poses.groups])
+    return float(np.hypot(fit.excess.position, np.median(noise)))
+
+
+def scale_of(fit: Fit) -> tuple[float, float] | None:
+    """Scale of all measured values against the catalogue's lengths, and its standard deviation.
+
+    The robot's parameters take up a scale at the cost of their priors alone, so it is the priors as
+    declared that tell it. The direction is that of the predicted point: along the measured one its
+    own error would pass for scale. None where chance explains it, or where it is too small to
+    matter.
+    """
+    equations, layout = fit.linear, fit.model.unknowns
+    declared = np.array(
+        [STILL_LENGTH_PRIOR if p.is_length else STILL_ANGLE_PRIOR for p in layout.parameters]
+    )
+    sigma = layout.sigma.copy()
+    sigma[layout.geometric] = declared
+    prior = np.diag(sigma**-2.0 - layout.sigma**-2.0)
+    normal = equations.normal + prior
+    gradient = equations.gradient + prior @ (equations.x - layout.mean)
+    cross, own, slope = np.zeros(layout.count), 0.0, 0.0
+    for point, weights, robust, jacobian, residual in zip(
+        equations.evaluations,
+        equations.weights,
+        equations.robust,
+        fit.jacobians,
+        equations.residuals,
+        strict=True,
+    ):
+        if not point.still.kind.scales:
+            continue
+        moved = np.zeros((6, point.still.size))
+        predicted = point.target_closure.sight.point - point.closure.error[:3]
+        moved[:3] = predicted - point.target_closure.seat.origin[:, None]
+        column = weights(moved) * robust
+        cross += jacobian.reshape(layout.count, -1) @ column.reshape(-1)
+        own += float((column * column).sum())
+        slope += float((column * residual).sum())
+    solved = np.linalg.solve(normal, np.column_stack((cross, gradient)))
+    information = own - float(cross @ solved[:, 0])
+    if own == 0.0 or information <= 0.0:
+        return None
+    size = -(slope - float(cross @ solved[:, 1])) / information
+    deviation = 1.0 / np.sqrt(information)
+    return (-size, deviation) if abs(size) > max(SCALE * deviation, LEAST_SCALE) else None
+
+
+def _drifts(fit: Fit) -> tuple[Drift, ...]:
+    """Seats that move in proportion to time, where times are given."""
+    seats = {g.seat for g in fit.model.poses.groups if g.time is not None}
+    drifts = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
+    return tuple(drift for drift in drifts if drift is not None)
+
+
+def _drift(fit: Fit, seat: str) -> Drift | None:
+    """The drift of a seat if the score of its shifts, and of its turns where they are seen, is
+    beyond chance, and the drift large enough to matter.
+    """
+    equations, layout = fit.linear, fit.model.unknowns
+    part = layout.seats[seat]
+    size = part.stop - part.start
+    every = zip(equations.evaluations, fit.jacobians, equations.residuals, strict=True)
+    own = [each for each in every if each[0].still.seat == seat and each[0].still.time is not None]
+    times = [np.asarray(point.still.time) for point, _, _ in own]
+    first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
+    if span <= 0.0:
+        return None
+    columns = [each[1][part] * ((t - first) / span) for each, t in zip(own, times, strict=True)]
+    gram = np.zeros((layout.count, size))
+    for (_, jacobian, _), column in zip(own, columns, strict=True):
+        gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
+    solved = np.linalg.solve(equations.normal, gram)
+    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    for (_, jacobian, residual), column in zip(own, columns, strict=True):
+        rest = column - np.einsum("pen,pk->ken", jacobian, solved)
+        each = (rest * residual).sum(axis=1)
+        score += each.sum(axis=1)
+        variance += each @ each.T
+        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
+    if test <= DRIFT * float(chdtri(size, CHANCE)):  # chi-square, upper tail
+        return None
+    change = np.zeros(6)
+    change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
+    arm = np.concatenate(
+        [p.target_closure.sight.point.T - p.target_closure.seat.origin for p, _, _ in own]
+    )
+    moved = float(np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1).mean())
+    if moved <= np.sqrt(3.0) * LEAST_EFFECT * _error_of_one(fit):
+        return None
+    return Drift(seat, moved, float(np.linalg.norm(change[3:])), test)

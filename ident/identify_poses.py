@@ -1,0 +1,224 @@
+"""From a table of still poses to the robot's parameters, joint errors, uncertainty and verdict.
+
+Start by the nominal robot -> geometry and sag -> search for joint errors by evidence -> everything
+once more together -> cross-validation by regions of joint space -> verdict. Where a seat or target
+moved within the table, once more with two in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.geometry import nominal_chain, robot_geometry
+from cell.placement import Placement
+from cell.poses import PoseTable
+from ident.corrections.base import Coefficient, Correction
+from ident.corrections.joint_compliance import gear_compliance
+from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
+from ident.corrections.unit_weights import unit_weights
+from ident.cross_validation import cross_validated, robust_covariance
+from ident.estimator.fit import Fit
+from ident.estimator.model import still_model
+from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
+from ident.estimator.regions import distinct_poses, pose_regions
+from ident.estimator.robust_fit import fit_robustly, stacked
+from ident.estimator.unknowns import HELD, Unknowns, still_unknowns
+from ident.findings import Findings, findings_of
+from ident.moved_seats import (
+    MOST,
+    Step,
+    confirms,
+    refuse_large,
+    refuse_merged,
+    sized,
+    split,
+    step_of,
+)
+from ident.pose_result import PoseIdentification
+from ident.start.placements import PoseStart, start_of_poses
+from ident.verdict import Status
+
+SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
+GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their angles
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """Joint errors learned elsewhere: their amplitudes are kept."""
+
+    orders: tuple[tuple[int, float], ...]  # joint, from 0, and order
+    values: tuple[float, ...]  # [rad] cosine and sine amplitude of each
+
+
+@dataclass(frozen=True)
+class PoseOptions:
+    """What an identification from still poses shall do."""
+
+    search: bool = True  # for joint errors
+    learned: JointErrors | None = None
+
+
+Progress = Callable[[str], None]
+
+
+def identify_poses(
+    table: PoseTable, options: PoseOptions = PoseOptions(), progress: Progress = lambda _: None
+) -> PoseIdentification:
+    """Identify a robot from still poses.
+
+    A seat or target that moved between two rows has two names in the result's table.
+
+    Raises InputError where the table holds fewer equations than the robot has parameters, or where
+    two seats or targets go by one name, and PoseStartError where measurements and robot cannot be
+    brought together.
+    """
+    refuse_merged(table)
+    progress("finding seats and targets")
+    start = start_of_poses(table, nominal_chain(table.robot))
+    result = first = _identified(table, start, options, progress)
+    steps: tuple[Step, ...] = ()
+    while len(steps) < MOST and (step := step_of(result.fit)) is not None:
+        progress(f"{step.kind} {step.name} moved: fitting once more")
+        trial = _identified(*split(result.fit, step), options, progress)
+        after = sized(trial.fit, (*steps, step))
+        if not confirms(result.fit, trial.fit, step, after[-1]):
+            break
+        refuse_large(table, after[-1])
+        result, steps = trial, after
+    if not steps or result.verdict.status is Status.IMPLAUSIBLE:
+        return first
+    return replace(result, findings=replace(result.findings, steps=sized(result.fit, steps)))
+
+
+def _identified(
+    table: PoseTable, start: PoseStart, options: PoseOptions, progress: Progress
+) -> PoseIdentification:
+    """A robot from a table whose seats and targets stay where they are."""
+    nominal_robot = robot_geometry(table.robot)
+    noise = rounding(table.q) / np.sqrt(12.0)
+    fixed = [*sag(table.robot), *_learned(options)]
+    layout = still_unknowns(
+        table.robot, nominal_robot, table.groups, start.seats, start.targets, fixed
+    )
+    _check_enough(table, layout)
+    model = still_model(table, layout, fixed, noise)
+    nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
+    progress("fitting geometry and sag")
+    fit = fit_robustly(model, nominal.x, nominal.excess)
+    fit, findings = _without_unsettled(fit)
+    search = None
+    if options.search:
+        progress("searching joint errors")
+        search = search_orders(linearised(fit), PRIOR)
+        if search.orders:
+            progress("fitting everything together")
+            fit = _with_orders(fit, search)
+            fit, findings = _without_unsettled(fit)
+    progress("cross-validating")
+    fit = replace(fit, covariance=robust_covariance(fit))
+    return PoseIdentification(table, fit, nominal, search, cross_validated(fit), findings)
+
+
+def sag(robot: Robot) -> list[Correction]:
+    """Unit weights at the frames' origins; elastic gears too where masses and gears are stated."""
+    stated = robot.links is not None and robot.gears is not None
+    return [unit_weights(robot), *([gear_compliance(robot)] if stated else [])]
+
+
+def rounding(q: Array) -> Array:
+    """(J,) [rad] step to which the angles q (N, J) were rounded; 0 where none is seen."""
+    degrees = np.rad2deg(q)
+    out = np.zeros(q.shape[1])
+    for j, angles in enumerate(degrees.T):
+        if len(np.unique(angles.round(9))) < min(10, len(angles)):
+            continue  # a joint that hardly moves, or a grid of poses by intention
+        for step in GRIDS_DEG:
+            if np.abs(angles / step - np.round(angles / step)).max() < 1e-6:
+                out[j] = step
+                break
+    commanded = out >= 0.5  # whole and half degrees are targets of a program, not rounding
+    return np.deg2rad(np.where(commanded, 0.0, out))
+
+
+def linearised(fit: Fit) -> LinearModel:
+    """A fit at its estimate, as the search for joint errors takes it."""
+    equations, model, robot = fit.linear, fit.model, fit.model.poses.robot
+    joints = [
+        weights(np.einsum("gj,jcn->gcn", robot.gear_to_joint, point.target_closure.joint_columns))
+        * robust
+        for point, weights, robust in zip(
+            equations.evaluations, equations.weights, equations.robust, strict=True
+        )
+    ]
+    layout = model.unknowns
+    prior = np.diag(layout.sigma**-2.0)
+    step = -(-model.poses.size // SEARCHED)
+    return LinearModel(
+        jacobian=stacked(fit.jacobians)[..., ::step],
+        residual=stacked(equations.residuals)[..., ::step],
+        joints=stacked(joints)[..., ::step],
+        angles=(model.poses.q @ robot.joint_to_gear).T[:, ::step],
+        prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
+        prior_normal=prior,
+        regions=pose_regions(model.poses.q)[::step],
+        groups=distinct_poses(model.poses.q)[::step],
+    )
+
+
+def _learned(options: PoseOptions) -> list[Correction]:
+    """Joint errors learned elsewhere, as a correction whose coefficients are held."""
+    if options.learned is None:
+        return []
+    correction = joint_harmonics(options.learned.orders)
+    held = tuple(
+        Coefficient(c.name, c.unit, value, c.sigma * HELD, c.channel)
+        for c, value in zip(correction.coefficients, options.learned.values, strict=True)
+    )
+    return [replace(correction, name="learned_harmonics", coefficients=held)]
+
+
+def _with_orders(fit: Fit, search: OrderSearch) -> Fit:
+    """Everything once more, with the joint errors that were found."""
+    before, model = fit.model.unknowns, fit.model
+    corrections = (*model.corrections, joint_harmonics(search.pairs))
+    seats: dict[str, Placement] = {name: before.seat(fit.x, name) for name in before.seats}
+    targets = {name: before.target(fit.x, name) for name in before.targets}
+    table = model.poses
+    layout = still_unknowns(table.robot, before.fixed, table.groups, seats, targets, corrections)
+    x = layout.mean.copy()
+    x[layout.geometric] = fit.x[before.geometric]
+    first = layout.coefficients.start
+    known = fit.x[before.coefficients]
+    x[first : first + known.size] = known
+    return fit_robustly(replace(model, unknowns=layout, corrections=corrections), x, fit.excess)
+
+
+def _without_unsettled(fit: Fit) -> tuple[Fit, Findings]:
+    """The fit without the poses that were read before the robot stood still; and what it shows."""
+    findings = findings_of(fit)
+    if not findings.unsettled.size:
+        return fit, findings
+    left_out: NDArray[np.intp] = findings.unsettled
+    again = fit_robustly(fit.model, fit.x, fit.excess, left_out=left_out)
+    after = findings_of(again)
+    outliers = np.setdiff1d(after.outliers, left_out)
+    return again, replace(after, outliers=outliers, unsettled=left_out)
+
+
+def _check_enough(table: PoseTable, layout: Unknowns) -> None:
+    equations = sum(group.kind.equations * group.size for group in table.groups)
+    unknowns = layout.count - (layout.coefficients.stop - layout.coefficients.start)
+    if equations < unknowns:
+        raise InputError(
+            f"{table.name}: {table.size} poses give {equations} equations for {unknowns} unknowns "
+            f"(seats, targets and the robot's parameters). Measure at least "
+            f"{-(-unknowns * table.size // max(1, equations))} poses; three times as many make a "
+            "good result."
+        )

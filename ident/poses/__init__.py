@@ -1,1 +1,0 @@
-"""Identification from still poses: a table of joint angles and measurements, without clocks."""

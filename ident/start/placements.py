@@ -1,0 +1,206 @@
+"""Where seats and targets are, by the nominal robot: starting values for the fit.
+
+Of points and poses by one linear least-squares problem: with R the seat's rotation, o its origin
+and t the target on the flange, `O_i + R_i t = R m_i + o` is linear in the nine elements of R, in o
+and in t. Of sockets likewise without R. Of lengths by trilateration, `2 p.o - |o|^2 = |p|^2 - L^2`,
+and refinement, from several trial targets. Poses that stand far off are left out and the solution
+repeated, so that a few wrong ones do not spoil the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from cell.arrays import Array
+from cell.chain import Chain, forward
+from cell.errors import FailureError
+from cell.placement import Placement
+from cell.poses import PoseGroup, PoseTable
+
+_ROUNDS = 5  # of leaving poses out
+_FAR = 6.0  # medians of the distance beyond which a pose is left out
+_TRIAL = 0.15  # [m] of a trial target from the flange, in six directions
+
+
+class PoseStartError(FailureError):
+    """The measurements cannot be brought together with the declared robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseStart:
+    """Seats in the robot's base frame and targets in the flange's, by the nominal robot."""
+
+    seats: dict[str, Placement]
+    targets: dict[str, Placement]
+
+
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """The poses of one target that measure the same kind of thing."""
+
+    groups: Sequence[PoseGroup]
+    origin: Array  # (N, 3) [m] of the flange by the nominal robot
+    rotation: Array  # (N, 3, 3)
+    seat: NDArray[np.intp]  # (N,) number of each pose's seat
+    names: tuple[str, ...]  # of the seats
+    values: Array  # (N, M)
+
+
+def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
+    """Seats and targets of a table. Raises PoseStartError where a mirrored frame fits instead."""
+    seats: dict[str, Placement] = {}
+    targets: dict[str, Placement] = {}
+    for target in table.targets:
+        groups = [g for g in table.groups if g.target == target]
+        place: Placement | None = None
+        for kinds in (("pose", "point"), ("socket",), ("length",)):
+            if same := [g for g in groups if g.measured in kinds]:
+                poses = _gathered(same, chain)
+                if kinds[0] == "length":
+                    placed, place = _lengths(poses, place)
+                else:
+                    placed, place = (_sockets if kinds[0] == "socket" else _points)(poses)
+                seats = placed | seats
+        assert place is not None  # every target stands in a group
+        whole = [g for g in groups if g.measured == "pose"]
+        turn = _target_rotation(_gathered(whole, chain), seats) if whole else np.eye(3)
+        targets[target] = Placement(turn, place.origin)
+    return PoseStart(seats, targets)
+
+
+def _gathered(groups: Sequence[PoseGroup], chain: Chain) -> _Poses:
+    frames = forward(chain, np.concatenate([g.q for g in groups]))
+    names = tuple(dict.fromkeys(g.seat for g in groups))
+    width = min(g.values.shape[1] for g in groups)
+    return _Poses(
+        groups,
+        frames.tip.T,
+        frames.rotation().transpose(2, 0, 1),
+        np.concatenate([np.full(g.size, names.index(g.seat)) for g in groups]),
+        names,
+        np.concatenate([g.values[:, :width] for g in groups]),
+    )
+
+
+def _points(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
+    """Of points: seats as whole frames, from the linear problem and then from rotations proper."""
+    n, s = len(poses.origin), len(poses.names)
+    matrix = np.zeros((n, 3, 12 * s + 3))
+    for k in range(n):
+        first = 12 * poses.seat[k]
+        for i in range(3):
+            matrix[k, i, first + 3 * i : first + 3 * i + 3] = poses.values[k, :3]
+            matrix[k, i, first + 9 + i] = 1.0
+    matrix[:, :, 12 * s :] = -poses.rotation
+    solution = _without_far(matrix, poses.origin)
+    rotations = []
+    for j in range(s):
+        linear = solution[12 * j : 12 * j + 9].reshape(3, 3)
+        rotations.append(_nearest_rotation(linear, poses))
+    turn = np.stack(rotations)
+    moved = poses.origin - np.einsum("nij,nj->ni", turn[poses.seat], poses.values[:, :3])
+    matrix = _placements_matrix(poses)
+    solution = _without_far(matrix, moved)
+    seats = {
+        name: Placement(turn[j], solution[3 * j : 3 * j + 3]) for j, name in enumerate(poses.names)
+    }
+    return seats, Placement(np.eye(3), solution[3 * s :])
+
+
+def _sockets(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
+    """Of sockets: `O_i = o - R_i t`."""
+    s = len(poses.names)
+    solution = _without_far(_placements_matrix(poses), poses.origin)
+    seats = {
+        name: Placement(np.eye(3), solution[3 * j : 3 * j + 3])
+        for j, name in enumerate(poses.names)
+    }
+    return seats, Placement(np.eye(3), solution[3 * s :])
+
+
+def _placements_matrix(poses: _Poses) -> Array:
+    """(N, 3, 3 S + 3) of the origins of S seats, and of the target."""
+    n, s = len(poses.origin), len(poses.names)
+    matrix = np.zeros((n, 3, 3 * s + 3))
+    for i in range(3):
+        matrix[np.arange(n), i, 3 * poses.seat + i] = 1.0
+    matrix[:, :, 3 * s :] = -poses.rotation
+    return matrix
+
+
+def _lengths(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placement], Placement]:
+    """Of lengths: the best refinement from a trial target on the flange, or near it."""
+    s, length = len(poses.names), poses.values[:, 0]
+    trials = np.vstack((np.zeros((1, 3)), _TRIAL * np.eye(3), -_TRIAL * np.eye(3)))
+    starts = trials if known is None else known.origin[None]
+
+    def residual(x: Array) -> Array:
+        point = poses.origin + poses.rotation @ x[3 * s :]
+        seats = x[: 3 * s].reshape(s, 3)[poses.seat]
+        return np.asarray(np.linalg.norm(point - seats, axis=1) - length)
+
+    best = None
+    for trial in starts:
+        point = poses.origin + poses.rotation @ trial
+        seats = [_trilaterated(point[poses.seat == j], length[poses.seat == j]) for j in range(s)]
+        begin = np.concatenate((*seats, trial))
+        fitted = least_squares(residual, begin, loss="soft_l1", f_scale=2e-3, max_nfev=60)
+        if best is None or fitted.cost < best.cost:
+            best = fitted
+    assert best is not None  # there is at least one trial
+    seats_placed = {
+        name: Placement(np.eye(3), best.x[3 * j : 3 * j + 3]) for j, name in enumerate(poses.names)
+    }
+    return seats_placed, Placement(np.eye(3), best.x[3 * s :])
+
+
+def _trilaterated(point: Array, length: Array) -> Array:
+    """(3,) [m] the seat from which points (N, 3) are at distances (N,)."""
+    matrix = np.hstack((2.0 * point, -np.ones((len(point), 1))))
+    right = (point**2).sum(axis=1) - length**2
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-6)[0][:3])
+
+
+def _without_far(matrix: Array, right: Array) -> Array:
+    """Least squares of blocks (N, 3, U) against (N, 3), poses far off left out."""
+    counting = np.ones(len(right), dtype=bool)
+    for _ in range(_ROUNDS):
+        rows = matrix[counting].reshape(-1, matrix.shape[2])
+        solution = np.linalg.lstsq(rows, right[counting].reshape(-1), rcond=1e-9)[0]
+        distance = np.linalg.norm(matrix @ solution - right, axis=1)
+        limit = _FAR * np.median(distance[counting])
+        now = distance <= limit
+        if (now == counting).all() or limit == 0.0:
+            break
+        counting = now
+    return np.asarray(solution)
+
+
+def _nearest_rotation(linear: Array, poses: _Poses) -> Array:
+    """The rotation nearest to a matrix. Raises PoseStartError for a reflection."""
+    u, singular, vt = np.linalg.svd(linear)
+    if np.linalg.det(linear) < 0.0 and singular[2] > 0.5 * singular[0]:
+        files = ", ".join(dict.fromkeys(g.file for g in poses.groups))
+        raise PoseStartError(
+            f"{files}: the measured points fit the robot only as a mirror image. Is the frame "
+            "left-handed, or are two of its axes exchanged? Change the sign or the order of the "
+            "value columns; or the sign of a joint column, of joint 1 above all."
+        )
+    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    return np.asarray(u @ turn @ vt)
+
+
+def _target_rotation(poses: _Poses, seats: dict[str, Placement]) -> Array:
+    """(3, 3) of the target on the flange: the median, as rotation vectors about a first guess."""
+    measured = Rotation.from_rotvec(poses.values[:, 3:].copy()).as_matrix()
+    seat = np.stack([seats[name].rotation for name in poses.names])[poses.seat]
+    each = np.einsum("nki,nkl,nlj->nij", poses.rotation, seat, measured)
+    middle = Rotation.from_matrix(each).mean()
+    rest = (middle.inv() * Rotation.from_matrix(each)).as_rotvec()
+    return np.asarray((middle * Rotation.from_rotvec(np.median(rest, axis=0))).as_matrix())

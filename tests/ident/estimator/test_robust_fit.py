@@ -1,0 +1,123 @@
+"""The fit of still poses: its cost, its chi-square and its covariance, against what was put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.geometry import Geometry, geometry_of_chain, parameter_table, robot_geometry
+from cell.poses import Measured, PoseTable
+from ident.cross_validation import robust_covariance
+from ident.estimator.fit import Fit
+from ident.estimator.model import Model, still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.robust_fit import equations_at, fit_robustly
+from ident.estimator.unknowns import still_unknowns
+from ident.start.placements import start_of_poses
+from tests.helpers.still_poses import angles, group, socket_table, table_of, true_robot
+
+TRUE = true_robot("ur5", sag=0.0)
+NOISE = 1e-4  # [m]
+
+
+def model_of(table: PoseTable) -> Model:
+    """Geometry alone."""
+    nominal = robot_geometry(table.robot)
+    start = start_of_poses(table, nominal.robot)
+    layout = still_unknowns(table.robot, nominal, table.groups, start.seats, start.targets, ())
+    return still_model(table, layout, (), np.zeros(table.robot.joints))
+
+
+def true_geometry() -> Geometry:
+    """The true robot's."""
+    return geometry_of_chain(parameter_table(TRUE.robot), TRUE.chain)
+
+
+def fitted(stated: float, *, alike: int = 1, held: bool = False) -> Fit:
+    """Points with noise of NOISE; stated : [m] what their file says of it.
+
+    alike : how often each pose stands in the table, with the same noise. held : the robot at its
+    true parameters, so that only seat and target are unknown.
+    """
+    q = angles(TRUE.name, 200)
+    (drawn,) = table_of(TRUE, "point", q=q, noise=NOISE).groups
+    sigma = np.full((alike * len(q), 3), stated)
+    repeated = group(
+        "point", "tracker", np.tile(q, (alike, 1)), np.tile(drawn.values, (alike, 1)), sigma
+    )
+    model = model_of(PoseTable(TRUE.name, TRUE.robot, (repeated,)))
+    if held:
+        placed, geometry = model.unknowns.placed, true_geometry()
+        groups, starts = model.poses.groups, (placed.seat_starts, placed.target_starts)
+        layout = still_unknowns(TRUE.robot, geometry, groups, *starts, ())
+        model = replace(model, unknowns=layout.held())
+    return fit_robustly(model, model.unknowns.mean.copy())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("measured", ["point", "length", "socket"])
+def test_priors_count_once_and_the_gradient_is_half_the_derivative_of_the_cost(
+    measured: Measured,
+) -> None:
+    """Of residuals, priors and known distances, a deviation off the priors' means."""
+    table = socket_table(TRUE, count=8) if measured == "socket" else table_of(TRUE, measured)
+    model = model_of(table)
+    mean, sigma = model.unknowns.mean, model.unknowns.sigma
+    x = mean + 1e-3 * np.minimum(1.0, 1e3 * sigma)
+    robust = [np.ones(g.size) for g in table.groups]
+    # So large that the residuals weigh about as much as the priors
+    excess = ExcessNoise(position=0.1, rotation=0.1)
+    at = equations_at(model, x, excess, robust)
+    jacobians = Fit(model, at, at.normal, excess, 0, True).jacobians
+    flat = np.concatenate([j.reshape(x.size, -1) for j in jacobians], axis=1)
+    priors = np.diag(at.normal - flat @ flat.T) * sigma**2
+    # Known distances are of seats alone
+    assert priors[model.unknowns.machine] == pytest.approx(1.0, abs=1e-6)
+
+    def cost(where: Array) -> float:
+        here = equations_at(model, where, excess, robust)
+        closures = zip(here.evaluations, at.weights, strict=True)  # the weights are held
+        data = sum(float((w(p.closure.error) ** 2).sum()) for p, w in closures)
+        own = sum(float((r * r).sum()) for r in here.residuals)
+        return here.cost - own + data
+
+    for i, name in enumerate(model.unknowns.names):
+        step = 1e-2 * np.minimum(sigma[i], 1e-3) * np.eye(x.size)[i]
+        slope = 0.25 * (cost(x + step) - cost(x - step)) / step[i]
+        scale = np.sqrt(at.normal[i, i])
+        assert at.gradient[i] / scale == pytest.approx(slope / scale, rel=1e-3, abs=1e-4), name
+
+
+def test_residuals_are_whitened_to_a_chi_square_of_one_whatever_noise_is_stated() -> None:
+    """Per degree of freedom: of 600 equations the data determine 30 unknowns or so."""
+    for stated in (NOISE / 10.0, NOISE / 2.0):
+        fit = fitted(stated)
+        sigma = fit.model.unknowns.sigma
+        determined = sigma.size - float((np.diag(fit.covariance) / sigma**2).sum())
+        assert determined > 25.0
+        freedom = fit.linear.equations - determined
+        square = sum(float((r * r).sum()) for r in fit.linear.residuals)
+        assert square / freedom == pytest.approx(1.0, abs=0.02)  # two of SETTLED
+
+
+def test_the_covariance_is_that_of_the_noise_and_not_of_the_stated_one() -> None:
+    """Quarter of the noise stated: without the misfit, deviations would be a quarter as large."""
+    deviations = [
+        np.sqrt(np.diag(fitted(stated, held=True).covariance))[-9:]
+        for stated in (NOISE / 4.0, NOISE)
+    ]
+    # 600 values tell their scatter to 3 %; where the noise is stated, no variance goes below it
+    assert deviations[0] / deviations[1] == pytest.approx(np.ones(9), rel=0.09)
+    assert deviations[1][0] > NOISE / np.sqrt(200)
+
+
+@pytest.mark.parametrize("alike", [1, 4])
+def test_errors_that_neighbouring_poses_share_inflate_the_covariance(alike: int) -> None:
+    """The same errors four times tell as much as once: deviations are twice those of white ones."""
+    fit = fitted(NOISE / 10.0, alike=alike, held=True)
+    ratio = np.sqrt(np.diag(robust_covariance(fit)) / np.diag(fit.covariance))[-9:]
+    # 32 regions scatter by an eighth, and no factor is below 1
+    assert np.median(ratio) == pytest.approx(np.sqrt(alike), rel=0.2)
