@@ -233,10 +233,10 @@ def encoder_angles(words: Counts, valid: Mask, fitted: Fitted) -> Array:
     return np.stack(columns).T
 
 
-def with_counts_checked(table: Table, words: Counts, fitted: Fitted, *, robot_moves: bool) -> Table:
-    """The table itself; words : (N, E) counter words.
+def refuse_standing(table: Table, words: Counts, fitted: Fitted, *, robot_moves: bool) -> None:
+    """Raises LogError for a counter that stands while others, or the robot, move.
 
-    Raises LogError for a counter that stands while others, or the robot, move.
+    words : (N, E) counter words.
     """
     valid = usable(table.flags)
     first = words[int(np.argmax(valid))]
@@ -248,4 +248,3 @@ def with_counts_checked(table: Table, words: Counts, fitted: Fitted, *, robot_mo
             f"{name} is {first[standing[0]]} in every row while the others or the robot move. "
             "Check the cable, or remove the encoder from recording.yaml."
         )
-    return table

@@ -10,8 +10,8 @@ from acquisition.faults.encoders import (
     counter_words,
     counts_to_rad,
     powered_up,
+    refuse_standing,
     unwrap_counter,
-    with_counts_checked,
     with_jumps_checked,
     with_status_checked,
 )
@@ -59,7 +59,7 @@ def checked(
     """The table with jumps flagged and reported, and the encoder angles."""
     words = counter_words(table, names)
     table = with_jumps_checked(table, t, words, names)
-    with_counts_checked(table, words, names, robot_moves=robot_moves)
+    refuse_standing(table, words, names, robot_moves=robot_moves)
     return table, encoders.encoder_angles(words, usable(table.flags), names)
 
 
