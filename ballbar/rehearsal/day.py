@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ballbar.export.result import Result, load_result
+from ballbar.export.result import load_result
 from ballbar.outputs import Progress, write_outputs
 from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
@@ -31,6 +31,7 @@ from cell.arrays import Array
 from cell.errors import FailureError
 from cell.number_text import significant_text
 from cell.statistics import rms
+from ident.verification import RecordingVerification
 from sim.truth import Truth
 
 SIMULATED, RECORDINGS = "simulated", "recordings"
@@ -137,13 +138,14 @@ def rehearse(
     data, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
     held = _corrected(day)
     _verified(day, data)
+    result = data.identification
     return Rehearsal(
         scenario=scenario,
         speed=speed,
         fault=fault,
         stages=tuple(day.stages),
         limits=(
-            *tcp_limits(data.identification, comparison, scenario.accept),
+            *tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept),
             *corrected_limits(held.after, scenario.accept),
         ),
         paths=day.paths,
@@ -272,7 +274,7 @@ def _corrected(day: _Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
-    if not isinstance(result, Result):
+    if not result.calibration.of_logs:
         raise FailureError(f"{day.folder / RESULT}: is no result of recordings")
     correction = correct_targets(day.folder, result)
     expected, included = correction.corrected.position_before, ["geometry", *correction.included]
@@ -325,6 +327,7 @@ def _verified(day: _Day, data: RunData) -> None:
     folder = day.recording("path3")
     if scenario.cell.instrument is None:
         outcome, _ = verify_folder(day.folder / RESULT, folder)
+        assert isinstance(outcome, RecordingVerification)  # the robot moved
         name, met, ratio = "verify with path3", bool(outcome.holds), outcome.innovation
         sentence = outcome.sentence
     else:
