@@ -45,11 +45,11 @@ COMMANDS = {
         "init": "shipped",
         "run": "bench",
         "simulate": "bench",
-        "rehearse": "rehearsal",
+        "rehearse": "bench",
         "sweep": "bench",
         "claims": "bench",
         "identifiability": "identifiability",
-        "schema": "schemas",
+        "schema": "shipped",
     },
 }
 MODULES = {name: module for modules in COMMANDS.values() for name, module in modules.items()}
