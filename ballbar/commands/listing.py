@@ -73,8 +73,8 @@ class ListedCommands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Name, command and remaining words of a call; imports the module of the command."""
-        name, _, rest = super().resolve_command(ctx, args)
-        return name, name and self.imported(name), rest
+        name, _, words = super().resolve_command(ctx, args)
+        return name, name and self.imported(name), words
 
     def imported(self, name: str) -> Any:
         """The command, from its module."""

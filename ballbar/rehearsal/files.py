@@ -14,7 +14,16 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from ballbar.outputs import Progress
-from ballbar.rehearsal.day import FIRST, RECORDINGS, RESULT, SIMULATED, Rehearsal, Stage, rehearse
+from ballbar.rehearsal.day import (
+    FIRST,
+    RECORDINGS,
+    RESULT,
+    SIMULATED,
+    Day,
+    Rehearsal,
+    Stage,
+    rehearse,
+)
 from ballbar.rehearsal.live import as_recorded, check_fault
 from ballbar.rehearsal.second_path import PLAN, REQUEST
 from ballbar.rehearsal.targets import CORRECTED, GIVEN
@@ -44,20 +53,13 @@ def rehearse_into(
     something else; FailureError when a part of the cell does not come up.
     """
     check_fault(scenario, fault)
-    delivered = as_recorded(scenario)
     with claimed_folder(out, OUTPUTS, "the rehearsal"):
         beside = Path(mkdtemp(dir=out.resolve().parent, prefix=f".{out.name}."))
         try:
-            day = rehearse(
-                delivered,
-                file=file,
-                folder=beside,
-                speed=speed,
-                fault=fault,
-                command=command,
-                show=show,
-                progress=progress,
+            begun = Day(
+                as_recorded(scenario), file, beside, speed, command, show, progress=progress
             )
+            day = rehearse(begun, fault)
             progress("writing the report")
             from ballbar.rehearsal.page import rehearsal_page  # noqa: PLC0415  imports Jinja
 

@@ -84,5 +84,5 @@ def _recording_files(folder: Path, name: str) -> list[str]:
     sources = content.sources.every
     device = [file for source in sources for file in source.files]
     described = [content.robot, content.measured_by, content.plate]
-    own = [file for file in described if file.endswith(".yaml")]
-    return [f"{name}/{file}" for file in ("recording.yaml", *device, *own)]
+    users = [file for file in described if file.endswith(".yaml")]
+    return [f"{name}/{file}" for file in ("recording.yaml", *device, *users)]

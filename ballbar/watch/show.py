@@ -49,7 +49,7 @@ _SHORT = ("waiting", "TCP uncertainty", "verdict", "latest rows")
 
 
 def _facts(data: Data) -> dict[str, str]:
-    """What is known, by the name that it is shown under."""
+    """Facts about a recording, by the name that they are shown under."""
     if data["waiting"]:
         return {"waiting": printable(data["waiting"])}
     facts = {"TCP uncertainty": _uncertainty(data)}
