@@ -47,18 +47,17 @@ def rehearse_into(
     show: Callable[[Stage], None],
     progress: Progress,
 ) -> Rehearsal:
-    """Rehearses a day, and leaves it in a folder as a whole; arguments as of `rehearse`.
+    """Rehearses a day, and leaves it in a folder as a whole; arguments as of `Day`.
 
     Raises InputError for a fault or a scenario that cannot be rehearsed, or when `out` holds
     something else; FailureError when a part of the cell does not come up.
     """
     check_fault(scenario, fault)
+    delivered = as_recorded(scenario)
     with claimed_folder(out, OUTPUTS, "the rehearsal"):
         beside = Path(mkdtemp(dir=out.resolve().parent, prefix=f".{out.name}."))
         try:
-            begun = Day(
-                as_recorded(scenario), file, beside, speed, command, show, progress=progress
-            )
+            begun = Day(delivered, file, beside, speed, command, show, progress=progress)
             day = rehearse(begun, fault)
             progress("writing the report")
             from ballbar.rehearsal.page import rehearsal_page  # noqa: PLC0415  imports Jinja
