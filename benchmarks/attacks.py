@@ -48,7 +48,7 @@ Attack = Callable[[Path], list[str]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command made of one attack."""
+    """Result of a command that met one attack."""
 
     attack: str
     code: int
@@ -340,7 +340,7 @@ def _make(attack: Attack, folder: Path, words: Path) -> None:
 
 
 def outcome(name: str, attack: Attack, work: Path) -> Outcome:
-    """What the command makes of one attack."""
+    """Runs the command on one attack."""
     folder = work / "recording"
     shutil.rmtree(folder, ignore_errors=True)
     (work / "outside.csv").write_text(SECRET + "\n" + "\n".join(robot_lines()) + "\n")

@@ -33,7 +33,7 @@ SCENARIO = Path(__file__).parents[1] / "scenarios" / "irb2400.yaml"
 
 @dataclass(frozen=True, eq=False)
 class PlainFit:
-    """What the plain user gets."""
+    """Result of the plain user."""
 
     geometry: Geometry
     parameters: NDArray[np.intp]  # (P,) indices into the table

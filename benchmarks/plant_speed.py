@@ -47,7 +47,7 @@ class Job:
     path: ReferencePath
 
     def whole(self) -> None:
-        """What a user runs: preparation, rollout, checks."""
+        """The run of a user: preparation, rollout, checks."""
         run_plant(self.plant, self.path, timestep=TIMESTEP)
 
     def two(self) -> None:
