@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.joint_targets import read_targets
+from ballbar.compensation.targets_file import read_targets
 from ballbar.export.result import load_result
 from ballbar.rehearsal.day import RESULT, SIMULATED
 from ballbar.rehearsal.targets import CORRECTED, GIVEN
