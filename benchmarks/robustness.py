@@ -114,20 +114,9 @@ def main() -> None:
             f"(worst {rows.ratio.max():.2f}), scale known {rows.scale_known_ratio.median():.2f} "
             f"(worst {rows.scale_known_ratio.max():.2f}), events {sorted(rows.events)}"
         )
-    print(
-        table[
-            [
-                "seed",
-                "fault",
-                "status",
-                "ratio",
-                "slip_found_s",
-                "slip_periods",
-                "step_found_s",
-                "step_ms",
-            ]
-        ].to_string(index=False)
-    )
+    slips, steps = ("slip_found_s", "slip_periods"), ("step_found_s", "step_ms")
+    columns = ["seed", "fault", "status", "ratio", *slips, *steps]
+    print(table[columns].to_string(index=False))
 
 
 if __name__ == "__main__":
