@@ -15,7 +15,7 @@ from cell.files import write_whole
 from cell.processes import Begin
 
 if TYPE_CHECKING:  # an identification of recordings does without still poses
-    from ballbar.result.compare_poses import PoseComparison
+    from ballbar.result.compare import Comparison
     from ballbar.result.pose_run import PoseRun
 
 SENT_ROWS = 500_000  # of the robot's logs, half an hour at 250 Hz
@@ -59,7 +59,7 @@ def write_outputs(
 def write_pose_outputs(
     out: Path,
     run: PoseRun,
-    comparison: PoseComparison | None = None,
+    comparison: Comparison | None = None,
     *,
     command: str,
     replay: bool,

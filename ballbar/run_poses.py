@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ballbar.outputs import Progress, write_pose_outputs
-from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
-from ballbar.result.limits import Limit, pose_limits
+from ballbar.result.compare import Comparison, poses_against_truth
+from ballbar.result.limits import Limit, tcp_limits
 from ballbar.result.names import POSE_OUTPUTS, RECORDING
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
 from ballbar.scenario import PoseScenario, scenario_path, write_scenario
@@ -25,7 +25,7 @@ class PoseScenarioRun:
 
     simulation: PoseSimulation
     run: PoseRun
-    comparison: PoseComparison
+    comparison: Comparison
     limits: tuple[Limit, ...]
 
     @property
@@ -76,7 +76,8 @@ def run_pose_scenario(
     with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
         run = identify_pose_folders([folder], progress=progress)
-        comparison = compare_poses_with_truth(run.identification, simulation.truth)
+        comparison = poses_against_truth(run.identification, simulation.truth)
         write_pose_outputs(out, run, comparison, command=command, replay=False, progress=progress)
-        limits = pose_limits(run.identification, comparison, scenario.accept)
+        status, sigma = run.identification.verdict.status, run.identification.tcp_sigma
+        limits = tcp_limits(status, sigma, comparison, scenario.accept)
         return PoseScenarioRun(simulation, run, comparison, limits)

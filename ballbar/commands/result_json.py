@@ -104,7 +104,19 @@ def plant_data(simulation: Simulation) -> dict[str, object]:
 
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:
-    """JSON of `compare`: errors are model minus reference."""
+    """JSON of `compare`, SI units: errors are model minus reference."""
+    if comparison.target:
+        return {
+            "target": comparison.target,
+            "tcp_difference": _distances(comparison.tcp),
+            "tcp_difference_nominal": _distances(comparison.tcp_nominal),
+            "cross_validated_mean_m": list(comparison.predicted),
+            "parameters": {
+                name: {"difference": size, "z": comparison.z[name]}
+                for name, size in comparison.deviations.items()
+            },
+            "axes_with_unlike_ranges": list(comparison.unlike_ranges),
+        }
     return {
         "tcp_error": _tcp(comparison.tcp),
         "tcp_error_nominal": _tcp(comparison.tcp_nominal),
@@ -193,8 +205,9 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
 
 
 def _tcp(error: TcpError) -> dict[str, float]:
-    return {
-        "mean_m": float(error.mean),
-        "max_m": float(error.maximum),
-        "mean_without_scale_m": float(error.error_without_scale.mean()),
-    }
+    without_scale = float(error.error_without_scale.mean())
+    return _distances(error) | {"mean_without_scale_m": without_scale}
+
+
+def _distances(error: TcpError) -> dict[str, float]:
+    return {"mean_m": float(error.mean), "max_m": float(error.maximum)}

@@ -31,6 +31,7 @@ from cell.arrays import Array
 from cell.errors import FailureError
 from cell.number_text import significant_text
 from cell.statistics import rms
+from ident.verification import RecordingVerification
 from sim.truth import Truth
 
 SIMULATED, RECORDINGS = "simulated", "recordings"
@@ -117,13 +118,14 @@ def rehearse(day: Day, fault: str | None) -> Rehearsal:
     data, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
     targets = _corrected(day)
     _verified(day, data)
+    result = data.identification
     return Rehearsal(
         scenario=scenario,
         speed=day.speed,
         fault=fault,
         stages=tuple(day.stages),
         limits=(
-            *tcp_limits(data.identification, comparison, scenario.accept),
+            *tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept),
             *corrected_limits(targets.after, scenario.accept),
         ),
         paths=day.paths,
@@ -305,6 +307,7 @@ def _verified(day: Day, data: RunData) -> None:
     folder = day.recording("path3")
     if scenario.cell.instrument is None:
         outcome, _ = verify_folder(day.folder / RESULT, folder)
+        assert isinstance(outcome, RecordingVerification)  # the robot moved
         name, met, ratio = "verify with path3", bool(outcome.holds), outcome.innovation
         sentence = outcome.sentence
     else:

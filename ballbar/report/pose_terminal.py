@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.markup import escape
 
-from ballbar.result.compare_poses import PoseComparison
+from ballbar.result.compare import Comparison
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM
 
@@ -47,7 +47,7 @@ def say_poses(out: Console, run: PoseRun) -> None:
     )
 
 
-def say_pose_comparison(out: Console, comparison: PoseComparison) -> None:
+def say_pose_comparison(out: Console, comparison: Comparison) -> None:
     """Print how far the identified robot is from the true one."""
     tcp, before = comparison.tcp, comparison.tcp_nominal
     out.print(

@@ -11,10 +11,14 @@ from ballbar.report.corrections import coefficients_at_prior, parameters_at_prio
 from ballbar.report.numbers import with_and_without
 from ballbar.report.parameters import parameter_count
 from ballbar.report.rod_force import TENSION_SOURCES
-from ballbar.result.compare import Comparison
+from ballbar.result.compare import NOTABLE, POSES, Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, PPM, UM, URAD, US
+from cell.geometry import parameter_named
 from cell.number_text import clock_offset_text, clock_skew_text
+from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
+
+LISTED = 8  # parameters that differ, printed
 
 if TYPE_CHECKING:
     from ident.tracker import TrackerCheck
@@ -57,6 +61,9 @@ def say_plant(out: Console, simulation: Simulation) -> None:
 
 def say_comparison(out: Console, comparison: Comparison) -> None:
     """Print model minus reference: tool, parameters, clock."""
+    if comparison.target:
+        _comparison_of_poses(out, comparison)
+        return
     tcp, before = comparison.tcp, comparison.tcp_nominal
     out.print(
         f"TCP error over the workspace: mean {tcp.mean * MM:.4f} mm, "
@@ -73,6 +80,36 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
     if comparison.offset is not None and comparison.skew is not None:
         offset, skew = comparison.offset * US, comparison.skew * PPM
         out.print(f"clock error: offset {offset:+.2f} us, skew {skew:+.4f} ppm")
+
+
+def _comparison_of_poses(out: Console, comparison: Comparison) -> None:
+    tcp, nominal = comparison.tcp, comparison.tcp_nominal
+    whose = "of both" if comparison.both_have_target else "of the first"
+    out.print(
+        escape(
+            f"TCP difference over {POSES} poses within the fitted ranges, base aligned, target "
+            f"{comparison.target} {whose}: mean {tcp.mean * MM:.4f} mm, largest "
+            f"{tcp.maximum * MM:.4f} mm (nominal robot: "
+            f"{nominal.mean * MM:.3f} and {nominal.maximum * MM:.3f} mm)"
+        )
+    )
+    stated = " and ".join(f"{mean * MM:.4f}" for mean in comparison.predicted)
+    out.print(f"mean error by cross-validation: {stated} mm")
+    notable = comparison.notable
+    listed = ", ".join(
+        f"{name} {comparison.deviations[name] * 1e3:+.4f} "
+        f"{'mm' if parameter_named(name).is_length else 'mrad'} (z {comparison.z[name]:+.1f})"
+        for name in notable[:LISTED]
+    )
+    more = f" and {len(notable) - LISTED} more" if len(notable) > LISTED else ""
+    out.print(
+        f"parameters that differ by more than {NOTABLE:.0f} sigma, and {LITTLE_SHIFT * 1e6:.0f} um "
+        f"or {LITTLE_TURN * 1e6:.0f} urad: {listed or 'none'}{more} "
+        f"({len(comparison.z)} compared; sigma without what the model leaves unexplained)"
+    )
+    if comparison.unlike_ranges:
+        axes = ", ".join(map(str, comparison.unlike_ranges))
+        out.print(f"[yellow]warning:[/] less than half of the fitted range is common: axes {axes}")
 
 
 def _sentence(out: Console, sentence: str, *, good: bool) -> None:

@@ -65,8 +65,6 @@ class Calibration:
 
         Raises DescriptionError where its file fails.
         """
-        if self.of_logs:
-            return self.cell().robot
         return load_robot(self.file.robot, relative_to=self.path.parent)
 
     @cached_property

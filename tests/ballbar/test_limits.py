@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ballbar.result.compare import Comparison
-from ballbar.result.limits import Limit, corrected_limits, plant_limits, pose_limits, result_limits
+from ballbar.result.limits import Limit, corrected_limits, plant_limits, result_limits, tcp_limits
 from ballbar.scenario import (
     SHIPPED,
     AcceptSettings,
@@ -105,12 +105,11 @@ def test_a_verdict_worse_than_the_limit_misses_it() -> None:
 
 
 def test_still_poses_have_the_limits_of_the_tool_and_the_verdict() -> None:
-    found: Any = SimpleNamespace(tcp_sigma=np.array([2e-5, 3e-5]), verdict=FOUND.verdict)
     accept = PoseAcceptSettings.model_validate(
         {key: 0.9 * SIZES[key] for key in PoseAcceptSettings.model_fields if key != "verdict"}
         | {"verdict": "good"}
     )
-    stated = pose_limits(found, cast(Any, COMPARISON), accept)
+    stated = tcp_limits(FOUND.verdict.status, FOUND.robot.tcp_sigma, COMPARISON, accept)
     assert len(stated) == len(PoseAcceptSettings.model_fields)
     assert not any(limit.met for limit in stated)
 
