@@ -151,7 +151,7 @@ def simulate(
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
     if isinstance(settings, PoseScenario):
         from ballbar.commands.result_json import pose_simulation_data
-        from ballbar.run_poses import simulate_pose_scenario
+        from ballbar.run import simulate_pose_scenario
 
         with progress_bar() as progress:
             poses = simulate_pose_scenario(settings, scenario, folder, progress=progress)
