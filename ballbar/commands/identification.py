@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +19,6 @@ from ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 
 if TYPE_CHECKING:
     from ballbar.identify_settings import IdentifySettings
-    from ident.identify_poses import PoseOptions
 
 commands = typer.Typer()
 
@@ -100,12 +101,12 @@ def identify(
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
-    from cell.pose_file import pose_file_path
+    from ballbar.recordings.check import holds_poses
+    from ballbar.report.process import reporting_process
+    from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
+    from cell.files import claimed_folder
 
-    if pose_file_path(recordings[0]).is_file():
-        _identify_poses(
-            recordings, validate or [], out_dir, joint_errors, rerun=rerun, as_json=as_json
-        )
+    held_out = validate or []
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
         samples=samples,
@@ -115,94 +116,38 @@ def identify(
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
-    _identify_recordings(
-        recordings, validate or [], out_dir, settings, rerun=rerun, as_json=as_json
-    )
-
-
-def _identify_recordings(
-    recordings: list[Path],
-    validate: list[Path],
-    out_dir: Path | None,
-    settings: IdentifySettings,
-    *,
-    rerun: bool,
-    as_json: bool,
-) -> None:
-    """Logs of a moving robot: identify, write the outputs, say, and exit."""
-    from ballbar.report.process import reporting_process
-    from ballbar.result.names import OUTPUTS
-    from cell.files import claimed_folder
-
-    first = recordings[0]
+    moving = not all(map(holds_poses, recordings))
+    first = recordings[0].parent if recordings[0].is_file() else recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     with (
-        claimed_folder(folder, OUTPUTS, "the result"),
+        claimed_folder(folder, OUTPUTS if moving else POSE_OUTPUTS, "the result"),
         progress_bar() as progress,
-        reporting_process(replay=rerun) as begin,
+        reporting_process(replay=rerun) if moving else nullcontext(partial) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.outputs import write_outputs
         from ballbar.report.terminal import say_identification
         from ballbar.result.iterations import IterationLog
-        from ballbar.result.run_recordings import identify_recordings
+        from ballbar.result.run_recordings import identify_files
         from ident.options import Listener
 
         log = IterationLog(progress)
-        data = identify_recordings(
+        run = identify_files(
             recordings,
-            validate,
+            held_out,
             settings=settings,
+            joint_errors=joint_errors,
             listener=log.listener if rerun else Listener(log.listener.progress),
         )
-        data = replace(data, iterations=tuple(log.steps))
+        run = replace(run, iterations=tuple(log.steps))
         write_outputs(
-            folder, data, command=command_line(), replay=rerun, progress=progress, begin=begin
+            folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
     if as_json:
-        say_json(run_data(data, folder))
-    say_identification(out, data)
-    out.print(f"Results in {escape(str(folder))}")
-    raise typer.Exit(0 if data.acceptable else 1)
-
-
-def _identify_poses(
-    folders: list[Path],
-    validate: list[Path],
-    out_dir: Path | None,
-    joint_errors: str,
-    *,
-    rerun: bool,
-    as_json: bool,
-) -> None:
-    """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
-    from ballbar.commands.result_json import pose_run_data
-    from ballbar.outputs import write_pose_outputs
-    from ballbar.report.pose_terminal import say_poses
-    from ballbar.result.names import POSE_OUTPUTS
-    from ballbar.result.pose_run import identify_pose_folders
-    from cell.files import claimed_folder
-
-    first = folders[0] if folders[0].is_dir() else folders[0].parent
-    folder = out_dir or first.with_name(first.resolve().name + "-identified")
-    options = _pose_options(joint_errors)
-    with claimed_folder(folder, POSE_OUTPUTS, "the result"), progress_bar() as progress:
-        run = identify_pose_folders(folders, validate, options=options, progress=progress)
-        write_pose_outputs(folder, run, command=command_line(), replay=rerun, progress=progress)
-    if as_json:
-        say_json(pose_run_data(run, folder))
-    say_poses(out, run)
+        say_json(run_data(run, folder))
+    say_identification(out, run)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
-
-
-def _pose_options(joint_errors: str) -> PoseOptions:
-    from ballbar.result.calibration import Calibration
-    from ident.identify_poses import PoseOptions
-
-    if joint_errors in ("auto", "none"):
-        return PoseOptions(search=joint_errors == "auto")
-    return PoseOptions(search=False, learned=Calibration.load(joint_errors).joint_errors())
 
 
 def _settings(**options: object) -> IdentifySettings:

@@ -17,7 +17,6 @@ from ballbar.result.machine_entries import (
     covariance_entry,
     masses_entry,
 )
-from ballbar.result.pose_run import PoseRun
 from ballbar.result.recording_entries import (
     POSES,
     ClockEntry,
@@ -38,7 +37,7 @@ from ballbar.result.recording_entries import (
     StepFaultEntry,
     TrackerEntry,
 )
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, PoseRun, RunData
 from cell.arrays import Array
 from cell.geometry import Geometry
 from cell.placement import Placement
