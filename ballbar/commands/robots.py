@@ -126,7 +126,7 @@ def show(
 
 def _say(written: NewRobot) -> None:
     """What was written, the check, what lies outside the rows, and what is missing."""
-    from ballbar.robot_file.check import POSES
+    from ballbar.robot_file.new_robot import POSES
     from ballbar.robot_file.text import is_identity, missing, transform_lines
 
     draft, form, difference = written.draft, written.draft.form, written.difference
