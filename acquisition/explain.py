@@ -16,7 +16,7 @@ from acquisition.times import TimeCells, stamps_ns, words
 from cell.logs import SourceName
 from cell.recording import EncoderFitting, LengthFile, SourceFile, TrackerFile, load_recording_file
 
-_ANGLES = {
+ANGLES = {
     "motors": "motor angles",
     "axes": "axis angles as the controller shows them",
     "joints": "joint angles of the DH model",
@@ -64,7 +64,7 @@ def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
     if dialect.source == "robot":
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"
         why = "the dialect says so; numbers that contradict it are refused"
-        angles = [f"{_ANGLES[dialect.angle_kind]}, in {unit}: {why}"]
+        angles = [f"{ANGLES[dialect.angle_kind]}, in {unit}: {why}"]
         place = {"motors": "at the motor", "axes": "behind the gears, along the axis angles"}
         torques = [f"torques in N m {place[dialect.torques_at]}, where they are logged"]
         return angles + (torques if dialect.torque_columns else [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -203,12 +203,9 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
         file=file,
         source=source.name,
         dialect=source.declared.dialect,
-        encoding=form.encoding,
-        separator=form.separator,
-        decimal=form.decimal,
-        rows_read=form.rows_read,
         rows_kept=len(table),
         time=time,
+        **asdict(form),
     )
     return table, summary
 

@@ -166,7 +166,7 @@ def simulate(
 def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:
     """Simulates a scenario of still poses."""
     from ballbar.commands.result_json import pose_simulation_data
-    from ballbar.run_poses import simulate_pose_scenario
+    from ballbar.run import simulate_pose_scenario
     from sim.recording_files import truth_path
 
     with progress_bar() as progress:

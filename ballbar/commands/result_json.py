@@ -20,8 +20,8 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.limits import Limit
     from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
-    from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 
 def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
@@ -55,7 +55,7 @@ def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, 
     """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
     from sim.recording_files import truth_path
 
-    force = simulation.truth.force
+    force = simulation.truth.force_N
     return {
         "recording": str(folder),
         "truth": str(truth_path(folder)),
@@ -82,10 +82,10 @@ def plant_data(simulation: Simulation) -> dict[str, object]:
     """Largest loop-closure error of the simulated plant, and the range of the force in the rod."""
     truth = simulation.truth
     return {
-        "closure_position_m": float(truth.closure_position),
-        "closure_angle_rad": float(truth.closure_angle),
-        "rod_force_min_N": float(truth.rod_force_min),
-        "rod_force_max_N": float(truth.rod_force_max),
+        "closure_position_m": float(truth.closure.position_m),
+        "closure_angle_rad": float(truth.closure.angle_rad),
+        "rod_force_min_N": float(truth.rod_force.min_N),
+        "rod_force_max_N": float(truth.rod_force.max_N),
     }
 
 

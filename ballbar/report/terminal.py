@@ -55,10 +55,10 @@ def say_identification(out: Console, data: RunData | PoseRun) -> None:
 def say_plant(out: Console, simulation: Simulation) -> None:
     """Print how well the plant closed its loop, and the force in the rod."""
     truth = simulation.truth
-    position, angle = truth.closure_position * UM, truth.closure_angle * URAD
+    position, angle = truth.closure.position_m * UM, truth.closure.angle_rad * URAD
     out.print(
         f"plant: loop closed within {position:.3f} um and {angle:.3f} urad, "
-        f"rod force {truth.rod_force_min:.0f} to {truth.rod_force_max:.0f} N"
+        f"rod force {truth.rod_force.min_N:.0f} to {truth.rod_force.max_N:.0f} N"
     )
 
 

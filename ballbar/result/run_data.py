@@ -18,8 +18,8 @@ from ident.result import Identification, RecordingEstimate
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
     from ballbar.result.limits import Limit
     from ballbar.scenario import Scenario
-    from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 
 @dataclass(frozen=True, eq=False)
