@@ -110,10 +110,10 @@ def identify(
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
-    from ballbar.recordings.check import holds_poses
     from ballbar.report.process import reporting_process
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
     from cell.files import claimed_folder
+    from cell.pose_file import pose_file_path
 
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
@@ -124,7 +124,7 @@ def identify(
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
-    moving = not all(map(holds_poses, recordings))
+    moving = not all(pose_file_path(recording).is_file() for recording in recordings)
     first = recordings[0].parent if recordings[0].is_file() else recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     with (
