@@ -23,72 +23,81 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Folders with recording.yaml and the device files, or with poses.yaml, all of one "
+        "robot.",
+        metavar="RECORDING",
+    ),
+]
+Validate = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--validate",
+        help="Held-out recording: the result is tested on it, not fitted; may be repeated.",
+        metavar="RECORDING",
+    ),
+]
+Model = Annotated[
+    ModelName,
+    typer.Option(
+        help="Kinematics alone (dh) or with corrections (complete); auto decides by the data."
+    ),
+]
+CorrectionNames = Annotated[
+    str,
+    typer.Option(
+        help=f"Corrections of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
+        metavar="auto|NAME,NAME",
+    ),
+]
+RodSigma = Annotated[
+    float | None,
+    typer.Option(
+        help="Standard deviation [m] of a rod that was measured; its length is bd3 in the "
+        "ball-bar's file.",
+        metavar="METRES",
+    ),
+]
+Accuracy = Annotated[
+    float | None,
+    typer.Option(
+        help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
+        "an acceptable result; default: half of the nominal robot's error.",
+        metavar="MM",
+    ),
+]
+JointErrorSource = Annotated[
+    str,
+    typer.Option(
+        help="Joint errors of still poses: search them (auto), do without (none), or keep "
+        "those of another result.",
+        metavar="auto|none|RESULT",
+    ),
+]
+
+
 @commands.command(
     epilog="Example: `ballbar identify runs/a/recording runs/b/recording "
     "--validate runs/c/recording --out runs/together`"
 )
 def identify(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Folders with recording.yaml and the device files, or with poses.yaml, all of one "
-            "robot.",
-            metavar="RECORDING",
-        ),
-    ],
-    validate: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--validate",
-            help="Held-out recording: the result is tested on it, not fitted; may be repeated.",
-            metavar="RECORDING",
-        ),
-    ] = None,
+    recordings: Recordings,
+    validate: Validate = None,
     out_dir: Out = None,
     samples: Annotated[
         int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)
     ] = DEFAULT_SAMPLES,
-    model: Annotated[
-        ModelName,
-        typer.Option(
-            help="Kinematics alone (dh) or with corrections (complete); auto decides by the data."
-        ),
-    ] = "auto",
-    corrections: Annotated[
-        str,
-        typer.Option(
-            help=f"Corrections of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
-            metavar="auto|NAME,NAME",
-        ),
-    ] = "auto",
+    model: Model = "auto",
+    corrections: CorrectionNames = "auto",
     force: Annotated[
         ForceSource,
         typer.Option(help="Source of the rod's force; auto takes the best that was logged."),
     ] = "auto",
-    rod_sigma: Annotated[
-        float | None,
-        typer.Option(
-            help="Standard deviation [m] of a rod that was measured; its length is bd3 in the "
-            "ball-bar's file.",
-            metavar="METRES",
-        ),
-    ] = None,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
-            "an acceptable result; default: half of the nominal robot's error.",
-            metavar="MM",
-        ),
-    ] = None,
-    joint_errors: Annotated[
-        str,
-        typer.Option(
-            help="Joint errors of still poses: search them (auto), do without (none), or keep "
-            "those of another result.",
-            metavar="auto|none|RESULT",
-        ),
-    ] = "auto",
+    rod_sigma: RodSigma = None,
+    accuracy: Accuracy = None,
+    joint_errors: JointErrorSource = "auto",
     rerun: Annotated[
         bool, typer.Option("--rerun", help="Write the replay file run.rrd as well.")
     ] = False,
@@ -101,12 +110,11 @@ def identify(
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
-    from ballbar.recordings.check import holds_poses
     from ballbar.report.process import reporting_process
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
     from cell.files import claimed_folder
+    from cell.pose_file import pose_file_path
 
-    held_out = validate or []
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
         samples=samples,
@@ -116,7 +124,7 @@ def identify(
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
-    moving = not all(map(holds_poses, recordings))
+    moving = not all(pose_file_path(recording).is_file() for recording in recordings)
     first = recordings[0].parent if recordings[0].is_file() else recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     with (
@@ -134,7 +142,7 @@ def identify(
         log = IterationLog(progress)
         run = identify_files(
             recordings,
-            held_out,
+            validate or [],
             settings=settings,
             joint_errors=joint_errors,
             listener=log.listener if rerun else Listener(log.listener.progress),
