@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ballbar.recordings.check import import_reports
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import Run, RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
 from cell.files import write_whole
 from cell.processes import Begin
-
-if TYPE_CHECKING:  # an identification of recordings does without still poses
-    from ballbar.result.pose_run import Run
 
 SENT_ROWS = 500_000  # of the robot's logs, half an hour at 250 Hz
 

@@ -9,7 +9,8 @@ from ballbar.outputs import Progress, write_outputs
 from ballbar.result.compare import poses_against_truth
 from ballbar.result.limits import tcp_limits
 from ballbar.result.names import POSE_OUTPUTS, RECORDING
-from ballbar.result.pose_run import PoseRun, identify_pose_folders
+from ballbar.result.run_data import PoseRun
+from ballbar.result.run_recordings import identify_pose_folders
 from ballbar.run import simulate_pose_scenario
 from ballbar.scenario import PoseScenario, scenario_path
 from cell.files import claimed_folder

@@ -7,7 +7,6 @@ what was simulated or recorded, and how the files were read.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import yaml
 
@@ -17,14 +16,11 @@ from ballbar.replay.parameters import units_of
 from ballbar.report.numbers import with_and_without
 from ballbar.result.compare import Comparison
 from ballbar.result.limits import Limit
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, Run, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
 from cell.foreign_text import markdown
 from cell.geometry import parameter_named
 from ident.result import FitStatistics, Identification, RecordingEstimate, RobotEstimate
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
 
 Rows = list[tuple[str, str]]
 

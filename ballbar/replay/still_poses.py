@@ -19,10 +19,10 @@ from ballbar.replay.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEE
 from ballbar.replay.entities import CELL, LEGEND, NOTES, POSE, Branch
 from ballbar.replay.scene import log_body, log_frame, log_legend, magnification, spaced
 from ballbar.replay.shapes import robot_bodies
+from ballbar.result.run_data import PoseRun
 from ballbar.units import MM
 
 if TYPE_CHECKING:  # a replay of recordings does without still poses
-    from ballbar.result.pose_run import PoseRun
     from ident.estimator.fit import Fit
     from ident.estimator.model import Evaluation
 

@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -29,10 +28,7 @@ from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, recording_series, truth_series
 from ballbar.replay.still_poses import log_still_poses, still_layout
-from ballbar.result.run_data import FittedRecording, RunData
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
+from ballbar.result.run_data import FittedRecording, Run, RunData
 
 # fixed: the viewer keeps one layout per application
 APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"

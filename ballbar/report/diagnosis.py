@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ballbar.replay.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, Run, RunData
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.extended_yaml import SHIPPED
@@ -33,9 +32,6 @@ from planning.next_step import (
 from planning.questions import ENCODERS
 from planning.trajectory import Passage
 from sim.path_files import load_lissajous
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
 
 STEP = 0.1  # [s] of a recording's motion, half that of planned ones: it may be faster
 SHOWN = 8  # rows of a table; what follows is added up

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ballbar.report.corrections import (
     coefficient_text,
@@ -18,13 +17,10 @@ from ballbar.report.recording import OVERVIEW, overview_cells
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.report.tracker import tracker_section
 from ballbar.result.compare import z_rms
-from ballbar.result.run_data import RunData, Validation
+from ballbar.result.run_data import Run, RunData, Validation
 from ballbar.units import MM
 from ident.estimator.uncertainty import correlated_groups
 from ident.held_out import HeldOut
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ballbar.report.diagnosis import advised_steps, diagnosis_section
 from ballbar.report.machine import held_out_imports, machine_section
@@ -23,12 +22,9 @@ from ballbar.report.still_poses import (
 )
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import Run, RunData
 from cell.files import write_whole
 from cell.foreign_text import printable
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
 
 
 def write_report(path: Path, run: Run, *, command: str) -> None:

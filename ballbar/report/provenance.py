@@ -12,15 +12,11 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING
 
 from acquisition.recording import Recording
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import PoseRun, Run, RunData
 from cell.pose_file import pose_file_path
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import PoseRun, Run
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "jinja2")
 _SIMULATOR = "mujoco-core"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -19,14 +18,11 @@ from ballbar.report.parameters import parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
 from ballbar.report.section import Section, section
 from ballbar.report.tracker import tracker_section
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, Run, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
 from cell.statistics import rms
 from ident.result import RecordingEstimate
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
 
 OVERVIEW = (
     "length",

@@ -12,14 +12,13 @@ from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
 from ballbar.report.numbers import significant
 from ballbar.report.section import Section, section
 from ballbar.report.summary import QUANTITIES
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import Run, RunData
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from ident.corrections.joint_harmonics import harmonic_name
 from ident.identify import MOSTLY_PRIOR
 
 if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import Run
     from ident.pose_result import PoseIdentification
 
 Row = dict[str, object]  # of a table, by the columns of the template

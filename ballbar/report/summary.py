@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,15 +11,12 @@ from ballbar.report.clock import clock_rows
 from ballbar.report.numbers import MISSING, listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.tcp_view import TcpView
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import PoseRun, Run, RunData
 from ballbar.units import MM, MS, UM, URAD
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text
 from ident.result import Identification
 from ident.verdict import Status
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import PoseRun, Run
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -13,15 +12,12 @@ from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import MISSING, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import PoseRun, Run, RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
 from cell.statistics import rms
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ballbar.result.pose_run import PoseRun, Run
 
 SAME_CELLS = "same cells, with a colour scale of its own (mind the unit)."
 

@@ -12,7 +12,7 @@ from ballbar.report.numbers import with_and_without
 from ballbar.report.parameters import parameter_count
 from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, Run, RunData
 from ballbar.units import MM, PPM, UM, URAD, US
 from cell.geometry import parameter_named
 from cell.number_text import clock_offset_text, clock_skew_text
@@ -22,7 +22,6 @@ from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 LISTED = 8  # parameters that differ, printed
 
 if TYPE_CHECKING:  # an identification of recordings does without still poses
-    from ballbar.result.pose_run import Run
     from ident.pose_result import PoseIdentification
     from ident.tracker import TrackerCheck
     from sim.simulate import Simulation

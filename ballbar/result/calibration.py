@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbar.result.calibration_file import POSE_CORRECTIONS, SCHEMA, CalibrationFile
+from ballbar.result.calibration_file import (
+    LEARNED_HARMONICS,
+    POSE_CORRECTIONS,
+    SCHEMA,
+    CalibrationFile,
+)
 from ballbar.result.machine_entries import RESTORE
 from ballbar.result.names import CALIBRATION
 from cell.arrays import Array
@@ -187,7 +192,8 @@ class Calibration:
         """The joint errors of still poses, to be kept in another identification."""
         from ident.identify_poses import JointErrors  # noqa: PLC0415  logs do without
 
-        entries = self.file_of_poses().corrections.get(JOINT_HARMONICS, {})
+        corrections = self.file_of_poses().corrections
+        entries = corrections.get(LEARNED_HARMONICS, {}) | corrections.get(JOINT_HARMONICS, {})
         return JointErrors(
             tuple(orders_of(entries)), tuple(entry.value for entry in entries.values())
         )

@@ -8,17 +8,13 @@ from __future__ import annotations
 
 from operator import methodcaller
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ballbar.result.calibration import load_calibration
 from ballbar.result.calibration_content import calibration_of, calibration_of_poses
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import Run, RunData
 from cell.errors import InputError
 from cell.files import copied_description, write_yaml
 from cell.pose_file import pose_file_path
-
-if TYPE_CHECKING:  # a result of logs does without still poses
-    from ballbar.result.pose_run import Run
 
 
 class RefusedResultError(RuntimeError):
