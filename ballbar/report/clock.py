@@ -23,15 +23,6 @@ class ClockRow:
     error: str  # against the truth; empty where it is not known
 
 
-@dataclass(frozen=True)
-class StartRow:
-    """A way to align the logs."""
-
-    offset: str
-    cost: str
-    overlap: str
-
-
 def clock_rows(estimate: RecordingEstimate, comparison: Comparison | None) -> list[ClockRow]:
     """Offset and skew; empty without a second clock."""
     clock = estimate.clock
@@ -59,12 +50,15 @@ def clock_rows(estimate: RecordingEstimate, comparison: Comparison | None) -> li
     ]
 
 
-def start_rows(start: Start) -> list[StartRow]:
-    """The chosen way to align the logs and its rivals; empty where it has none."""
+def start_rows(start: Start) -> list[tuple[str, str, str]]:
+    """Offset, cost and overlap of the chosen way to align the logs and of its rivals.
+
+    Empty where it has none.
+    """
     if not start.ambiguous:
         return []
     return [
-        StartRow(
+        (
             f"{significant(candidate.fit.clock().offset, 4)} s",
             significant(candidate.cost),
             f"{significant(candidate.overlap)} s",

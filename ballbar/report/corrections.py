@@ -33,27 +33,13 @@ _CHANNELS = {
 
 
 @dataclass(frozen=True)
-class CoefficientRow:
-    """One coefficient, or one harmonic."""
-
-    name: str
-    value: str
-    sigma: str
-    prior: str
-    prior_sigma: str
-    information_gain: str
-    stiffness: str
-    from_data: bool  # known from the data more than from the prior
-
-
-@dataclass(frozen=True)
 class CorrectionTable:
     """One correction."""
 
     title: str
     unit: str
     stiffness_unit: str  # empty where nothing is elastic
-    rows: tuple[CoefficientRow, ...]
+    rows: list[dict[str, str | bool]]  # one coefficient or one harmonic each, by column
 
 
 def correction_tables(robot: RobotEstimate) -> list[CorrectionTable]:
@@ -67,7 +53,7 @@ def parameters_at_prior(robot: RobotEstimate) -> list[str]:
 
 
 def coefficients_at_prior(robot: RobotEstimate) -> list[CoefficientEstimate]:
-    """Coefficients of the corrections likewise."""
+    """Coefficients of the corrections that the data say less about than the prior."""
     coefficients = (c for correction in robot.corrections for c in correction.coefficients)
     return [c for c in coefficients if c.information_gain < MOSTLY_PRIOR]
 
@@ -86,7 +72,7 @@ def _tables(correction: CorrectionEstimate) -> list[CorrectionTable]:
         factor, shown = _UNITS[unit]
         named = _condensed([c for c in correction.coefficients if c.unit == unit])
         decimals = decimals_for([c.sigma * factor for _, c in named], digits=1)
-        rows = tuple(_row(name, c, factor, decimals) for name, c in named)
+        rows = [_row(name, c, factor, decimals) for name, c in named]
         title = capitalised(correction.sentence)
         tables.append(CorrectionTable(title, shown, _INVERSE.get(unit, ""), rows))
     return tables
@@ -128,20 +114,20 @@ def _amplitude(sine: CoefficientEstimate, cosine: CoefficientEstimate) -> Coeffi
     )
 
 
-def _row(name: str, c: CoefficientEstimate, factor: float, decimals: int) -> CoefficientRow:
+def _row(name: str, c: CoefficientEstimate, factor: float, decimals: int) -> dict[str, str | bool]:
     stiffness = ""
     if c.unit in _INVERSE:
         stiffness = _grouped(1.0 / c.value, c.sigma / c.value**2) if c.value > 0.0 else MISSING
-    return CoefficientRow(
-        name=name,
-        value=fixed(c.value * factor, decimals),
-        sigma=fixed(c.sigma * factor, decimals + 1),
-        prior=significant(c.prior * factor),
-        prior_sigma=significant(c.prior_sigma * factor),
-        information_gain=f"{100.0 * c.information_gain:.0f} %",
-        stiffness=stiffness,
-        from_data=c.information_gain > MOSTLY_PRIOR,
-    )
+    return {
+        "name": name,
+        "value": fixed(c.value * factor, decimals),
+        "sigma": fixed(c.sigma * factor, decimals + 1),
+        "prior": significant(c.prior * factor),
+        "prior_sigma": significant(c.prior_sigma * factor),
+        "information_gain": f"{100.0 * c.information_gain:.0f} %",
+        "stiffness": stiffness,
+        "from_data": c.information_gain > MOSTLY_PRIOR,  # known from them more than from the prior
+    }
 
 
 def _grouped(value: float, sigma: float) -> str:

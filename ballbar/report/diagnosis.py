@@ -38,6 +38,7 @@ SHOWN = 8  # rows of a table; what follows is added up
 NAMED = 4  # unknowns of a direction that are named
 WORTHWHILE = 0.05  # share of the stated uncertainty below which a step is not recommended
 PATHS = ("a", "b", "planned")  # of scenarios/paths, behind the robot's name
+Row = dict[str, object]  # of a table, by the columns of the template
 ENOUGH = (Status.GOOD, Status.SUSPECT, Status.UNCERTAIN)  # nothing is to be repaired first
 
 _KINDS = {
@@ -50,34 +51,12 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class DriverRow:
-    """One thing that moves the tool, over the poses of the workspace."""
-
-    names: str  # of parameters or coefficients, in the notation of the tables; may be empty
-    what: str
-    size: str  # [mm] rms
-    sigma: str  # [mm]; empty where it is the size itself
-    share: str  # [%]
-    bar: float  # [%] length of the bar beside the share
-
-
-@dataclass(frozen=True)
-class StepRow:
-    """One thing that could be done next."""
-
-    what: str
-    with_scale: str  # [mm] mean
-    without_scale: str
-    gain: str  # [%] of the uncertainty with scale
-
-
-@dataclass(frozen=True)
 class Steps:
     """What would help most next."""
 
     advice: str = ""  # one sentence; empty where nothing was predicted
     present: str = ""  # predicted of what was recorded
-    rows: tuple[StepRow, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
 
 
 def advised_steps(run: Run) -> Steps:
@@ -122,38 +101,47 @@ def diagnosis_section(run: Run, steps: Steps) -> list[Section]:
     ]
 
 
-def _before(parts: Sequence[CorrectionPart], sentences: dict[str, str]) -> list[DriverRow]:
+def _before(parts: Sequence[CorrectionPart], sentences: dict[str, str]) -> list[Row]:
     rows = [
-        DriverRow(
-            names=part.name,
-            what=sentences[part.source] if part.source else _meaning(part.name),
+        _driver(
+            part.name,
+            sentences[part.source] if part.source else _meaning(part.name),
+            part.share,
             size=significant(part.size * MM),
             sigma=significant(part.sigma * MM, 2),
-            share=_percent(part.share),
-            bar=_bar(part.share),
         )
         for part in parts[:SHOWN]
     ]
-    rest = parts[SHOWN:]
-    share = sum(part.share for part in rest)
-    what = f"{len(rest)} smaller ones together"
-    return [*rows, DriverRow("", what, "", "", _percent(share), _bar(share))] if rest else rows
+    others = parts[SHOWN:]
+    if others:
+        what = f"{len(others)} smaller ones together"
+        rows.append(_driver("", what, sum(part.share for part in others)))
+    return rows
 
 
-def _after(tcp: TcpUncertainty) -> list[DriverRow]:
+def _after(tcp: TcpUncertainty) -> list[Row]:
+    directions = tcp.directions[:SHOWN]
     rows = [
-        DriverRow(
-            names=_members(direction),
-            what=_direction(direction),
-            size=significant(direction.rms * MM),
-            sigma="",
-            share=_percent(tcp.share(direction)),
-            bar=_bar(tcp.share(direction)),
-        )
-        for direction in tcp.directions[:SHOWN]
+        _driver(_members(d), _direction(d), tcp.share(d), size=significant(d.rms * MM))
+        for d in directions
     ]
-    share = 1.0 - sum(tcp.share(direction) for direction in tcp.directions[:SHOWN])
-    return [*rows, DriverRow("", "all other directions", "", "", _percent(share), _bar(share))]
+    return [*rows, _driver("", "all other directions", 1.0 - sum(map(tcp.share, directions)))]
+
+
+def _driver(names: str, what: str, share: float, *, size: str = "", sigma: str = "") -> Row:
+    """One thing that moves the tool, over the poses of the workspace.
+
+    names : of parameters or coefficients, in the notation of the tables. size, sigma : [mm] rms.
+    """
+    bar = round(100.0 * min(1.0, max(0.0, share)), 1)  # [%] its length beside the share
+    return {
+        "names": names,
+        "what": what,
+        "size": size,
+        "sigma": sigma,
+        "share": _percent(share),
+        "bar": bar,
+    }
 
 
 def _members(direction: TcpDirection) -> str:
@@ -223,13 +211,10 @@ def _words(step: NextStep) -> str:
     }[step.key]
 
 
-def _step_row(step: NextStep, present: TcpUncertainty) -> StepRow:
-    return StepRow(
-        what=_words(step),
-        with_scale=_mm(step.predicted.sigma),
-        without_scale=_mm(step.predicted.without_scale),
-        gain=_percent(-_gain(step, present)),
-    )
+def _step_row(step: NextStep, present: TcpUncertainty) -> tuple[str, ...]:
+    """What could be done, the uncertainty then with the scale and without it, and the change."""
+    sigmas = step.predicted.sigma, step.predicted.without_scale
+    return (_words(step), *map(_mm, sigmas), _percent(-_gain(step, present)))
 
 
 def _gain(step: NextStep, present: TcpUncertainty) -> float:
@@ -242,7 +227,3 @@ def _mm(sigma: Array) -> str:
 
 def _percent(share: float) -> str:
     return fixed(100.0 * share, 0 if abs(share) >= 0.1 else 1)
-
-
-def _bar(share: float) -> float:
-    return round(100.0 * min(1.0, max(0.0, share)), 1)

@@ -6,15 +6,13 @@ element; an empty one where the recording has nothing to show (no dwell, no enco
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from markupsafe import Markup
 
 from acquisition.dwells import find_dwells
 from ballbar.figure_style import AFTER, BEFORE, LINES, PURPLE, QUIET
-from ballbar.replay.marks import Marks, mark_sentences, marks
-from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock
+from ballbar.replay.marks import Marks
+from ballbar.replay.motion import CellMotion, mechanism_angles, on_robot_clock
 from ballbar.report.drawing import INCH
 from ballbar.report.line_plot import Curve, Plot, draw
 from ballbar.result.run_data import FittedRecording
@@ -29,50 +27,25 @@ _JITTER = 150  # rows of the jitter figure
 _SPAN = 20.0  # [s] of the figure of dwells: an excerpt, as in the thesis
 
 
-@dataclass(frozen=True)
-class LogFigure:
-    """One figure and its caption."""
-
-    svg: str
-    caption: str
-
-
-@dataclass(frozen=True)
-class LogSection:
-    """What the page shows of the logs of a recording."""
-
-    sentences: list[str]
-    figures: dict[str, LogFigure]  # without empty ones
-
-
-def log_section(fitted: FittedRecording) -> LogSection:
-    """Sentences and figures for the report."""
-    motion = cell_motion(fitted)
-    passed = marks(fitted, motion)
+def log_figures(
+    fitted: FittedRecording, motion: CellMotion, passed: Marks
+) -> list[tuple[Markup, str]]:
+    """Figures with their captions, without empty ones."""
     sensed = fitted.recording.length_log is not None
     figures = {
-        "jitter": LogFigure(
-            jitter_in_dwell(fitted),
-            f"Angles of {'the robot in its' if sensed else 'both logs in their'} longest dwell, "
-            "less their mean.",
+        f"Angles of {'the robot in its' if sensed else 'both logs in their'} longest dwell, less "
+        "their mean.": jitter_in_dwell(fitted),
+        "Dwells of each log, on one clock (excerpt).": dwells_of_both(fitted),
+        "Both logs: the fit uses what lies between the dashed lines; grey in a dwell of the robot."
+        if sensed
+        else "Angles over the whole log: the fit uses what lies between the dashed lines; grey in "
+        "a dwell, purple near a singular pose of the ball-bar.": angles_with_marks(
+            fitted, motion, passed
         ),
-        "dwells": LogFigure(dwells_of_both(fitted), "Dwells of each log, on one clock (excerpt)."),
-        "angles": LogFigure(
-            angles_with_marks(fitted, motion, passed),
-            "Both logs: the fit uses what lies between the dashed lines; grey in a dwell of the "
-            "robot."
-            if sensed
-            else "Angles over the whole log: the fit uses what lies between the dashed lines; grey "
-            "in a dwell, purple near a singular pose of the ball-bar.",
-        ),
-        "shift": LogFigure(
-            error_over_shift(fitted),
-            "Distance between the ends of robot and ball-bar when their clocks are shifted against "
-            "each other.",
-        ),
+        "Distance between the ends of robot and ball-bar when their clocks are shifted against "
+        "each other.": error_over_shift(fitted),
     }
-    shown = {name: figure for name, figure in figures.items() if figure.svg}
-    return LogSection(mark_sentences(passed), shown)
+    return [(svg, caption) for caption, svg in figures.items() if svg]
 
 
 def jitter_in_dwell(fitted: FittedRecording) -> Markup:

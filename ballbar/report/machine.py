@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ballbar.report.corrections import (
     coefficient_text,
     coefficients_at_prior,
@@ -21,15 +19,6 @@ from ballbar.result.run_data import Run, RunData, Validation
 from ballbar.units import MM
 from ident.estimator.uncertainty import correlated_groups
 from ident.held_out import HeldOut
-
-
-@dataclass(frozen=True)
-class HeldOutRow:
-    """One size of a held-out recording's loop-closure error, with its unit."""
-
-    name: str
-    nominal: str
-    identified: str
 
 
 def machine_section(run: Run) -> list[Section]:
@@ -92,7 +81,8 @@ def _held_out(validation: Validation) -> dict[str, object]:
     }
 
 
-def _held_out_rows(outcome: HeldOut) -> list[HeldOutRow]:
+def _held_out_rows(outcome: HeldOut) -> list[tuple[str, str, str]]:
+    """Sizes of the loop-closure error of a held-out recording: nominal and identified."""
     nominal, identified = outcome.nominal, outcome.identified
     sizes = [
         ("position, rms", nominal.position_rms, identified.position_rms, "mm"),
@@ -100,14 +90,14 @@ def _held_out_rows(outcome: HeldOut) -> list[HeldOutRow]:
         ("angle, rms", nominal.angle_rms, identified.angle_rms, "mrad"),
     ]
     rows = [
-        HeldOutRow(name, *(f"{significant(size * MM)} {unit}" for size in (before, after)))
+        (name, f"{significant(before * MM)} {unit}", f"{significant(after * MM)} {unit}")
         for name, before, after, unit in sizes
     ]
     ratios = significant(nominal.ratio, 2), significant(identified.ratio, 2)
     innovation = significant(outcome.normalised_innovation, 2)
     return [
         *rows,
-        HeldOutRow("times what noise explains", *ratios),
-        HeldOutRow("times what noise and stated uncertainty explain", MISSING, innovation),
-        HeldOutRow("samples", "", str(outcome.samples)),
+        ("times what noise explains", *ratios),
+        ("times what noise and stated uncertainty explain", MISSING, innovation),
+        ("samples", "", str(outcome.samples)),
     ]

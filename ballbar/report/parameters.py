@@ -35,22 +35,6 @@ _MEANINGS = {
 
 
 @dataclass(frozen=True)
-class ParameterRow:
-    """One identified parameter; empty text where a column does not apply."""
-
-    name: str
-    nominal: str
-    identified: str
-    deviation: str
-    sigma: str
-    significance: str  # |deviation| over sigma
-    true_deviation: str
-    error: str
-    z: str
-    remarkable: bool  # |z| beyond Z_REMARKABLE
-
-
-@dataclass(frozen=True)
 class ParameterGroup:
     """Parameters that share their units."""
 
@@ -58,17 +42,7 @@ class ParameterGroup:
     value_unit: str
     deviation_unit: str
     sigma_unit: str
-    rows: tuple[ParameterRow, ...]
-
-
-@dataclass(frozen=True)
-class LeftAtNominal:
-    """A parameter that stays at its nominal value."""
-
-    name: str
-    value: str
-    why: str
-    meaning: str
+    rows: list[dict[str, str | bool]]  # by column; empty text where one does not apply
 
 
 def is_encoder_offset(p: Parameter) -> bool:
@@ -99,8 +73,8 @@ def parameter_groups(
     return [_group(title, group, estimate, comparison) for title, group in groups if group]
 
 
-def left_at_nominal(robot: RobotEstimate) -> list[LeftAtNominal]:
-    """Parameters that were requested and stay at nominal, with reason and consequence.
+def left_at_nominal(robot: RobotEstimate) -> list[tuple[str, str, str, str]]:
+    """Name, value, reason and consequence of what was requested and stays at nominal.
 
     Those at their priors are not among them.
     """
@@ -128,16 +102,6 @@ def parameter_count(result: Identification) -> int:
     return len(result.robot.sigma) + sum(len(r.sigma) for r in result.recordings)
 
 
-@dataclass(frozen=True)
-class _Digits:
-    """Scale of the values and decimals of the columns of one group."""
-
-    to_value: float
-    value: int
-    deviation: int
-    sigma: int
-
-
 def _group(
     title: str,
     parameters: Sequence[Parameter],
@@ -145,61 +109,49 @@ def _group(
     comparison: Comparison | None,
 ) -> ParameterGroup:
     """Digits follow the smallest sigma of the group: one of it in the value, two in the sigma."""
-    is_length = parameters[0].is_length
+    is_length, rows = parameters[0].is_length, list[dict[str, str | bool]]()
     to_value, value_unit = (MM, "mm") if is_length else (180.0 / np.pi, "deg")
     large, small = ("mm", "µm") if is_length else ("mrad", "µrad")
     sigmas = np.array([estimate.sigma[p.name] for p in parameters])
-    digits = _Digits(
-        to_value,
-        value=decimals_for(sigmas * to_value, digits=1),
-        deviation=decimals_for(sigmas * MM, digits=1),
-        sigma=decimals_for(sigmas * UM, digits=2),
-    )
-    rows = tuple(_row(p, estimate, comparison, digits) for p in parameters)
-    return ParameterGroup(
-        title=title, value_unit=value_unit, deviation_unit=large, sigma_unit=small, rows=rows
-    )
-
-
-def _row(
-    parameter: Parameter,
-    estimate: RobotEstimate | RecordingEstimate,
-    comparison: Comparison | None,
-    digits: _Digits,
-) -> ParameterRow:
-    name = parameter.name
-    sigma, value, nominal = estimate.sigma[name], estimate.geometry[name], estimate.nominal[name]
-    in_catalogue = parameter.side != "base" and not is_encoder_offset(parameter)
-    deviation = value - nominal if in_catalogue else None
-    error = comparison.deviations.get(name) if comparison else None
-    true_deviation = deviation - error if deviation is not None and error is not None else None
-    z = error / sigma if error is not None and sigma > 0.0 else None
-    significance = None if deviation is None or sigma == 0.0 else abs(deviation) / sigma
-    return ParameterRow(
-        name=name,
-        nominal=fixed(nominal * digits.to_value, digits.value) if in_catalogue else MISSING,
-        identified=fixed(value * digits.to_value, digits.value),
-        deviation=_scaled(deviation, MM, digits.deviation),
-        sigma=fixed(sigma * UM, digits.sigma),
-        significance=significant(significance, 2),
-        true_deviation=_scaled(true_deviation, MM, digits.deviation),
-        error=_scaled(error, UM, digits.sigma),
-        z=fixed(z, 1, sign=True),
-        remarkable=z is not None and abs(z) > Z_REMARKABLE,
-    )
+    value_digits = decimals_for(sigmas * to_value, digits=1)
+    deviation_digits = decimals_for(sigmas * MM, digits=1)
+    sigma_digits = decimals_for(sigmas * UM, digits=2)
+    for parameter, sigma in zip(parameters, sigmas.tolist(), strict=True):
+        name = parameter.name
+        value, nominal = estimate.geometry[name], estimate.nominal[name]
+        in_catalogue = parameter.side != "base" and not is_encoder_offset(parameter)
+        deviation = value - nominal if in_catalogue else None
+        error = comparison.deviations.get(name) if comparison else None
+        true_deviation = deviation - error if deviation is not None and error is not None else None
+        z = error / sigma if error is not None and sigma > 0.0 else None
+        significance = None if deviation is None or sigma == 0.0 else abs(deviation) / sigma
+        rows.append(
+            {
+                "name": name,
+                "nominal": fixed(nominal * to_value, value_digits) if in_catalogue else MISSING,
+                "identified": fixed(value * to_value, value_digits),
+                "deviation": _scaled(deviation, MM, deviation_digits),
+                "sigma": fixed(sigma * UM, sigma_digits),
+                "significance": significant(significance, 2),
+                "true_deviation": _scaled(true_deviation, MM, deviation_digits),
+                "error": _scaled(error, UM, sigma_digits),
+                "z": fixed(z, 1, sign=True),
+                "remarkable": z is not None and abs(z) > Z_REMARKABLE,
+            }
+        )
+    return ParameterGroup(title, value_unit, large, small, rows)
 
 
 def _scaled(value: float | None, factor: float, decimals: int) -> str:
     return MISSING if value is None else fixed(value * factor, decimals, sign=True)
 
 
-def _left(robot: RobotEstimate, dropped: DroppedParameter) -> LeftAtNominal:
-    on = listed(dropped.on) or "other parameters"
+def _left(robot: RobotEstimate, dropped: DroppedParameter) -> tuple[str, str, str, str]:
+    on, reason = listed(dropped.on) or "other parameters", dropped.reason
     words = {"on": on, "carry": "carries" if len(dropped.on) == 1 else "carry"}
-    reason = dropped.reason
     why, meaning = _REASONS.get(reason, reason), _MEANINGS.get(reason, "")
     value = _nominal_text(robot, dropped.name)
-    return LeftAtNominal(dropped.name, value, why.format(**words), meaning.format(**words))
+    return dropped.name, value, why.format(**words), meaning.format(**words)
 
 
 def _nominal_text(robot: RobotEstimate, name: str) -> str:

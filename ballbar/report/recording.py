@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from markupsafe import Markup
 
-from ballbar.replay.motion import rms_norm
+from ballbar.replay.marks import mark_sentences, marks
+from ballbar.replay.motion import cell_motion, rms_norm
 from ballbar.report import residual_figures as figures
 from ballbar.report.cell_picture import cell_picture
 from ballbar.report.clock import clock_rows, direction_sentences, start_rows
-from ballbar.report.log_figures import log_section
+from ballbar.report.log_figures import log_figures
 from ballbar.report.maps import sphere_maps
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import parameter_groups, taken_as_nominal
@@ -22,7 +21,6 @@ from ballbar.result.run_data import FittedRecording, Run, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
 from cell.statistics import rms
-from ident.result import RecordingEstimate
 
 OVERVIEW = (
     "length",
@@ -35,40 +33,6 @@ OVERVIEW = (
     "chi-square per residual",
     "step faults repaired",
 )
-
-
-@dataclass(frozen=True)
-class ResidualRow:
-    """One component of the residual."""
-
-    name: str
-    before: str  # rms
-    after: str  # rms
-    largest: str  # after
-
-
-@dataclass(frozen=True)
-class ResidualSection:
-    """Loop-closure residuals: before and after over time and on the sphere, and their sizes."""
-
-    position_norm: str
-    angle_norm: str
-    position: str
-    angle: str
-    sphere: tuple[str, str]  # before and after
-    histogram: str
-    position_rows: list[ResidualRow]  # µm
-    angle_rows: list[ResidualRow]  # µrad; empty of a length, as are the figures of angles
-    chi2: str  # per residual
-
-
-@dataclass(frozen=True)
-class NoiseRow:
-    """Noise of one logged row, in µrad."""
-
-    signal: str
-    noise: str
-    resolution: str
 
 
 def recording_sections(run: Run) -> list[Section]:
@@ -85,7 +49,11 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
     instrument = recording.description.instrument
     corrected = bool(data.identification.robot.corrections)
     groups, force = parameter_groups(estimate, comparison), tension_sentence(estimate)
-    clock, force_figure = _clock_name(estimate), Markup()
+    clock = "robot"  # on which residuals are shown
+    if estimate.clock is not None:
+        clock = "ball-bar" if estimate.encoders else "sensor's"
+    force_figure, motion = Markup(), cell_motion(fitted)
+    passed = marks(fitted, motion)
     if estimate.tension is not None:
         force_figure = figures.tension_over_time(estimate.after.t, estimate.tension, clock=clock)
     own = ("Seat" if instrument else "Offsets and base pose") if groups else ""
@@ -113,7 +81,7 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
         picture=cell_picture(data.identification.robot.cell, fitted),
         overview=dict(zip(OVERVIEW, overview_cells(fitted), strict=True)),
         encoders=estimate.encoders,
-        residuals=residual_section(fitted),
+        residuals=_residuals(fitted, clock),
         groups=groups,
         taken_as_nominal=taken_as_nominal(estimate),
         clock=clock_rows(estimate, comparison),
@@ -125,69 +93,57 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
         step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
         tracker_check=tracker_section(estimate.tracker),
         noise=_noise_rows(fitted),
-        logs=log_section(fitted),
+        log_sentences=mark_sentences(passed),
+        log_figures=log_figures(fitted, motion, passed),
         imported=recording.report,
     )
 
 
-def _clock_name(estimate: RecordingEstimate) -> str:
-    """The clock on which residuals are shown."""
-    if estimate.clock is None:
-        return "robot"
-    return "ball-bar" if estimate.encoders else "sensor's"
-
-
-def residual_section(fitted: FittedRecording) -> ResidualSection:
-    """Figures and table of the residuals of a recording."""
-    estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
-    t = estimate.after.t
+def _residuals(fitted: FittedRecording, clock: str) -> dict[str, object]:
+    """Loop-closure residuals: before and after over time and on the sphere, and their sizes."""
+    estimate, t = fitted.estimate, fitted.estimate.after.t
     before, after = estimate.before, estimate.after
-    position = before.position * UM, after.position * UM
-    angle = before.angle * URAD, after.angle * URAD
-    position_label, angle_label = "position residual [µm]", "angle residual [µrad]"
-    norms, components = figures.norms_over_time, figures.components_over_time
-    sensed = fitted.recording.length_log is not None  # a length sees no angle
-    return ResidualSection(
-        position_norm=norms(t, *position, label=position_label, clock=clock),
-        angle_norm="" if sensed else norms(t, *angle, label=angle_label, clock=clock),
-        position=components(t, position[1], label=position_label, clock=clock),
-        angle="" if sensed else components(t, angle[1], label=angle_label, clock=clock),
-        sphere=sphere_maps(fitted),
-        histogram=figures.whitened_histogram(estimate.whitened),
-        position_rows=_residual_rows(*position),
-        angle_rows=[] if sensed else _residual_rows(*angle),
-        chi2=significant(rms(estimate.whitened) ** 2),
-    )
+    content: dict[str, object] = {
+        "sphere": sphere_maps(fitted),
+        "histogram": figures.whitened_histogram(estimate.whitened),
+        "chi2": significant(rms(estimate.whitened) ** 2),
+        "angle_rows": [],
+    }
+    quantities = {"position": (before.position * UM, after.position * UM, "µm")}
+    if fitted.recording.length_log is None:  # a length sees no angle
+        quantities["angle"] = before.angle * URAD, after.angle * URAD, "µrad"
+    for name, (first, last, unit) in quantities.items():
+        label = f"{name} residual [{unit}]"
+        content[f"{name}_norm"] = figures.norms_over_time(t, first, last, label=label, clock=clock)
+        content[name] = figures.components_over_time(t, last, label=label, clock=clock)
+        content[f"{name}_rows"] = _residual_rows(first, last)
+    return content
 
 
-def _residual_rows(before: Array, after: Array) -> list[ResidualRow]:
-    """Components and norm of residuals (N, 3), in their unit."""
-    rows = [
-        ResidualRow(
-            name, significant(rms(b)), significant(rms(a)), significant(float(np.abs(a).max()))
-        )
+def _residual_rows(before: Array, after: Array) -> list[tuple[str, ...]]:
+    """Components and norm of residuals (N, 3): rms before and after, largest after."""
+    sizes = [
+        (name, rms(b), rms(a), float(np.abs(a).max()))
         for name, b, a in zip("xyz", before.T, after.T, strict=True)
     ]
     largest = float(np.linalg.norm(after, axis=1).max())
-    sizes = rms_norm(before), rms_norm(after), largest
-    return [*rows, ResidualRow("norm", *map(significant, sizes))]
+    sizes.append(("norm", rms_norm(before), rms_norm(after), largest))
+    return [(name, *map(significant, numbers)) for name, *numbers in sizes]
 
 
-def _noise_rows(fitted: FittedRecording) -> list[NoiseRow]:
+def _noise_rows(fitted: FittedRecording) -> list[tuple[str, str, str]]:
     """Noise of one row of each log; the resolution of an encoder is one count."""
     noise = fitted.estimate.noise
     rows = [
-        NoiseRow(f"robot joint {joint}", significant(sigma * URAD), MISSING)
+        (f"robot joint {joint}", significant(sigma * URAD), MISSING)
         for joint, sigma in enumerate(noise.joint.tolist(), start=1)
     ]
     if fitted.recording.length_log is not None:
-        rows.append(NoiseRow("length [µm]", significant(noise.length * UM), MISSING))
+        rows.append(("length [µm]", significant(noise.length * UM), MISSING))
     for name, fitting in sorted(fitted.recording.description.encoders.items()):
         sigma = float(noise.encoder[int(name[1]) - 1])
         count = 2.0 * np.pi / (fitting.lines * 2.0**fitting.bits)
-        rows.append(
-            NoiseRow(f"encoder {name}", significant(sigma * URAD), significant(count * URAD))
-        )
+        rows.append((f"encoder {name}", significant(sigma * URAD), significant(count * URAD)))
     return rows
 
 

@@ -156,7 +156,7 @@ def _confidence(result: Identification) -> str:
     )
     if not left:
         return sentence
-    names = listed([parameter.name for parameter in left])
+    names = listed([name for name, *_ in left])
     return f"{sentence} Not determined here and kept at the catalogue's values: {names}."
 
 

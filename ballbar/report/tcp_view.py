@@ -48,18 +48,6 @@ class TcpView:
         return float(np.sqrt(max(0.0, squares)) / rms(reach))
 
 
-@dataclass(frozen=True)
-class TcpRow:
-    """One row of the table, in mm."""
-
-    name: str
-    mean: str
-    quantile: str  # 95 % of the poses lie below
-    largest: str
-    without_scale: str  # mean after removing one common scale factor
-    side: str  # "before" or "after"
-
-
 def tcp_view(data: RunData) -> TcpView:
     """Error against the truth if there is a comparison, else the correction and its uncertainty."""
     robot = data.identification.robot
@@ -211,7 +199,7 @@ def _maps(data: RunData, view: TcpView) -> list[tuple[Markup, str, str]]:
     ]
 
 
-def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
+def _rows(data: RunData, view: TcpView) -> list[tuple[str, ...]]:
     predicted = view.predicted.error, "before", view.predicted.error_without_scale
     stated = _tcp_row("stated sigma", view.stated, "after", view.stated_without_scale)
     if data.comparison is None:
@@ -225,19 +213,18 @@ def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
     ]
 
 
-def _tcp_row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
-    """The row of errors (G,) [m]; without_scale : after removing one common scale factor."""
-    mean, quantile, largest = error.mean(), np.quantile(error, 0.95), error.max()
-    return TcpRow(
-        name=name,
-        mean=significant(float(mean) * MM),
-        quantile=significant(float(quantile) * MM),
-        largest=significant(float(largest) * MM),
-        without_scale=MISSING
-        if without_scale is None
-        else significant(float(without_scale.mean()) * MM),
-        side=side,
-    )
+def _tcp_row(
+    name: str, error: Array, side: str, without_scale: Array | None = None
+) -> tuple[str, ...]:
+    """Side and name of errors (G,) [m]; mean, 95 % quantile and largest in mm.
+
+    side : "before" or "after". without_scale : after removing one common scale factor, its mean.
+    """
+    sizes = error.mean(), np.quantile(error, 0.95), error.max()
+    scale_free = MISSING
+    if without_scale is not None:
+        scale_free = significant(float(without_scale.mean()) * MM)
+    return (side, name, *(significant(float(size) * MM) for size in sizes), scale_free)
 
 
 def _distributions(view: TcpView) -> list[Distribution]:

@@ -9,7 +9,7 @@ import pytest
 from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.marks import mark_sentences, marks, stretches
 from ballbar.replay.motion import cell_motion
-from ballbar.report.log_figures import SHIFTS, log_section, shift_curve
+from ballbar.report.log_figures import SHIFTS, log_figures, shift_curve
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
 from tests.helpers.simulated_recordings import Recorded
@@ -62,4 +62,8 @@ def test_the_error_is_least_where_the_clocks_are_aligned(fitted: FittedRecording
     assert curve is not None
     assert SHIFTS[int(np.argmin(curve))] == pytest.approx(0.0, abs=1e-9)
     assert curve[0] > 30 * curve.min()
-    assert set(log_section(fitted).figures) == {"jitter", "dwells", "angles", "shift"}
+    motion = cell_motion(fitted)
+    captions = [
+        caption.split()[0] for _, caption in log_figures(fitted, motion, marks(fitted, motion))
+    ]
+    assert captions == ["Angles", "Dwells", "Angles", "Distance"]

@@ -71,8 +71,8 @@ def test_an_error_that_no_list_holds_is_found_and_the_tool_with_it() -> None:
     )
     assert tcp_error(result, ORDER) < 15e-6  # measured 5 um; without the search 344 um
     rows = [row for table in correction_tables(result.robot) for row in table.rows]
-    (row,) = (row for row in rows if row.name == "joint 2, 17 a turn")
-    assert float(row.value) == pytest.approx(250.0, abs=5.0)
+    (row,) = (row for row in rows if row["name"] == "joint 2, 17 a turn")
+    assert float(row["value"]) == pytest.approx(250.0, abs=5.0)
 
 
 def test_without_an_error_none_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
