@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from ident.corrections import as_in_result
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.unknowns import arm_parameters
+from ident.identify_poses import JointErrors
 from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, unloaded_robot
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.identified_kinematics import (
@@ -42,9 +42,6 @@ from ident.robot.identified_kinematics import (
     kinematics_of_robot,
 )
 from ident.robot.unloaded_robot import UnloadedRobot
-
-if TYPE_CHECKING:  # a result of logs does without still poses
-    from ident.identify_poses import JointErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +187,6 @@ class Calibration:
 
     def joint_errors(self) -> JointErrors:
         """The joint errors of still poses, to be kept in another identification."""
-        from ident.identify_poses import JointErrors  # noqa: PLC0415  logs do without
-
         corrections = self.file_of_poses().corrections
         entries = corrections.get(LEARNED_HARMONICS, {}) | corrections.get(JOINT_HARMONICS, {})
         return JointErrors(
@@ -217,7 +212,7 @@ class Calibration:
         name = target or next(iter(targets))
         if name not in targets:
             raise InputError(f"target {name!r}: the result has {', '.join(targets)}")
-        made = tuple(
+        corrections = tuple(
             as_in_result(POSE_CORRECTIONS[key](self.robot, entries), entries, self.robot)
             for key, entries in file.corrections.items()
         )
@@ -228,7 +223,7 @@ class Calibration:
         return IdentifiedArm(
             robot=self.robot,
             chain=self.chain,
-            corrections=made,
+            corrections=corrections,
             values=np.array(values),
             target=targets[name],
             seat=next(iter(file.seats.values())).placement,

@@ -20,13 +20,7 @@ from tests.helpers.source_imports import FILES, names_within, reached, tree
 
 LIBRARIES = {"numpy", "scipy", "yaml", "mujoco", "pyarrow", "pandas", "matplotlib", "rerun"}
 SLOW = LIBRARIES - {"numpy", "yaml"} | {"jinja2"}
-OF_OTHERS = {
-    "planning",
-    "ident.thesis.costs",
-    "ident.identify_poses",
-    "ballbar.export",
-    "ballbar.identifiability",
-}
+OF_OTHERS = {"planning", "ident.thesis.costs", "ballbar.export", "ballbar.identifiability"}
 PROGRAM = """
 import atexit, json, sys
 atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr))
@@ -103,12 +97,8 @@ def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) 
         assert name in COMMANDS[listed.rich_help_panel]
 
 
-def test_an_identification_of_recordings_imports_nothing_of_simulation_or_other_commands() -> None:
-    used = packages(
-        in_functions(
-            "ballbar.commands.identification", "identify", "_identify_recordings", "_settings"
-        )
-    )
+def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> None:
+    used = packages(in_functions("ballbar.commands.identification", "identify", "_settings"))
     assert "ident.identify" in used
     assert not used & (OF_OTHERS | {"sim", "ballbar.scenario", "ballbar.replay"})
     assert not used & (SLOW - {"scipy", "pyarrow"})
