@@ -29,8 +29,8 @@ from ballbar.result.compare import poses_against_truth
 from ballbar.scenario import PoseScenario, load_any_scenario
 from cell.statistics import rms
 from ident.identify_poses import identify_poses
-from sim.poses.files import write_poses
-from sim.poses.simulate import simulate_poses
+from sim.recording_files import write_poses
+from sim.still_poses import simulate_poses
 from tests.helpers.reference_points import (
     MOTIONS,
     SIGMA,

@@ -97,8 +97,8 @@ def _run_poses(
     settings: PoseScenario, scenario: Path, folder: Path, *, live: bool, as_json: bool
 ) -> None:
     """Runs a scenario of still poses, and exits."""
-    from ballbar.commands.result_json import pose_scenario_data
-    from ballbar.report.pose_terminal import say_pose_comparison, say_poses
+    from ballbar.commands.result_json import run_data
+    from ballbar.report.terminal import say_identification, say_pose_comparison
     from ballbar.run_poses import run_pose_scenario
 
     if live:
@@ -111,10 +111,11 @@ def _run_poses(
             settings, scenario, folder, command=command_line(), progress=progress
         )
     if as_json:
-        say_json(pose_scenario_data(data, folder))
-    say_poses(out, data.run)
-    out.print(escape(data.simulation.plant))
-    say_pose_comparison(out, data.comparison)
+        say_json(run_data(data, folder))
+    say_identification(out, data)
+    if data.simulation is not None and data.comparison is not None:
+        out.print(escape(data.simulation.plant))
+        say_pose_comparison(out, data.comparison)
     _say_limits(data.limits)
     out.print(f"Look at {escape(str(folder / 'report.html'))}")
     raise typer.Exit(0 if data.acceptable else 1)
@@ -165,7 +166,7 @@ def simulate(
 def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:
     """Simulates a scenario of still poses."""
     from ballbar.commands.result_json import pose_simulation_data
-    from ballbar.run_poses import simulate_pose_scenario
+    from ballbar.run import simulate_pose_scenario
     from sim.recording_files import truth_path
 
     with progress_bar() as progress:

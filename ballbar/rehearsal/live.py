@@ -28,10 +28,10 @@ from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.errors import FailureError, InputError
 from cell.load import load_robot
+from sim.live.delivery import Pace
 from sim.live.device_logs import GrowingRecording, Logs, device_logs
 from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
-from sim.live.pace import Pace
 from sim.logging.load_logs import BallbarLog, DeviceLogs, RobotLog
 
 if TYPE_CHECKING:  # pyads is an extra

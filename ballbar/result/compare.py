@@ -32,8 +32,7 @@ from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.unloaded_robot import UnloadedRobot
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
-    from sim.poses.truth import PoseTruth
-    from sim.truth import Truth
+    from sim.truth import PoseTruth, Truth
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs
@@ -82,14 +81,13 @@ def compare_files(result: Path, reference: Path) -> Comparison:
 
     Raises InputError as `compare`, and where one of the files fails.
     """
-    from sim.poses.truth import load_pose_truth  # noqa: PLC0415  as above
-    from sim.truth import load_truth  # noqa: PLC0415
+    from sim.truth import load_pose_truth, load_truth  # noqa: PLC0415  as above
 
     model = Calibration.load(result)
     if not reference.name.endswith(".truth.yaml"):
         return compare(model, Calibration.load(reference))
     if not model.of_logs:
-        return _poses_against_truth(model, load_pose_truth(reference, model.robot))
+        return _poses_against_truth(model, load_pose_truth(reference))
     clock = model.file.logs[0].clock
     return compare_with_truth(
         model.unloaded_robot(model.cell()),
@@ -137,7 +135,7 @@ def compare_with_truth(
     clock : (offset [s], skew [-]) as identified, or None
     """
     reference = reference_of(truth)
-    errors = (clock[0] - truth.offset, clock[1] - truth.skew) if clock else None
+    errors = (clock[0] - truth.clock.offset_s, clock[1] - truth.clock.skew) if clock else None
     actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
     return _compared(model, nominal, reference, actual, names, errors)
 
@@ -160,7 +158,7 @@ def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Compari
     """
     name, arm, before = result.target, result.arm(), result.nominal
     q = arm.workspace()
-    actual = truth.arm.target(q, truth.targets[name].position)
+    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
     bare = replace(_nominal(arm), target=before.model.unknowns.target(before.x, name))
     return Comparison(
         {}, position_error(arm.tool(q), actual), position_error(bare.tool(q), actual), target=name
@@ -276,7 +274,7 @@ def _poses_against_truth(result: Calibration, truth: PoseTruth) -> Comparison:
         )
     arm = result.arm(name)
     q = _poses_within(arm.lower, arm.upper)
-    actual = truth.arm.target(q, truth.targets[name].position)
+    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
     compared = _compared_arm(result, arm, q, actual, _true_values(truth, arm.robot))
     return replace(compared, target=name, predicted=(result.cross_validated,))
 
@@ -326,7 +324,7 @@ def _values(result: Calibration) -> dict[str, tuple[float, float]]:
 
 def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
     """True values, sigma 0; of parallel axes the first d has what the others differ by."""
-    nominal, chain = nominal_chain(robot), truth.arm.chain
+    nominal, chain = nominal_chain(robot), truth.arm(robot).chain
     d = chain.d.copy()
     for name in reversed(parameter_table(robot).hayati[:-1]):
         row = parameter_named(name).row

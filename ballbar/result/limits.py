@@ -48,11 +48,11 @@ def _counted_or_measured(value: float) -> str:
 
 def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:
     """The limits of what was simulated: they need no identification."""
-    force = max(-truth.rod_force_min, truth.rod_force_max)
+    force = max(-truth.rod_force.min_N, truth.rod_force.max_N)
     measured: Measured = {
         "loop_closure_um": (
             "loop closure of the plant, largest",
-            truth.closure_position * UM,
+            truth.closure.position_m * UM,
             "um",
         ),
         "rod_force_N": ("force in the rod, largest", force, "N"),

@@ -8,8 +8,7 @@ import numpy as np
 
 from cell.arrays import Array
 from generators.scenario_reference.runs import View
-from sim.logging.load_logs import motor_torques, sensor_rows
-from sim.logging.tracker import tracker_rows
+from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 
 Signal = Callable[[View], Array]
 

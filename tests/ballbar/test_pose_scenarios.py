@@ -18,8 +18,8 @@ from cell.errors import DescriptionError
 from cell.poses import PoseTable
 from ident.identify_poses import identify_poses
 from ident.pose_result import PoseIdentification
-from sim.poses.files import write_poses
-from sim.poses.simulate import PoseSimulation, simulate_poses
+from sim.recording_files import write_poses
+from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
 
 NAMES = (
