@@ -24,7 +24,7 @@ ANGLES = {
 
 
 def explain_lines(folder: Path) -> list[str]:
-    """What is read from where, and why, as lines of text.
+    """Lines of text that say which file is read as what, and why.
 
     Raises DescriptionError or LogError as reading would.
     """
@@ -59,7 +59,7 @@ def explain_lines(folder: Path) -> list[str]:
 
 
 def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
-    """What the numbers of a log mean."""
+    """The meaning of the numbers of a log, in sentences."""
     dialect, declared = source.dialect, source.declared
     if dialect.source == "robot":
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"
@@ -99,10 +99,15 @@ def _file(source: LogSource, file: str) -> list[str]:
     where = f"header in line {text.number[header.row - 1]}"
     if header.without_header():
         where = "no header, columns as declared"
+    columns = [  # number and name of each wanted one, with its selector where that is another
+        f"{position + 1} {header.names[position]}"
+        + (f" (found by {selector})" if header.names[position] != selector else "")
+        for selector, position in zip(header.columns, header.positions, strict=True)
+    ]
     lines = [
         f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted "
         f"names are found with it), {where}, {len(header.names)} columns",
-        f"  columns: {', '.join(_columns(header))}",
+        f"  columns: {', '.join(columns)}",
     ]
     absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:
@@ -111,16 +116,6 @@ def _file(source: LogSource, file: str) -> list[str]:
     if source.dialect.time.column in header.columns:
         lines.append(f"  time: {_time(source, rows, header)}")
     return lines
-
-
-def _columns(header: Header) -> list[str]:
-    """Number and name of each wanted column, with its selector where that is another."""
-    shown = []
-    for selector, position in zip(header.columns, header.positions, strict=True):
-        name = header.names[position]
-        how = "" if name == selector else f" (found by {selector})"
-        shown.append(f"{position + 1} {name}{how}")
-    return shown
 
 
 def _time(source: LogSource, rows: PlainRows, header: Header) -> str:

@@ -64,7 +64,7 @@ class TimeColumn(Strict):
 
 
 class Written(Strict):
-    """What a file shows that a reader need not know; the simulator writes it so."""
+    """Details of a file that a reader need not know; the simulator writes it so."""
 
     period_s: Annotated[float, Field(gt=0.0)] = ABB_PERIOD  # of a robot's rows
     # Names of columns that the dialect finds by expression; `{}` is the number of the axis.

@@ -37,7 +37,7 @@ _BLOCK = 4096  # rows at a time, as in cell.robot_angles
 
 @dataclass(frozen=True)
 class Reading:
-    """What the numbers of a robot's log are taken for."""
+    """The kind and unit for which the numbers of a robot's log are taken."""
 
     kind: AngleKind
     unit: AngleUnit
@@ -71,8 +71,8 @@ class Reading:
     def scales(self, robot: Robot, columns: Sequence[str]) -> dict[str, float]:
         """[rad] by which a unit of each column turns the joint that it turns most."""
         unit = np.vstack((np.zeros(robot.joints), np.eye(robot.joints)))
-        turned = self.joints(robot, unit)
-        most = np.abs(turned[1:] - turned[0]).max(axis=1)
+        joints = self.joints(robot, unit)
+        most = np.abs(joints[1:] - joints[0]).max(axis=1)
         return dict(zip(columns, most.tolist(), strict=True))
 
 
