@@ -69,13 +69,13 @@ def identify_recordings(
     Raises InputError for bad files, for recordings that do not belong together and for settings
     that contradict them; StartError when the logs of a recording do not fit together.
     """
-    every = [*folders, *validate]
-    names = distinct_names(every)
+    inputs = [*folders, *validate]
+    names = distinct_names(inputs)
     _check_settings(settings)
-    _check_same_cell(every)
-    listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
-    read = [read_with_causes(folder) for folder in every]
-    for folder, recording in zip(every, read, strict=True):
+    _check_same_cell(inputs)
+    listener.progress("reading the recordings" if len(inputs) > 1 else "reading the recording")
+    read = [read_with_causes(folder) for folder in inputs]
+    for folder, recording in zip(inputs, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description
     load = load_measured_cell if first.ballbar is None else load_cell
@@ -83,14 +83,14 @@ def identify_recordings(
     options, count = settings.options, len(folders)
     logs = [logs_of(name, recording) for name, recording in zip(names, read, strict=True)]
     result = identify_together(cell, logs[:count], options=options, listener=listener)
-    held = zip(validate, read[count:], logs[count:], strict=True)
+    others = zip(validate, read[count:], logs[count:], strict=True)
     validations = tuple(
-        _validated(result, folder, recording, own, options, listener)
-        for folder, recording, own in held
+        _validated(result, folder, recording, other, options, listener)
+        for folder, recording, other in others
     )
-    for validation, own in zip(validations, logs[count:], strict=True):
-        tracker, name = validation.outcome.tracker, own.name
-        verdict = judged_by_tracker(result.verdict, own.tracker, tracker, name=name)
+    for validation, other in zip(validations, logs[count:], strict=True):
+        tracker, name = validation.outcome.tracker, other.name
+        verdict = judged_by_tracker(result.verdict, other.tracker, tracker, name=name)
         result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
@@ -112,17 +112,17 @@ def identify_pose_folders(
 
     Raises InputError for bad files, for tables of unlike robots and for logs among them.
     """
-    every = [*folders, *validate]
-    if logs := [folder for folder in every if not holds_poses(folder)]:
+    inputs = [*folders, *validate]
+    if logs := [folder for folder in inputs if not holds_poses(folder)]:
         raise InputError(
             f"{logs[0]}: holds no poses.yaml. Still poses and logs of a moving robot cannot be "
             "identified together; identify each by itself and compare the results."
         )
-    names = distinct_names(every)
+    names = distinct_names(inputs)
     progress("reading the poses")
-    read = [import_poses(folder) for folder in every]
+    read = [import_poses(folder) for folder in inputs]
     first = read[0].table.robot
-    for folder, content in zip(every, read, strict=True):
+    for folder, content in zip(inputs, read, strict=True):
         if content.table.robot.title != first.title:
             raise InputError(
                 f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
@@ -131,13 +131,13 @@ def identify_pose_folders(
     count = len(folders)
     fitted = tuple(zip(names[:count], folders, read[:count], strict=True))
     result = identify_poses(_joined(fitted), options, progress)
-    held = tuple(
+    outcomes = tuple(
         (folder, content, held_out_poses(result, replace(content.table, name=name)))
         for name, folder, content in zip(names[count:], validate, read[count:], strict=True)
     )
-    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in held)
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
     result = replace(result, elsewhere=elsewhere)
-    return PoseRun(" + ".join(names[:count]), fitted, result, held)
+    return PoseRun(" + ".join(names[:count]), fitted, result, outcomes)
 
 
 def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
@@ -166,15 +166,15 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
 
     Raises InputError when one of them is given twice.
     """
-    whole = [folder.resolve() for folder in folders]
-    if twice := [str(folders[i]) for i, path in enumerate(whole) if path in whole[:i]]:
+    paths = [folder.resolve() for folder in folders]
+    if twice := [str(folders[i]) for i, path in enumerate(paths) if path in paths[:i]]:
         raise InputError(
             f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
             "as held out."
         )
-    names = [""] * len(whole)
-    for parts in range(1, max(len(path.parts) for path in whole) + 1):
-        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in whole]
+    names = [""] * len(paths)
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in paths]
         count = Counter(tails)
         names = [
             name or (tail if count[tail] == 1 else "")
@@ -193,8 +193,8 @@ def validated(
     result, options = data.identification, settings.options
     read = [(folder, read_with_causes(folder)) for folder in folders]
     return tuple(
-        _validated(result, folder, each, logs_of(folder.name, each), options, SILENT)
-        for folder, each in read
+        _validated(result, folder, recording, logs_of(folder.name, recording), options, SILENT)
+        for folder, recording in read
     )
 
 
