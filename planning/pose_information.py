@@ -1,8 +1,8 @@
 """What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
 
 The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
-The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
-the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
+sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors
+of the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
 joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
 gain over random poses was lost (docs/planning). With the unknowns
 in standard deviations of their priors, the information of a set of poses is `N = I + sum A_k' A_k`,
