@@ -2,12 +2,11 @@
 
 The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
 sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors
-of the joints are among the unknowns too. Without them a design gathers its poses at few angles of each
-joint, where such errors, which are there but not fitted, spoil the result: on simulated robots the
-gain over random poses was lost (docs/planning). With the unknowns
-in standard deviations of their priors, the information of a set of poses is `N = I + sum A_k' A_k`,
-A_k (E, P) the rows of pose k, and the mean square TCP error over the workspace is
-`trace(R' N^-1 R)`.
+of the joints are among the unknowns too. Without them a design gathers its poses at few angles of
+each joint, where such errors, which are there but not fitted, spoil the result: on simulated robots
+the gain over random poses was lost (docs/planning). With the unknowns in standard deviations of
+their priors, the information of a set of poses is `N = I + sum A_k' A_k`, A_k (E, P) the rows of
+pose k, and the mean square TCP error over the workspace is `trace(R' N^-1 R)`.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.robust_fit import equations_at
-from ident.estimator.unknowns import Unknowns, still_unknowns
+from ident.estimator.unknowns import PlacedPoses, Unknowns, still_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
@@ -137,7 +136,8 @@ def information_of(setup: PoseSetup) -> Information:
     targets = {s.target: Placement(np.eye(3), s.point) for s in setup.stations}
     corrections = (unit_weights(setup.robot), smooth_joint_errors(setup.robot))
     nominal = geometry_of_chain(parameter_table(setup.robot), setup.chain)
-    layout = still_unknowns(setup.robot, nominal, groups, seats, targets, corrections)
+    table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
+    layout = still_unknowns(nominal, PlacedPoses(table, seats, targets), corrections)
     return Information(setup, layout, corrections, setup.grid)
 
 

@@ -22,6 +22,7 @@ from cell.chain import Chain, forward
 from cell.errors import FailureError
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
+from ident.estimator.unknowns import PlacedPoses
 
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out
@@ -30,14 +31,6 @@ _TRIAL = 0.15  # [m] of a trial target from the flange, in six directions
 
 class PoseStartError(FailureError):
     """The measurements cannot be brought together with the declared robot."""
-
-
-@dataclass(frozen=True, eq=False)
-class PoseStart:
-    """Seats in the robot's base frame and targets in the flange's, by the nominal robot."""
-
-    seats: dict[str, Placement]
-    targets: dict[str, Placement]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +45,7 @@ class _Poses:
     values: Array  # (N, M)
 
 
-def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
+def start_of_poses(table: PoseTable, chain: Chain) -> PlacedPoses:
     """Seats and targets of a table. Raises PoseStartError where a mirrored frame fits instead."""
     seats: dict[str, Placement] = {}
     targets: dict[str, Placement] = {}
@@ -71,7 +64,7 @@ def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
         whole = [g for g in groups if g.measured == "pose"]
         turn = _target_rotation(_gathered(whole, chain), seats) if whole else np.eye(3)
         targets[target] = Placement(turn, place.origin)
-    return PoseStart(seats, targets)
+    return PlacedPoses(table, seats, targets)
 
 
 def _gathered(groups: Sequence[PoseGroup], chain: Chain) -> _Poses:
