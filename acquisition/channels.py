@@ -18,9 +18,14 @@ import numpy as np
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
 from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
+from acquisition.table.fields import (
+    SEPARATORS,
+    column_names,
+    is_number,
+    likely_separator,
+    split_fields,
+)
 from acquisition.table.header import Kind, Layout
-from acquisition.table.preview import column_names, likely_separator
 from acquisition.table.table import Table, read_table
 from acquisition.table.text import LogText, read_text
 from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns

@@ -18,7 +18,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any, NoReturn, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,7 +192,7 @@ def _refuse_far(time: TimeCells, ns: NDArray[np.float64], count: _Count) -> None
     """Raises LogError for a stamp (N,) [ns] that 64 bits do not hold."""
     far = np.flatnonzero(np.abs(ns) > _MOST_NS)
     if far.size:
-        raise LogError(f"{time.location(far[0])} is no time stamp in {count.words}. {_REMEDY}")
+        raise _wrong(time, int(far[0]), f"is no time stamp in {count.words}.")
 
 
 def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ...]]:
@@ -203,7 +203,10 @@ def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ..
         match = _DECIMAL.fullmatch(cell)
         if match and (match[2] or match[3]) and len(match[2]) < 20:
             sign, whole, fraction = match.groups()
-            part = _fraction(fraction, digits) if digits else _no_fraction(time, row, fraction)
+            if not digits and fraction.strip("0"):
+                raise _wrong(time, row, "is not a whole number of nanoseconds.")
+            part = int(fraction[:digits].ljust(digits, "0") or 0)
+            part += fraction[digits : digits + 1] >= "5" and digits > 0
             ticks = int(whole or 0) * count.tick + part
             value = (-ticks if sign == "-" else ticks) - count.start * count.tick
         elif _EXPONENT.fullmatch(cell):
@@ -219,9 +222,9 @@ def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ..
                 rounded.append(row)
             value = int((exact * count.tick).to_integral_value()) - count.start * count.tick
         else:
-            raise LogError(f"{time.location(row)} {_why_not(cell)} {_REMEDY}")
+            raise _wrong(time, row, _why_not(cell))
         if not -(2**63) <= value < 2**63:
-            raise LogError(f"{time.location(row)} is no time stamp in {count.words}. {_REMEDY}")
+            raise _wrong(time, row, f"is no time stamp in {count.words}.")
         out[row] = value
     if not rounded:
         return out, ()
@@ -230,16 +233,9 @@ def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ..
     return out, (finding("rounded stamp", "repaired", time.file, sentence, lines=lines),)
 
 
-def _fraction(fraction: str, digits: int) -> int:
-    """[ns] of the decimals of a tick; what is beyond them is rounded."""
-    whole = int(fraction[:digits].ljust(digits, "0"))
-    return whole + (1 if fraction[digits : digits + 1] >= "5" else 0)
-
-
-def _no_fraction(time: TimeCells, row: int, fraction: str) -> int:
-    if fraction.strip("0"):
-        raise LogError(f"{time.location(row)} is not a whole number of nanoseconds. {_REMEDY}")
-    return 0
+def _wrong(time: TimeCells, row: int, what: str) -> LogError:
+    """The error about a cell, such as `is no time stamp.`"""
+    return LogError(f"{time.location(row)} {what} {_REMEDY}")
 
 
 def _why_not(cell: str) -> str:
@@ -273,10 +269,10 @@ def _dates(time: TimeCells) -> Stamps:
     for row, cell in enumerate(time.cells):
         match = _DATE.fullmatch(str(cell))
         if not match:
-            _refuse_date(time, row, str(cell))
+            raise _no_date(time, row, str(cell))
         year = match["year"] or match["yyyy"]
         if not EARLIEST <= int(year) <= LATEST:
-            raise LogError(f"{time.location(row)} is no date of our time. {_REMEDY}")
+            raise _wrong(time, row, "is no date of our time.")
         month, day = match["month"] or match["mm"], match["day"] or match["dd"]
         fraction = (match["fraction"] or "").ljust(9, "0")
         texts.append(f"{year}-{month:0>2}-{day:0>2}T{match['clock']:0>8}.{fraction}")
@@ -284,20 +280,18 @@ def _dates(time: TimeCells) -> Stamps:
         return np.array(texts, dtype="datetime64[ns]").astype(np.int64)
     except ValueError:
         row = next(i for i, text in enumerate(texts) if not _is_date(text))
-        raise LogError(f"{time.location(row)} is no date of the calendar. {_REMEDY}") from None
+        raise _wrong(time, row, "is no date of the calendar.") from None
 
 
-def _refuse_date(time: TimeCells, row: int, cell: str) -> NoReturn:
+def _no_date(time: TimeCells, row: int, cell: str) -> LogError:
     if _SHORT_YEAR.fullmatch(cell):
-        raise LogError(
+        return LogError(
             f"{time.location(row)}: the year has two digits, so day, month and year cannot be "
             "distinguished. Export the log with years of four digits, such as 31.03.2026 or "
             "2026-03-31."
         )
-    raise LogError(
-        f"{time.location(row)} is no date with time of day, such as 2016-04-20 13:45:10.123 or "
-        f"20.04.2016 13:45:10,123. {_REMEDY}"
-    )
+    example = "2016-04-20 13:45:10.123 or 20.04.2016 13:45:10,123"
+    return _wrong(time, row, f"is no date with time of day, such as {example}.")
 
 
 def _is_date(text: str) -> bool:
@@ -315,7 +309,7 @@ def _iec_times(time: TimeCells) -> Stamps:
         parts = [int(part or 0) for part in match.groups()[1:]] if match else []
         given = match is not None and any(match.groups()[1:])
         if match is None or not given or match[1] or max(parts) >= _WRAP:
-            raise LogError(f"{time.location(row)} is no IEC time, such as T#1h2m3s4ms. {_REMEDY}")
+            raise _wrong(time, row, "is no IEC time, such as T#1h2m3s4ms.")
         days, hours, minutes, seconds, ms = parts
         out[row] = ((((days * 24 + hours) * 60 + minutes) * 60 + seconds) * 1000 + ms) * 10**6
     return out

@@ -8,11 +8,10 @@ from acquisition.recording import Recording as Recording
 from acquisition.recording import read_recording as read_recording
 from ballbar.result.calibration import Calibration as Calibration
 from ballbar.result.calibration import load_calibration as load_calibration
-from ballbar.result.calibration import write_calibration as write_calibration
-from ballbar.result.pose_calibration import PoseCalibration as PoseCalibration
 from ballbar.result.run_data import RunData as RunData
 from ballbar.result.run_recordings import identify_recordings as identify_recordings
 from ballbar.result.verification import verify_folder as verify_folder
+from ballbar.result.write_calibration import write_calibration as write_calibration
 from ballbar.scenario import Scenario as Scenario
 from ballbar.scenario import load_scenario as load_scenario
 from ballbar.scenario import scenario_file as scenario_file

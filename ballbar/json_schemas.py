@@ -11,8 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ballbar.claims.file import ClaimFile
-from ballbar.result.calibration import CalibrationFile
-from ballbar.result.pose_calibration import PoseCalibrationFile
+from ballbar.result.calibration_file import CalibrationFile
 from ballbar.scenario import PoseScenario, Scenario
 from ballbar.sweep.file import SweepFile
 from cell.description_files import BallBarFile, PlateFile, RobotFile
@@ -48,7 +47,6 @@ KINDS: dict[str, type[BaseModel]] = {
     "recording": RecordingFile,
     "poses": PosesFile,
     "calibration": CalibrationFile,
-    "pose-calibration": PoseCalibrationFile,
     "truth": TruthFile,
     "pose-truth": PoseTruthFile,
 }

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ballbar.recordings.check import import_reports
-from ballbar.result.calibration import write_calibration
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
-from ballbar.result.write_result import RefusedResultError
+from ballbar.result.write_calibration import RefusedResultError, write_calibration
 from cell.files import write_whole
 from cell.processes import Begin
 
@@ -71,9 +70,8 @@ def write_pose_outputs(
     Raises as `write_outputs`.
     """
     from ballbar.report.pose_page import write_pose_report  # noqa: PLC0415  imports Matplotlib
-    from ballbar.result.pose_calibration import write_pose_calibration  # noqa: PLC0415
 
-    refusal = _refusal(partial(write_pose_calibration, out / CALIBRATION, run))
+    refusal = _refusal(partial(write_calibration, out / CALIBRATION, run))
     progress("writing the report")
     write_pose_report(out / REPORT, run, comparison, command=command)
     if replay:

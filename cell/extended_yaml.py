@@ -4,20 +4,23 @@
 
 Mappings are merged at every depth; lists and values replace those of the base, and null is a value
 too. The base may extend another file. Names of files in a base stand relative to that base.
-Afterwards each `KEY=VALUE` replaces the whole value at its dotted key (dotted_keys.py); VALUE is
-YAML, and a name of a file in it stands relative to the file that is read. Every value has its own
+Afterwards each `KEY=VALUE` replaces the whole value at its dotted key; VALUE is YAML, and a name of
+a file in it stands relative to the file that is read. Every value has its own
 place, so an error names the file and line, or the option, that holds what is wrong.
+
+A dotted key, `errors.joint_noise.sigma_rad`, names a value at any depth. A number picks an item of
+a list, `cell.ballbar_position_m.0`. A key may itself hold dots where a file writes it so, as those
+under `change` of a sweep. Nothing is evaluated.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cell.dotted_keys import location_of, with_changes
 from cell.errors import DescriptionError, InputError
 from cell.files import copied_description
 from cell.schema_errors import Loc, nearest
@@ -25,6 +28,7 @@ from cell.strict_yaml import Place, YamlDocument, load_yaml, parse_value
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
 EXTENDS = "extends"  # the key
+Value = Any  # plain data of YAML: mapping, list, text, number, truth value, null
 MAX_BASES = 8  # files that one file extends, directly or through others
 
 
@@ -205,3 +209,69 @@ def _with_override(document: YamlDocument, text: str, keys: set[str]) -> YamlDoc
     place = Place(option, 0)
     new = {loc[:depth]: place for depth in range(1, len(loc) + 1)}
     return replace(document, data=data, places=new | dict(_above(document, {loc})) | {loc: place})
+
+
+def with_changes(data: Mapping[str, Value], changes: Mapping[str, Value]) -> dict[str, Value]:
+    """Plain data with the values at dotted keys replaced or added; `data` itself is unchanged.
+
+    Raises InputError, beginning with the dotted key, when it leads through a value that holds
+    nothing below it.
+    """
+    changed = dict(data)
+    for key, value in changes.items():
+        changed = _replaced(changed, location_of(changed, key), value)
+    return changed
+
+
+def location_of(data: Mapping[str, Value], key: str) -> Loc:
+    """Keys and list indices that a dotted key stands for, whether its value exists or not.
+
+    Raises InputError, beginning with the dotted key, as `with_changes`.
+    """
+    loc: Loc = ()
+    node: Value = data
+    below = key
+    while below:
+        step, node, below = _step(node, below, key)
+        loc = (*loc, step)
+    return loc
+
+
+def overlap(key: str, other: str) -> bool:
+    """Whether two dotted keys are equal or one lies below the other."""
+    return f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}.")
+
+
+def _step(node: Value, rest: str, key: str) -> tuple[str | int, Value, str]:
+    """First key or index of the dotted key `rest` below `node`, its value, and the rest of the key.
+
+    key : the whole dotted key, for the message.
+    """
+    head, _, below = rest.partition(".")
+    if isinstance(node, list):
+        if not head.isdecimal() or int(head) >= len(node):
+            raise InputError(
+                f"{key}: the list has no item {head}; its {len(node)} items count from 0. "
+                "Name one of these"
+            )
+        return int(head), node[int(head)], below
+    if node is not None and not isinstance(node, dict):
+        raise InputError(
+            f"{key}: the value {node!r} above {head} has no keys of its own. Name a key that exists"
+        )
+    held: dict[str, Value] = node or {}
+    for written in sorted(held, key=len, reverse=True):
+        if rest == written or rest.startswith(f"{written}."):
+            return written, held[written], rest[len(written) + 1 :]
+    return head, None, below
+
+
+def _replaced(node: Value, loc: Loc, value: Value) -> Any:
+    """`node` with `value` at a location below it."""
+    if not loc:
+        return value
+    head, below = loc[0], loc[1:]
+    if isinstance(head, int):
+        return [*node[:head], _replaced(node[head], below, value), *node[head + 1 :]]
+    held = node or {}
+    return {**held, head: _replaced(held.get(head), below, value)}

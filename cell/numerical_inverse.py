@@ -4,6 +4,10 @@ Of a table of random joint angles those whose poses are nearest to a target star
 one pose to others the joints are led along a way of poses, all samples at once, so that neighbours
 on a path stay in one configuration of the arm. Steps are damped least squares (Wampler 1986), of
 more than six joints those of least length. Rotations count as lengths by half the chain's length.
+
+A point on the flange, whose orientation is free, is reached by the same steps within the axis
+limits. From starts all over joint space the solutions have orientations all over the possible ones,
+which is what the poses of a ball-bar or a socket need.
 """
 
 from __future__ import annotations
@@ -13,13 +17,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
 from cell.inverse import pose_error
-from cell.robot_angles import joints_to_axes
+from cell.robot_angles import controller_to_joints, joints_to_axes
 
 REACHED = 1e-9  # [m, rad] of an error that is zero but for rounding
 TABLE = 30_000  # tabulated starts
@@ -30,6 +35,11 @@ DAMPING = 0.05  # of the scaled Jacobian, whose singular values are of the order
 LONGEST = 0.4  # [rad] of one step: beyond it the arm is no longer the linear one
 APART = 0.05  # [rad] of a joint by which two solutions are different ones
 _SEED = 1
+POINT_STEPS = 60
+POINT_CORRECTIONS = 12  # of an arm that differs a little from the chain; each gains two digits
+POINT_DAMPING = 0.02  # [m] of the least squares: a hundredth of a usual arm's reach
+POINT_LONGEST = 0.3  # [rad]
+Position = Callable[[Array], Array]  # from joint angles (N, J) [rad] to places (N, 3) [m]
 
 
 def length_of(chain: Chain) -> float:
@@ -128,7 +138,8 @@ def led(
     for step in range(way + LAST_STEPS):
         last = step >= way
         poses = poses_at(1.0 if last else (step + 1) / way)
-        q += _step(chain, q, poses, damping=0.0 if step >= way + 1 else DAMPING)
+        frames, damping = forward(chain, q), 0.0 if step >= way + 1 else DAMPING
+        q += damped_step(chain, frames, _error(frames, poses), damping=damping)
     frames = forward(chain, q)
     q[np.abs(_error(frames, poses_at(1.0))).max(axis=0) > REACHED] = np.nan
     return q
@@ -139,11 +150,6 @@ def polished(chain: Chain, q: Array, poses: Array, *, steps: int = 3) -> Array:
     return led(chain, q, lambda _: poses, way=steps - LAST_STEPS)
 
 
-def _step(chain: Chain, q: Array, poses: Array, *, damping: float) -> Array:
-    frames = forward(chain, q)
-    return damped_step(chain, frames, _error(frames, poses), damping=damping)
-
-
 def damped_step(chain: Chain, frames: Frames, error: Array, *, damping: float = 0.0) -> Array:
     """(N, J) [rad] damped least-squares steps of at most LONGEST, less damped near the pose.
 
@@ -151,17 +157,88 @@ def damped_step(chain: Chain, frames: Frames, error: Array, *, damping: float = 
     """
     error = error.T.copy()
     error[:, :3] /= length_of(chain)
-    jacobian = scaled_jacobian(chain, frames)
+    return _shortened(_damped(scaled_jacobian(chain, frames), error, damping), LONGEST)
+
+
+def _damped(columns: Array, error: Array, damping: float) -> Array:
+    """(N, J) least-squares steps for errors (N, C), less damped the smaller the error.
+
+    columns : (N, C, J) derivative of what the error is of.
+    """
     size = np.minimum(1.0, 10.0 * np.linalg.norm(error, axis=1))
-    square = jacobian @ jacobian.transpose(0, 2, 1)
-    square += ((damping * size) ** 2 + 1e-12)[:, None, None] * np.eye(6)
-    step = np.einsum("nkj,nk->nj", jacobian, np.linalg.solve(square, error[:, :, None])[:, :, 0])
-    return np.asarray(step / np.maximum(np.abs(step).max(axis=1, keepdims=True) / LONGEST, 1.0))
+    square = columns @ columns.transpose(0, 2, 1)
+    square += ((damping * size) ** 2 + 1e-12)[:, None, None] * np.eye(error.shape[1])
+    pull = np.linalg.solve(square, error[..., None])[..., 0]
+    return np.asarray(np.einsum("ncj,nc->nj", columns, pull))
+
+
+def _shortened(step: Array, longest: float) -> Array:
+    """(N, J) steps (N, J) of at most `longest`, in the same direction."""
+    return np.asarray(step / np.maximum(np.abs(step).max(axis=1, keepdims=True) / longest, 1.0))
 
 
 def _error(frames: Frames, poses: Array) -> Array:
     """(6, N) [m, rad] of the last frame from the poses (N, 4, 4)."""
     return pose_error(poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T, frames)
+
+
+def point_columns(chain: Chain, point: Array, q: Array) -> tuple[Array, Array]:
+    """Place (N, 3) [m] of a point on the flange, and its derivative (N, 3, J) [m/rad].
+
+    point : (3,) [m] in the flange's frame. q : (N, J) [rad].
+    """
+    frames = forward(chain, q)
+    place = frames.tip.T + np.einsum("ijn,j->ni", frames.rotation(), point)
+    arm = place.T[None] - frames.origin[:-1]  # (J, 3, N)
+    return place, np.cross(frames.z[:-1], arm, axis=1).transpose(2, 1, 0)
+
+
+def reach_points(
+    robot: Robot,
+    chain: Chain,
+    *,
+    point: Array,
+    q: Array,
+    wanted: Array,
+    lower: Array,
+    upper: Array,
+    position: Position | None = None,
+    tolerance: float = 1e-9,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Joint angles that bring a point on the flange to the wanted places.
+
+    chain : DH rows of the arm. point : (3,) [m] in the flange's frame. q : (N, J) [rad] start.
+    wanted : (N, 3) [m] in the base frame. lower, upper : (J,) [rad] limits of the axis angles.
+    position : place of the point at joint angles, of an arm that differs a little from `chain`; by
+        default that of `chain`. tolerance : [m]
+
+    Returns joint angles (N, J) [rad] and which of them reach their place (N,).
+    """
+    axes = np.clip(joints_to_axes(robot, q), lower, upper)
+    if position is not None:  # which takes longer, so that most of the way is the chain's
+        nearly, _ = reach_points(
+            robot, chain, point=point, q=q, wanted=wanted, lower=lower, upper=upper
+        )
+        axes = joints_to_axes(robot, nearly)
+    reached = np.zeros(len(axes), dtype=bool)
+    for _ in range(POINT_STEPS if position is None else POINT_CORRECTIONS):
+        (missing,) = np.nonzero(~reached)
+        if not missing.size:
+            break
+        before = axes[missing]
+        angles = controller_to_joints(robot, before)
+        place, columns = point_columns(chain, point, angles)
+        error = wanted[missing] - (place if position is None else position(angles))
+        reached[missing] = np.abs(error).max(axis=1) < tolerance
+        columns = columns @ robot.controller_to_joint.T  # per radian of the axes
+        step = _damped(columns, error, POINT_DAMPING)
+        # an axis at its limit cannot help, and the others take its part
+        stuck = ((before <= lower) & (step < 0.0)) | ((before >= upper) & (step > 0.0))
+        step = np.where(stuck, 0.0, _damped(columns * ~stuck[:, None], error, POINT_DAMPING))
+        step = _shortened(step, POINT_LONGEST)
+        axes[missing] = np.where(reached[missing, None], before, before + step)
+        axes = np.clip(axes, lower, upper)
+    return controller_to_joints(robot, axes), reached
 
 
 @dataclass(frozen=True, eq=False)

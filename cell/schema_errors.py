@@ -56,6 +56,11 @@ def wrong_key(*loc: str | int, message: str) -> PydanticCustomError:
     return PydanticCustomError("wrong_key", "{message}", {"message": message, "loc": loc})
 
 
+def missing_key(*loc: str | int) -> PydanticCustomError:
+    """Error of a model's own check that misses a key, as where a model needs it always."""
+    return PydanticCustomError("missing", "missing", {"loc": loc})
+
+
 @dataclass(frozen=True)
 class Example:
     """A complete file of the same schema: its values show what a missing key looks like."""
@@ -93,8 +98,9 @@ def _sentence(
     if kind == "too_short":
         context = {**context, "actual_length": _item_count(error, data)}
     raw = error["loc"]
-    if kind in ("wrong_key", "union_tag_invalid", "union_tag_not_found"):
-        raw = (*raw, *context.get("loc", (context.get("discriminator", "").strip("'"),)))
+    raw = (*raw, *context.get("loc", ()))
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        raw = (*raw, context["discriminator"].strip("'"))
     loc = _place(raw, data, missing=kind in ("missing", "union_tag_not_found"))
     key = _dotted(loc)
     if kind in ("missing", "union_tag_not_found"):

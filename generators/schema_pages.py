@@ -12,8 +12,8 @@ from pathlib import Path
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ballbar.result.calibration import CalibrationFile
-from ballbar.result.pose_calibration import PoseCalibrationFile
+from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.recording_entries import marks_of
 from cell.files import write_whole
 from cell.pose_file import PosesFile
 from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
@@ -28,22 +28,16 @@ What an identification leaves, in SI units: lengths in m, angles in rad, times i
 
 A parameter that was not identified stands at its nominal value with `identified: false`, and
 `dropped` says why. Names of parameters: [Conventions](conventions.md). A file of another schema
-number is refused. With `model: poses` the file is the result of still poses and has other keys:
-[calibration.yaml of still poses](pose_calibration_file.md).
-"""
-POSE_CALIBRATION = """# calibration.yaml of still poses
+number is refused. `ranges` are the joint angles that were fitted; beyond them the error is unknown.
 
-What an identification from still poses leaves (`model: poses`), in SI units. Written by
-`python -m generators.schema_pages` from the schema; do not edit. The file of logs:
-[calibration.yaml](calibration_file.md).
+A result of still poses has `model: poses`. Its parameters with `identified: false` are known from
+their priors more than from the poses; their values are those of the fit all the same, and belong to
+the others. Gauge parameters (height and heading of the base, the last row) are nominal and not
+listed. Seats are frames in the robot's base frame, targets in the flange's; a point has no
+`rotation_vector_rad`. The stated 95 % region of a pose is a sphere of `sigma_m` along each axis,
+`region_factor` times as large (squared) as that of chi-square with three degrees of freedom.
 
-A parameter with `identified: false` is known from its prior more than from the poses; its value is
-that of the fit all the same, and belongs to the others. Gauge parameters (height and heading of the
-base, the last row) are nominal and not listed. Seats are frames in the robot's base frame, targets
-in the flange's; a point has no `rotation_vector_rad`. `ranges` are the joint angles that were
-fitted: beyond them the error is unknown, and every use of the result says so. The stated 95 %
-region of a pose is a sphere of `sigma_m` along each axis, `region_factor` times as large (squared)
-as that of chi-square with three degrees of freedom.
+A key marked `of logs` or `of poses` stands only in results of logs, or of still poses.
 """
 REQUEST = """# Plan request
 
@@ -108,6 +102,8 @@ class SchemaPage:
         fields = {field.alias or name: field for name, field in model.model_fields.items()}
         columns = ["key", "values"]
         columns += ["default"] if self.written_by_people else []
+        kinds = {key: f"of {mark.kind}" for key, mark in marks_of(model)}
+        columns += ["where"] if kinds else []
         columns += ["meaning"] if any(field.description for field in fields.values()) else []
         lines = [columns, ["---"] * len(columns)]
         for key, field in fields.items():
@@ -115,6 +111,7 @@ class SchemaPage:
                 "key": f"`{key}`",
                 "values": _values(field),
                 "default": f"`{default_text(field)}`" if not models_in(field.annotation) else "",
+                "where": kinds.get(key, ""),
                 "meaning": field.description or "",
             }
             lines.append([cells[column] for column in columns])
@@ -124,9 +121,6 @@ class SchemaPage:
 
 PAGES = (
     SchemaPage("calibration_file.md", CALIBRATION, CalibrationFile, written_by_people=False),
-    SchemaPage(
-        "pose_calibration_file.md", POSE_CALIBRATION, PoseCalibrationFile, written_by_people=False
-    ),
     SchemaPage("plan_request.md", REQUEST, PlanRequest, written_by_people=True),
     SchemaPage("pose_plan_request.md", POSE_REQUEST, PosePlanRequest, written_by_people=True),
     SchemaPage("poses.md", POSES, PosesFile, written_by_people=True),
@@ -146,7 +140,8 @@ def _values(field: FieldInfo) -> str:
     text = values_text(field)
     for inner in models_in(field.annotation):
         title = _title(inner)
-        text = text.replace(inner.__name__, f"[{title}](#{title.lower().replace(' ', '-')})")
+        link = f"[{title}](#{title.lower().replace(' ', '-')})"
+        text = re.sub(rf"\b{inner.__name__}", link, text)
     return text
 
 

@@ -130,19 +130,14 @@ def _noise(t: Array, values: Array) -> Array:
     )
 
 
-def _ends(firsts: Rows, lasts: Rows) -> Rows:
-    """Rows at the ends of stretches, which have few neighbours on one side."""
-    k = np.arange(_JUDGES // 2)
-    rows = np.concatenate(((firsts[:, None] + k).ravel(), (lasts[:, None] - k).ravel()))
-    return np.unique(rows[(rows >= 0) & (rows <= lasts[-1])])
-
-
 def _notable(log: _Log) -> _Notable:
     """The notable values, the largest error first, then all values at the ends of stretches.
 
     A damaged value makes its neighbours notable too, with smaller errors.
     """
-    t, values, ends = log.t, log.values, _ends(log.firsts, log.lasts)
+    t, values, reach = log.t, log.values, np.arange(_JUDGES // 2)
+    ends = np.union1d(log.firsts[:, None] + reach, log.lasts[:, None] - reach)
+    ends = ends[(ends >= 0) & (ends <= log.lasts[-1])]
     threshold = np.maximum(NOTABLE * log.sigma, 0.5 * SMALLEST)
     rows, channels, errors = [], [], []
     for begin in range(2, t.size - 2, _BLOCK):

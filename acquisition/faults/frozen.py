@@ -108,18 +108,14 @@ def _noisy_beside(step: NDArray[Any], runs: _Runs) -> Mask:
     Those without noise repeat wherever they come to rest or turn back. Their curvature keeps its
     sign; that of noise alternates.
     """
-    change, out = np.diff(step), np.zeros(runs.first.size, dtype=bool)
+    change, noisy = np.diff(step), np.ones(runs.first.size, dtype=bool)
     smallest = GRAINS * _grain(step)
     for k, (first, last) in enumerate(zip(runs.first.tolist(), runs.last.tolist(), strict=True)):
         sides = change[max(0, first - 2 * EDGE) : max(0, first - 2)], change[last + 1 :][: 2 * EDGE]
-        out[k] = all(side.size == 0 or _scatters(side, smallest) for side in sides)
-    return out
-
-
-def _scatters(change: NDArray[Any], smallest: float) -> bool:
-    """Whether changes of the steps (N,) alternate, and most are larger than `smallest`."""
-    size = np.abs(change)
-    return bool(np.median(size) > smallest and abs(change.sum()) < ALTERNATING * size.sum())
+        for side in (side for side in sides if side.size):
+            size = np.abs(side)
+            noisy[k] &= np.median(size) > smallest and abs(side.sum()) < ALTERNATING * size.sum()
+    return noisy
 
 
 def _runs(step: NDArray[Any]) -> _Runs:
@@ -141,9 +137,10 @@ def _frozen(t: Array, step: Array) -> _Runs:
     reach = duration * np.maximum(np.abs(before.speed), np.abs(behind.speed))
     far = (np.abs(jump) > smallest) & (before.abrupt | behind.abrupt)
     abrupt = before.abrupt & behind.abrupt & (before.speed * behind.speed < 0.0)
-    left = np.abs(_bridge(duration, jump, before.speed, behind.speed)) > smallest
+    # of the cubic through both ends, halfway, above the frozen value
+    bridge = 0.5 * jump + 0.125 * duration * (before.speed - behind.speed)
     one_sided = (before.abrupt & ~behind.exists) | (behind.abrupt & ~before.exists)
-    frozen = (abrupt & left) | (one_sided & (0.5 * reach > smallest))
+    frozen = (abrupt & (np.abs(bridge) > smallest)) | (one_sided & (0.5 * reach > smallest))
     for k in np.flatnonzero(far & ~frozen):
         frozen[k] = abs(jump[k]) > JUMP * _step_around(step, runs.first[k], runs.last[k])
     return runs.take(frozen)
@@ -172,16 +169,13 @@ def _side(t: Array, step: Array, row: Rows, direction: int) -> _Side:
     speed = moved / np.where(elapsed != 0.0, elapsed, 1.0)
     rows = inner - (direction < 0) + direction * np.arange(2 * EDGE)[:, None]
     steps = np.abs(step[np.clip(rows, 0, step.size - 1)])  # (2 EDGE, K), the closest first
-    abrupt = exists & (steps[0] - _local_grain(steps) > ABRUPT * np.abs(moved) / EDGE)
+    # The smallest difference between sizes, no step being one of them: where numbers have so many
+    # significant digits, the grain grows with the angle.
+    sizes = np.sort(np.concatenate((np.zeros_like(steps[:1]), steps)), axis=0)
+    apart = np.diff(sizes, axis=0)
+    grain = np.where(apart > ROUNDING * sizes[-1], apart, np.inf).min(axis=0)
+    abrupt = exists & (steps[0] - grain > ABRUPT * np.abs(moved) / EDGE)
     return _Side(speed, abrupt, exists)
-
-
-def _bridge(duration: Array, jump: Array, before: Array, behind: Array) -> Array:
-    """(K,) [rad] of the cubic through both ends of runs, halfway, above the frozen value.
-
-    duration : (K,) [s]. jump : (K,) [rad] from one end to the other. before, behind : (K,) [rad/s].
-    """
-    return np.asarray(0.5 * jump + 0.125 * duration * (before - behind))
 
 
 def _step_around(step: Array, first: int, last: int) -> float:
@@ -202,17 +196,6 @@ def _held(runs: _Runs) -> Mask:
 def _grain(step: NDArray[Any]) -> float:
     """Smallest step of a channel."""
     return float(np.abs(step[step != 0]).min(initial=np.inf))
-
-
-def _local_grain(steps: Array) -> Array:
-    """(K,) smallest difference between the sizes of steps (R, K), no step being one of them.
-
-    Where numbers have so many significant digits, the grain grows with the angle.
-    """
-    sizes = np.sort(np.concatenate((np.zeros_like(steps[:1]), steps)), axis=0)
-    apart = np.diff(sizes, axis=0)
-    real = apart > ROUNDING * sizes[-1]
-    return np.asarray(np.where(real, apart, np.inf).min(axis=0))
 
 
 def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
@@ -236,6 +219,6 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
             f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in "
             f"lines {', '.join(lines)}{more}, {why}: frozen; rows left out."
         )
-        table = table.remarked("frozen channel", "repaired", sentence, rows=rows)
-        table = table.flagged(rows, RowFlag.FROZEN)
+        kind, flag = "frozen channel", RowFlag.FROZEN
+        table = table.remarked(kind, "repaired", sentence, rows=rows, flag=flag)
     return table

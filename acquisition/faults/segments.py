@@ -90,13 +90,15 @@ def find_segments(
     Raises LogError for more segments than a log has.
     """
     stamps = table.columns[STAMP]
-    period = _period(stamps)
+    step = np.diff(stamps)
+    forward = step[step > 0]
+    period = float(np.median(forward, overwrite_input=True)) if forward.size else 1e6  # [ns]
+    del forward  # of a log of hours
     pause = max(PAUSE * 1e9, GAP * period)
     reset = np.zeros(0, dtype=np.intp) if reset is None else reset
     boundary = table.begins.copy()
-    step = np.diff(stamps)
     boundary[1:] |= (step <= 0) | (step > pause)
-    del step  # of a log of hours
+    del step
     boundary[reset] = True
     boundary[0] = False
     rows = np.flatnonzero(boundary)
@@ -130,16 +132,10 @@ def find_segments(
     return table, Segments(stamps, segment, used)
 
 
-def _period(stamps: Stamps) -> float:
-    """[ns] median distance of stamps (N,) [ns] that go on."""
-    step = np.diff(stamps)
-    forward = step[step > 0]
-    return float(np.median(forward, overwrite_input=True)) if forward.size else 1e6
-
-
 def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
     """What happened between `row` and the row before; stamps (N,) [ns], joined up to there."""
-    before, behind = _neighbours(log.valid, row)
+    before = next((k for k in range(row - 1, -1, -1) if log.valid[k]), None)
+    behind = next((k for k in range(row, stamps.size) if log.valid[k]), None)
     elapsed = float(stamps[row] - stamps[row - 1])
     duration = amount(abs(elapsed) * 1e-9)
     if elapsed <= 0:
@@ -174,13 +170,6 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
     return _Boundary("pause or clock jump", "warning", sentence)
 
 
-def _neighbours(valid: Mask, row: int) -> tuple[int | None, int | None]:
-    """The last valid row before `row`, and the first from it on."""
-    before, behind = np.flatnonzero(valid[:row]), np.flatnonzero(valid[row:])
-    first = int(behind[0]) + row if behind.size else None
-    return (int(before[-1]) if before.size else None), first
-
-
 def _goes_on(log: _Log, stamps: Stamps, row: int, before: int, behind: int) -> bool:
     """Whether the angles behind a boundary are where a few periods of motion lead.
 
@@ -209,10 +198,8 @@ def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int16]) -> tuple[Ta
     chosen = int(np.argmax(stamps[lasts] - stamps[firsts]))
     for k, (first, last) in enumerate(zip(firsts, lasts, strict=True)):
         if k != chosen:
-            count, lasting = (
-                int(last - first + 1),
-                amount(float(stamps[last] - stamps[first]) * 1e-9),
-            )
+            count = int(last - first + 1)
+            lasting = amount(float(stamps[last] - stamps[first]) * 1e-9)
             sentence = (
                 f"{count} rows over {lasting} are not used: they cannot be joined to the longest "
                 f"part, which starts at {table.location(firsts[chosen])}. To use them, make a "

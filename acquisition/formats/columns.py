@@ -1,10 +1,9 @@
-"""What device files that are no plain tables share: their bytes, and the wanted columns."""
+"""What device files that are no plain tables share: the wanted columns, and the table of a file."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,39 +12,10 @@ from numpy.typing import NDArray
 from acquisition.report import Finding
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
-from acquisition.table.text import MOST_BYTES, Content, read_bytes
 from cell.errors import LogError
 
 # Of the records; a file that has lost more was not damaged, it holds something else.
 DAMAGED_LIMIT = 0.01
-
-
-def stored_bytes(path: Path, file: str) -> Content:
-    """The content of a device file, unpacked if its name ends in .gz, .bz2 or .xz.
-
-    file : the name that errors and findings give it.
-    Raises LogError if it is missing, unreadable, empty or too large.
-    """
-    check_stored(path, file, largest=MOST_BYTES)
-    content = read_bytes(path, file)
-    if not content.raw:
-        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
-    return content
-
-
-def check_stored(path: Path, file: str, *, largest: int) -> None:
-    """Raises LogError if there is no such file, or it is empty or has more than `largest` bytes."""
-    if not path.is_file():
-        raise LogError(
-            f"{file}: no such file (looked for {path}). "
-            "Correct the name in recording.yaml, or copy the file there."
-        )
-    size = path.stat().st_size
-    if not size:
-        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
-    if size > largest:
-        remedy = "Cut it, or name the right file."
-        raise LogError(f"{file}: {size} bytes; a log has at most {largest}. {remedy}")
 
 
 def wanted_columns(

@@ -80,11 +80,14 @@ def _decoded(message: bytes) -> EgmFeedback:
     robot = _submessages(message)
     header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
     parts = _submessages(feedback)
-    numbers = {number: value for number, wire, value in header if wire == _VARINT}
+    numbers = {
+        number: value & 0xFFFFFFFF  # uint32
+        for number, wire, value in header
+        if wire == _VARINT and isinstance(value, int)
+    }
     joints = _doubles(parts.get(1, b""), "joint angles")
     signals = _doubles(robot.get(7, b""), "test signals")
-    seqno, tm_ms = _uint32(numbers.get(1)), _uint32(numbers.get(2))
-    return EgmFeedback(seqno, tm_ms, _time_ns(parts), joints, signals)
+    return EgmFeedback(numbers.get(1), numbers.get(2), _time_ns(parts), joints, signals)
 
 
 _remembered = lru_cache(maxsize=REMEMBERED)(_decoded)
@@ -153,10 +156,6 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
             )
         return time_ns
     return None
-
-
-def _uint32(value: int | bytes | None) -> int | None:
-    return value & 0xFFFFFFFF if isinstance(value, int) else None
 
 
 def _doubles(message: bytes, what: str) -> tuple[float, ...]:

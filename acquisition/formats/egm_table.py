@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.columns import DAMAGED_LIMIT, one_file, stored_bytes, wanted_columns
+from acquisition.formats.columns import DAMAGED_LIMIT, one_file, wanted_columns
 from acquisition.formats.egm import EgmFeedback, Frames, decode, read_frames
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
+from acquisition.table.text import read_filled
 from cell.errors import LogError
 
 _AXES = tuple(f"J{axis}" for axis in range(1, 7))
@@ -32,7 +33,7 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     Raises LogError if the file is damaged beyond DAMAGED_LIMIT, or messages have no joint angles or
     time.
     """
-    content = stored_bytes(path, file)
+    content = read_filled(path, file)
     try:
         frames = read_frames(content.raw)
     except LogError as error:

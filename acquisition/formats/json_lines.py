@@ -96,15 +96,13 @@ def _refuse(constant: str) -> float:
 
 
 def _is_complete(sample: dict[str, int | float] | None, wanted: Mapping[str, str]) -> bool:
-    if not sample:
-        return False
-    return all(_fits(sample.get(name), kind) for name, kind in wanted.items())
-
-
-def _fits(value: int | float | None, kind: str) -> bool:
-    if value is None or not -(2**63) <= value < 2**63:
-        return False
-    return type(value) is int if kind == "integer" else math.isfinite(value)
+    for name, kind in wanted.items():
+        value = (sample or {}).get(name)
+        if value is None or not -(2**63) <= value < 2**63:
+            return False
+        if not (type(value) is int if kind == "integer" else math.isfinite(value)):
+            return False
+    return True
 
 
 def _refuse_topics(table: Table, time: str, names: tuple[str, ...]) -> None:

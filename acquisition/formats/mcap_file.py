@@ -93,8 +93,9 @@ def _records(stream: mmap.mmap, size: int) -> Iterator[McapRecord]:
         if not isinstance(record, Chunk):
             yield record
             continue
+        unpacked = replace(record, compression="", data=_unpack(record))
         try:
-            content = breakup_chunk(replace(record, compression="", data=_unpack(record)))
+            content = breakup_chunk(unpacked)
         except _DAMAGE as error:
             raise LogError(f"a chunk is damaged: {error}. {_RECOVER}") from None
         yield from content

@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.columns import one_file, stored_bytes, wanted_columns
+from acquisition.formats.columns import one_file, wanted_columns
 from acquisition.report import finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
+from acquisition.table.text import read_filled
 from cell.arrays import Array
 from cell.errors import LogError
 
@@ -35,7 +36,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     Its lines are row numbers, counted from 1.
     Raises LogError if the head is no such log's, columns are missing, or a number cannot be.
     """
-    content = stored_bytes(path, file)
+    content = read_filled(path, file)
     raw, findings = content.raw, list(content.findings)
     version = _number(raw, 0, file)
     if version not in VERSIONS:

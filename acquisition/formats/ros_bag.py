@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from acquisition.formats.columns import check_stored, one_file, wanted_columns
+from acquisition.formats.columns import one_file, wanted_columns
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
@@ -30,6 +30,7 @@ _SQLITE = b"SQLite format 3\0"
 # Bytes; bags hold camera images too, and are never in memory as a whole.
 _LARGEST_BAG = 100_000_000_000
 _LARGEST_BLOB = 1_000_000  # bytes of one message; a JointState has some hundreds
+_READS = {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ}
 _STEPS = 10_000  # of SQLite's machine between two checks of how long it has computed
 # Reading takes a few checks a megabyte; a database that takes more computes something.
 _CHECKS_PER_MB = 200
@@ -42,7 +43,7 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     Raises LogError if the bag is damaged or several topics hold the joints, DescriptionError if a
     package is missing.
     """
-    check_stored(path, file, largest=_LARGEST_BAG)
+    _check_stored(path, file)
     findings: list[Finding] = []
     wanted = [name for name in layout.required if name != time]
     topic, states = _holder(_states(path, file, findings), wanted, time, layout, file)
@@ -62,6 +63,21 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     positions = {n: np.array([states[i].positions[n] for i in chosen]) for n in wanted}
     form = Form("CDR", "none", "none", holds.size)
     return replace(table, columns=table.columns | positions), form
+
+
+def _check_stored(path: Path, file: str) -> None:
+    """Raises LogError if there is no such file, or one of no size that a bag has."""
+    if not path.is_file():
+        raise LogError(
+            f"{file}: no such file (looked for {path}). "
+            "Correct the name in recording.yaml, or copy the file there."
+        )
+    size = path.stat().st_size
+    if not size:
+        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
+    if size > _LARGEST_BAG:
+        remedy = "Cut it, or name the right file."
+        raise LogError(f"{file}: {size} bytes; a log has at most {_LARGEST_BAG}. {remedy}")
 
 
 def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[JointState]]:
@@ -136,7 +152,16 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
     connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
     try:
-        _lock_down(connection, checks)
+        # No view, trigger or function runs, and nothing else runs long.
+        checks_left = iter(range(checks))
+        connection.set_progress_handler(lambda: int(next(checks_left, None) is None), _STEPS)
+        for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "query_only = ON"):
+            connection.execute(f"PRAGMA {pragma}")
+        # An image of a camera passes, a bomb does not.
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 100 * _LARGEST_BLOB)
+        connection.set_authorizer(
+            lambda action, *_: sqlite3.SQLITE_OK if action in _READS else sqlite3.SQLITE_DENY
+        )
         _refuse_other_tables(connection, file)
         query = "SELECT id, name, serialization_format FROM topics WHERE type = ?"
         topics = {
@@ -197,23 +222,6 @@ def _check_size(path: Path, file: str) -> None:
             f"{file}: the database has {claimed} bytes by its head, the file {size}: cut off, or "
             "still open. Copy it again."
         )
-
-
-def _lock_down(connection: sqlite3.Connection, checks: int) -> None:
-    """Keeps views, triggers and functions from running, and everything else from running long."""
-    checks_left = iter(range(checks))
-    connection.set_progress_handler(lambda: int(next(checks_left, None) is None), _STEPS)
-    connection.execute("PRAGMA trusted_schema = OFF")
-    connection.execute("PRAGMA cell_size_check = ON")
-    connection.execute("PRAGMA query_only = ON")
-    # An image of a camera passes, a bomb does not.
-    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 100 * _LARGEST_BLOB)
-    connection.set_authorizer(_reads_only)
-
-
-def _reads_only(action: int, *_: str | None) -> int:
-    reads = action in {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ}
-    return sqlite3.SQLITE_OK if reads else sqlite3.SQLITE_DENY
 
 
 def _blob(data: object, location: str) -> bytes:

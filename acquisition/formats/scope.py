@@ -5,7 +5,6 @@ The form of the files: acquisition.formats.scope_export.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -114,13 +113,12 @@ def _channels(
 ) -> tuple[list[Channel], list[Finding]]:
     present, torn = _present(export)
     if torn.size > max(1.0, DAMAGED_LIMIT * len(export.rows)):
-        got = len(export.rows[int(torn[0])])
         commas = " Decimal commas with comma separators? Export again with tabs."
-        raise LogError(
-            f"{export.file}:{export.number[torn[0]]}: {torn.size} of {len(export.rows)} rows do "
-            f"not fit the groups of columns: expected {export.groups[-1].stop} fields, got "
-            f"{got}.{commas if export.separator == ',' else ''} "
-            "Export it again."
+        raise export.wrong(
+            int(torn[0]),
+            f"{torn.size} of {len(export.rows)} rows do not fit the groups of columns: expected "
+            f"{export.groups[-1].stop} fields, got {len(export.rows[int(torn[0])])}."
+            f"{commas if export.separator == ',' else ''}",
         )
     findings, channels = list[Finding](), list[Channel]()
     if torn.size:
@@ -136,9 +134,8 @@ def _channels(
                 f"{export.file}: no value of {names[0]!r}. Was it recorded? "
                 "Record it in the Scope, and export again."
             )
-        line = export.number[rows]
-        time_ns = _times(export, _cells(export, rows, group.start), line)
-        findings += _grid_findings(export, group, time_ns, line)
+        time_ns = _times(export, _cells(export, rows, group.start), rows)
+        findings += _grid_findings(export, group, time_ns, export.number[rows])
         for position, name in enumerate(names, group.start + 1):
             if only is None or name in only:
                 channels.append(_channel(export, name, position, rows, time_ns))
@@ -149,22 +146,21 @@ def _channel(
     export: Export, name: str, position: int, rows: NDArray[np.int64], time_ns: NDArray[np.int64]
 ) -> Channel:
     """The channel in one column; rows (N,) with a value, time_ns (N,) [ns] their times."""
-    data_type, scaled = export.meta["Data-Type"][position], _scaled(export, position)
-    cells, line = _cells(export, rows, position), export.number[rows]
+    data_type, cells = export.meta["Data-Type"][position], _cells(export, rows, position)
+    settings = (export.meta[key][position] for key in _UNSCALED if key in export.meta)
+    neutral = (value for key, value in _UNSCALED.items() if key in export.meta)
+    scaled = not all(map(_is_number, settings, neutral))
     values: NDArray[Any]
-    if data_type not in _INTEGERS or (scaled and not _all(INTEGER, cells)):
-        values = _floats(export, cells, line, name)
+    if data_type not in _INTEGERS or (scaled and not all(map(INTEGER.fullmatch, cells))):
+        values = _floats(export, cells, rows, f"channel {name!r}")
     else:
         lower, upper = _INTEGERS[data_type] if not scaled else (-(2**63), 2**63 - 1)
-        for cell, number in zip(cells, line, strict=True):
+        for cell, row in zip(cells, rows.tolist(), strict=True):
             if not (INTEGER.fullmatch(cell) and len(cell) <= 21 and lower <= int(cell) <= upper):
-                raise LogError(
-                    f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}. "
-                    "Export it again."
-                )
+                raise export.wrong(row, f"channel {name!r}: {cell[:30]!r} is no {data_type}.")
         whole = [int(cell) for cell in cells]
         values = np.array(whole, dtype=np.uint64 if max(whole) >= 2**63 else np.int64)
-    return Channel(name, data_type, scaled, time_ns, values, line)
+    return Channel(name, data_type, scaled, time_ns, values, export.number[rows])
 
 
 def _present(export: Export) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
@@ -198,26 +194,23 @@ def _cells(export: Export, rows: NDArray[np.int64], position: int) -> list[str]:
     return [cell.replace(",", ".") for cell in cells] if export.decimal == "comma" else cells
 
 
-def _times(export: Export, cells: list[str], line: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) [ns] since 1970, strictly increasing, of the time fields at lines (N,)."""
+def _times(export: Export, cells: list[str], rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) [ns] since 1970, strictly increasing, of the time fields in rows (N,)."""
     start_ns = (export.start - _UNIX) * 100
-    if _all(INTEGER, cells) and all(len(cell) == 18 for cell in cells):
+    if all(map(INTEGER.fullmatch, cells)) and all(len(cell) == 18 for cell in cells):
         time_ns = (np.array([int(cell) for cell in cells], dtype=np.int64) - _UNIX) * 100
     else:
-        milliseconds = _floats(export, cells, line, "time")
+        milliseconds = _floats(export, cells, rows, "channel 'time'")
         far = np.flatnonzero(np.abs(milliseconds) > _LONGEST_MS)
         if far.size:
-            raise LogError(
-                f"{export.file}:{line[far[0]]}: time {cells[far[0]]!r}: a recording has at most "
-                f"{_LONGEST_MS} ms. "
-                "Export it again."
-            )
+            what = f"time {cells[far[0]]!r}: a recording has at most {_LONGEST_MS} ms."
+            raise export.wrong(rows[far[0]], what)
         time_ns = np.rint(milliseconds * 1e6).astype(np.int64) + start_ns
     back = np.flatnonzero(np.diff(time_ns) <= 0)
     if back.size:
-        before, after = cells[back[0]], cells[back[0] + 1]
+        before, after, row = cells[back[0]], cells[back[0] + 1], rows[back[0] + 1]
         raise LogError(
-            f"{export.file}:{line[back[0] + 1]}: time {after!r} does not lie behind {before!r}. "
+            f"{export.file}:{export.number[row]}: time {after!r} does not lie behind {before!r}. "
             "Two exports in one file? Split it."
         )
     return time_ns
@@ -283,27 +276,17 @@ def _kind_findings(file: str, channel: Channel, kind: str) -> list[Finding]:
     return [finding("scaled channel", "warning", file, sentence, count=1)]
 
 
-def _scaled(export: Export, position: int) -> bool:
-    for key, neutral in _UNSCALED.items():
-        cell = export.meta.get(key, [])
-        text = cell[position].replace(",", ".") if cell else str(neutral)
-        if not FLOAT.fullmatch(text) or float(text) != neutral:
-            return True
-    return False
+def _is_number(cell: str, value: float) -> bool:
+    """Whether a field is the number `value`, with a decimal point or comma."""
+    text = cell.replace(",", ".")
+    return FLOAT.fullmatch(text) is not None and float(text) == value
 
 
-def _floats(export: Export, cells: list[str], line: NDArray[np.int64], name: str) -> Array:
-    """(N,) numbers of the fields of a channel at lines (N,)."""
+def _floats(export: Export, cells: list[str], rows: NDArray[np.int64], name: str) -> Array:
+    """(N,) numbers of the fields of a column in rows (N,)."""
     values = np.empty(len(cells))
     for i, cell in enumerate(cells):
         values[i] = float(cell) if FLOAT.fullmatch(cell) else np.nan
         if not np.isfinite(values[i]):
-            raise LogError(
-                f"{export.file}:{line[i]}: channel {name!r}: {cell[:30]!r} is not a number. "
-                "Export it again."
-            )
+            raise export.wrong(int(rows[i]), f"{name}: {cell[:30]!r} is not a number.")
     return values
-
-
-def _all(pattern: re.Pattern[str], cells: list[str]) -> bool:
-    return all(pattern.fullmatch(cell) for cell in cells)

@@ -69,6 +69,10 @@ class Export:
     number: NDArray[np.int64]  # (N,) line number of each row
     findings: tuple[Finding, ...] = ()
 
+    def wrong(self, row: int, what: str) -> LogError:
+        """The error about one of `rows`."""
+        return LogError(f"{self.file}:{self.number[row]}: {what} Export it again.")
+
     @property
     def names(self) -> list[str]:
         """Names of the channels; not unique."""
@@ -87,8 +91,8 @@ def read_export(path: Path, file: str) -> Export:
     if not lines[0].startswith("Name") or separator not in {*SEPARATORS, " "}:
         raise LogError(
             f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with "
-            "`Name` and a separator. "
-            "Export it as CSV from the Scope, or name the dialect of this file."
+            "`Name` and a separator. Export it as CSV from the Scope, or name the dialect of this "
+            "file."
         )
     if separator == " ":
         raise LogError(
@@ -96,8 +100,7 @@ def read_export(path: Path, file: str) -> Export:
             "tabs."
         )
     named = (i for i in range(1, len(lines)) if lines[i].startswith("Name" + separator))
-    head = next(named, None)
-    if head is None:
+    if (head := next(named, None)) is None:
         raise LogError(
             f"{file}: no line with the names of the channels (`Name`, name, ...) below the "
             "preamble. Export it again with them."
@@ -108,11 +111,20 @@ def read_export(path: Path, file: str) -> Export:
                 f"{file}:{number}: a row of data stands in the preamble. The file is damaged. "
                 "Export it again."
             )
-    data = (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0]))
-    body = next(data, len(lines))
+    firsts = [line.split(separator)[0] for line in lines[head:]]
+    body = head + next((i for i, cell in enumerate(firsts) if _is_data(cell)), len(firsts))
     meta, groups = _metadata(lines[head:body], separator, f"{file}:{text.number[head]}")
     start, end = (_filetime(lines[:head], key, separator, file) for key in ("Starttime", "Endtime"))
-    rows, number = _rows(lines[body:], text.number[body:], separator, file)
+    number, data = text.number[body:], lines[body:]
+    if "EOF" in data[:-1]:
+        raise LogError(
+            f"{file}:{number[data.index('EOF')]}: `EOF` stands here, and lines follow. Two exports "
+            "in one file? Split it."
+        )
+    rows = [line.split(separator) for line in data if line != "EOF"]
+    if not rows:
+        raise LogError(f"{file}: metadata but no data below them. Export it again with the data.")
+    number = number[: len(rows)]
     return Export(
         file=file,
         encoding=text.encoding,
@@ -167,8 +179,7 @@ def _metadata(
         elif cells[0] not in _MAY_DIFFER:
             raise LogError(
                 f"{location}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, "
-                f"`Name` has {width}. "
-                "Export it again."
+                f"`Name` has {width}. Export it again."
             )
     if "Data-Type" not in meta:
         raise LogError(
@@ -187,20 +198,6 @@ def _metadata(
     if any(group.stop - group.start < 2 for group in groups):
         raise LogError(f"{location}: a time column without a channel. Export it again.")
     return meta, groups
-
-
-def _rows(
-    lines: list[str], number: NDArray[np.int64], separator: str, file: str
-) -> tuple[list[list[str]], NDArray[np.int64]]:
-    if "EOF" in lines[:-1]:
-        raise LogError(
-            f"{file}:{number[lines.index('EOF')]}: `EOF` stands here, and lines follow. Two "
-            "exports in one file? Split it."
-        )
-    rows = [line.split(separator) for line in lines if line != "EOF"]
-    if not rows:
-        raise LogError(f"{file}: metadata but no data below them. Export it again with the data.")
-    return rows, number[: len(rows)]
 
 
 def _decimal(rows: list[list[str]], number: NDArray[np.int64], file: str) -> str:

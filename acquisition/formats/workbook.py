@@ -59,7 +59,10 @@ def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
             f"{file}: sheet {sheet or names[0]!r} is empty. Name another: {', '.join(names)}."
         )
     width = max(line.count("\t") for line in lines)
-    lines = [_padded(line, width) for line in lines]
+    for k, line in enumerate(lines):
+        # columns that a line of names leaves without name get `-`
+        named = not any(map(is_number, line.split("\t")))
+        lines[k] += ("\t-" if named else "\t") * (width - line.count("\t"))
     return LogText(
         file=file,
         encoding="xlsx",
@@ -68,13 +71,6 @@ def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
         quoted=False,
         findings=content.findings,
     )
-
-
-def _padded(line: str, width: int) -> str:
-    """The line with `width` tabs; columns that a line of names leaves without name get `-`."""
-    missing = width - line.count("\t")
-    named = not any(map(is_number, line.split("\t")))
-    return line + ("\t-" if named else "\t") * missing
 
 
 def _text(cell: Any) -> str:

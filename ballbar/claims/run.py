@@ -17,8 +17,8 @@ from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress, run_sweep
 from ballbar.sweep.workers import Workers
 from ballbar.trial.trial import run_trial
-from cell.dotted_keys import with_changes
 from cell.errors import DescriptionError, InputError
+from cell.extended_yaml import with_changes
 from cell.schema_errors import nearest
 from cell.strict_yaml import YamlDocument
 from ident.thesis.names import ML, ParameterSet

@@ -197,14 +197,12 @@ def _identify_poses(
 
 
 def _pose_options(joint_errors: str) -> PoseOptions:
-    from ballbar.result.calibration import calibration_file
-    from ballbar.result.pose_calibration import load_pose_calibration
+    from ballbar.result.calibration import Calibration
     from ident.identify_poses import PoseOptions
 
     if joint_errors in ("auto", "none"):
         return PoseOptions(search=joint_errors == "auto")
-    learned = load_pose_calibration(calibration_file(Path(joint_errors))).file.joint_errors()
-    return PoseOptions(search=False, learned=learned)
+    return PoseOptions(search=False, learned=Calibration.load(joint_errors).joint_errors())
 
 
 def _settings(**options: object) -> IdentifySettings:

@@ -96,41 +96,40 @@ def compare(
     """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
-    from ballbar.result.calibration import calibration_file, holds_pose_result, load_calibration
+    from ballbar.result.calibration import Calibration
 
-    calibration, reference = calibration_file(calibration), calibration_file(reference)
-    if holds_pose_result(calibration):
-        _compare_poses(calibration, reference, as_json=as_json)
+    model = Calibration.load(calibration)
+    if not model.of_logs:
+        _compare_poses(model, reference, as_json=as_json)
         return
-    comparison = _compared(load_calibration(calibration), calibration, reference)
+    comparison = _compared(model, reference)
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
 
 
-def _compare_poses(calibration: Path, reference: Path, *, as_json: bool) -> None:
+def _compare_poses(result: Calibration, reference: Path, *, as_json: bool) -> None:
     """A result of still poses against another one, or against the truth."""
+    from ballbar.result.calibration import Calibration
     from ballbar.result.compare_pose_results import (
         compare_pose_results,
         compare_pose_truth,
         result_comparison_data,
         say_result_comparison,
     )
-    from ballbar.result.pose_calibration import load_pose_calibration
     from sim.poses.truth import load_pose_truth
 
-    result = load_pose_calibration(calibration)
     if reference.name.endswith(".truth.yaml"):
         comparison = compare_pose_truth(result, load_pose_truth(reference, result.robot))
     else:
-        comparison = compare_pose_results(result, load_pose_calibration(reference))
+        comparison = compare_pose_results(result, Calibration.load(reference))
     if as_json:
         say_json(result_comparison_data(comparison))
     say_result_comparison(out, comparison)
 
 
-def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
-    from ballbar.result.calibration import load_calibration
+def _compared(model: Calibration, reference: Path) -> Comparison:
+    from ballbar.result.calibration import Calibration
     from ballbar.result.compare import compare, compare_with_truth
     from sim.truth import load_truth
 
@@ -138,13 +137,13 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     identified = list(file.identified)
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)
-        clock = file.recordings[0].clock
+        clock = file.logs[0].clock
         at = (clock.offset_s, clock.skew) if clock else None
         return compare_with_truth(model.unloaded_robot(cell), model.nominal, truth, identified, at)
-    other = load_calibration(reference)
-    if other.file.robot != file.robot:
+    other = Calibration.load(reference)
+    if other.file_of_logs().robot != file.robot:
         raise InputError(
-            f"{reference}: is of robot {other.file.robot}, {calibration} of {file.robot}. "
+            f"{other.path}: is of robot {other.file.robot}, {model.path} of {file.robot}. "
             "Compare calibrations of the same robot."
         )
     shared = [name for name in identified if name in other.file.identified]

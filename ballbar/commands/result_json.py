@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
-from ballbar.result.calibration import load_calibration
-from ballbar.result.names import CALIBRATION, OUTPUTS
+from ballbar.result.calibration import Calibration
+from ballbar.result.names import OUTPUTS
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.claims.run import Judged
@@ -33,9 +33,7 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
         "sentence": data.identification.verdict.sentence,
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
-        "calibration": load_calibration(folder / CALIBRATION).file.model_dump(
-            mode="json", by_alias=True
-        ),
+        "calibration": Calibration.load(folder).file.model_dump(mode="json", by_alias=True),
         "plant": plant_data(data.simulation) if data.simulation else None,
         "comparison": comparison_data(data.comparison) if data.comparison else None,
         "limits": [asdict(limit) for limit in data.limits],
@@ -44,9 +42,7 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
 
 def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
     """JSON of `identify` on still poses: the calibration written to `folder`."""
-    from ballbar.result.pose_calibration import load_pose_calibration
-
-    file = load_pose_calibration(folder / CALIBRATION).file
+    file = Calibration.load(folder).file
     return {
         "acceptable": run.acceptable,
         "sentence": run.identification.verdict.sentence,

@@ -28,9 +28,9 @@ def export_data(result: AnyResult) -> dict[str, object]:
     fit = {key: getattr(file.fit, key) for key in ("status", "verdict")}
     of_poses = _of_poses(result) if isinstance(result, PoseResult) else {}
     recordings = (
-        list(dict.fromkeys(entry.file for entry in result.calibration.file.recordings))
+        list(dict.fromkeys(entry.file for entry in file.groups))
         if isinstance(result, PoseResult)
-        else [entry.name for entry in result.calibration.file.recordings]
+        else [entry.name for entry in file.logs]
     )
     return {
         "schema": "ballbar-export/1",

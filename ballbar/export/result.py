@@ -13,18 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.export.links import joined_link
-from ballbar.result.calibration import (
-    Calibration,
-    ParameterEntry,
-    calibration_file,
-    holds_pose_result,
-    load_calibration,
-)
-from ballbar.result.pose_calibration import PoseCalibration, load_pose_calibration
+from ballbar.result.calibration import Calibration
+from ballbar.result.machine_entries import ParameterEntry
 from cell.bodies import carried_bodies, link_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
-from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.geometry import Parameter, nominal_chain, parameter_table
 from cell.placement import Placement
@@ -117,7 +110,7 @@ class PoseResult:
 
     file: Path
     sha256: str
-    calibration: PoseCalibration
+    calibration: Calibration
 
     @property
     def robot(self) -> Robot:
@@ -188,7 +181,7 @@ class PoseResult:
     @property
     def range_notes(self) -> list[str]:
         """Ranges of the axes that were fitted."""
-        low, high = self.calibration.lower, self.calibration.upper
+        low, high = self.calibration.ranges.T
         each = [
             f"  joint {j + 1}: {np.rad2deg(low[j]):.1f} to {np.rad2deg(high[j]):.1f} deg "
             f"({float(low[j])!r} to {float(high[j])!r} rad)"
@@ -209,17 +202,12 @@ def load_result(path: Path) -> AnyResult:
 
     Raises InputError when there is none, DescriptionError when it is wrong.
     """
-    file = calibration_file(path)
-    if not file.is_file():
-        raise InputError(
-            f"{file}: no such file. Name a calibration.yaml, or the folder that `ballbar identify` "
-            "or `ballbar run` wrote."
-        )
+    calibration = Calibration.load(path)
+    file = calibration.path
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    if holds_pose_result(file):
-        return PoseResult(file, digest, load_pose_calibration(file))
-    calibration = load_calibration(file)
-    return Result(file, digest, calibration, calibration.cell())
+    if calibration.of_logs:
+        return Result(file, digest, calibration, calibration.cell())
+    return PoseResult(file, digest, calibration)
 
 
 def parameter_note(result: AnyResult, parameter: Parameter) -> str:

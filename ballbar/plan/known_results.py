@@ -13,13 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from ballbar.result.calibration import (
-    Calibration,
-    CalibrationFile,
-    RecordingEntry,
-    existing_calibration,
-    load_calibration,
-)
+from ballbar.result.calibration import Calibration
+from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.recording_entries import RecordingEntry
 from ballbar.result.run_recordings import description_identity
 from cell.arrays import Array
 from cell.descriptions import Cell
@@ -39,8 +35,8 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
     or of another robot, ball-bar or plate than the request's, and for results that share a
     recording.
     """
-    files = [existing_calibration(result) for result in results]
-    calibrations = [load_calibration(file) for file in files]
+    calibrations = [Calibration.load(result) for result in results]
+    files = [calibration.path for calibration in calibrations]
     machines = []
     for file, calibration in zip(files, calibrations, strict=True):
         cell = calibration.cell()
@@ -86,7 +82,7 @@ def _check_shared_recordings(files: Sequence[Path], calibrations: Sequence[Calib
     entries = [
         (file, recording)
         for file, calibration in zip(files, calibrations, strict=True)
-        for recording in calibration.file.recordings
+        for recording in calibration.file.logs
     ]
     for k, (file, recording) in enumerate(entries):
         for before, other in entries[:k]:

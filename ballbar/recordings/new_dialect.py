@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.table.fields import split_fields
-from acquisition.table.preview import column_names, likely_separator
+from acquisition.table.fields import column_names, likely_separator, split_fields
 from acquisition.table.text import LogText
 from acquisition.times import TIME_FORMS, recognised
 from ballbar.recordings.questions import Ask, answer, one_of, time_form

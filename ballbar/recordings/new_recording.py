@@ -19,9 +19,8 @@ import numpy as np
 from acquisition.formats.registry import container_of
 from acquisition.recording import Recording
 from acquisition.sources import layout_of
-from acquisition.table.fields import split_fields
+from acquisition.table.fields import HEAD, column_names, likely_separator, split_fields
 from acquisition.table.header import read_header
-from acquisition.table.preview import HEAD, column_names, likely_separator
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
 from ballbar.recordings.new_dialect import OWN, new_dialect

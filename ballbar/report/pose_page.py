@@ -28,8 +28,8 @@ from ballbar.report.page import template
 from ballbar.report.provenance import InputFile, hashed, versions, without_folders
 from ballbar.report.summary import Tile
 from ballbar.report.tcp_view import TcpRow, tcp_row
+from ballbar.result.calibration_content import KNOWN
 from ballbar.result.compare_poses import PoseComparison
-from ballbar.result.pose_calibration import KNOWN
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array

@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from ballbar.result.pose_calibration import PoseCalibration
+from ballbar.result.calibration import Calibration
 from ballbar.units import MM
 from cell.descriptions import Robot
 from cell.errors import InputError
@@ -69,19 +69,20 @@ class ResultComparison:
 
 
 def compare_pose_results(
-    first: PoseCalibration, second: PoseCalibration, target: str | None = None
+    first: Calibration, second: Calibration, target: str | None = None
 ) -> ResultComparison:
     """Two results of one robot. target : by default the first one that both have.
 
     Raises InputError for unlike robots, and where an axis has no angle within both fitted ranges.
     """
+    predicted = (first.cross_validated, second.cross_validated)
     if first.robot.title != second.robot.title:
         raise InputError(
             f"the results are of robot {first.robot.title} and {second.robot.title}. Compare "
             "calibrations of the same robot."
         )
-    lower = np.maximum(first.lower, second.lower)
-    upper = np.minimum(first.upper, second.upper)
+    lower = np.maximum(first.ranges[:, 0], second.ranges[:, 0])
+    upper = np.minimum(first.ranges[:, 1], second.ranges[:, 1])
     if (upper <= lower).any():
         axis = int((upper - lower).argmin())
         raise InputError(
@@ -97,19 +98,19 @@ def compare_pose_results(
     share = np.random.default_rng(_SEED).random((POSES, first.robot.joints))
     q = lower + share * (upper - lower)
     reference = other.tool(q)
-    spans = np.maximum(first.upper - first.lower, second.upper - second.lower)
+    spans = np.maximum(np.diff(first.ranges)[:, 0], np.diff(second.ranges)[:, 0])
     return ResultComparison(
         target=name,
         own_target=name in shared,
         tcp=position_error(model.tool(q), reference),
         tcp_nominal=position_error(_nominal(model).tool(q), reference),
-        predicted=(first.file.cross_validation.mean_m, second.file.cross_validation.mean_m),
+        predicted=predicted,
         parameters=_differences(first, _stated(second)),
         unlike_ranges=tuple(int(j) + 1 for j in np.flatnonzero(upper - lower < 0.5 * spans)),
     )
 
 
-def compare_pose_truth(result: PoseCalibration, truth: PoseTruth) -> ResultComparison:
+def compare_pose_truth(result: Calibration, truth: PoseTruth) -> ResultComparison:
     """A result against the truth of the table that it was simulated from."""
     name = next(iter(result.targets))
     if name not in truth.targets:
@@ -126,7 +127,7 @@ def compare_pose_truth(result: PoseCalibration, truth: PoseTruth) -> ResultCompa
         own_target=True,
         tcp=position_error(arm.tool(q), actual),
         tcp_nominal=position_error(_nominal(arm).tool(q), actual),
-        predicted=(result.file.cross_validation.mean_m,),
+        predicted=(result.cross_validated,),
         parameters=_differences(result, _true(truth, arm.robot)),
         unlike_ranges=(),
     )
@@ -178,7 +179,7 @@ def _nominal(arm: IdentifiedArm) -> IdentifiedArm:
     return replace(arm, chain=nominal_chain(arm.robot), corrections=(), values=np.zeros(0))
 
 
-def _stated(result: PoseCalibration) -> dict[str, tuple[float, float]]:
+def _stated(result: Calibration) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of every identified parameter."""
     entries = result.file.parameters.items()
     return {name: (e.value, e.sigma) for name, e in entries if e.sigma is not None}
@@ -196,7 +197,7 @@ def _true(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
 
 
 def _differences(
-    first: PoseCalibration, reference: Mapping[str, tuple[float, float]]
+    first: Calibration, reference: Mapping[str, tuple[float, float]]
 ) -> tuple[ParameterDifference, ...]:
     out = []
     for name, (value, sigma) in _stated(first).items():
@@ -211,6 +212,6 @@ def _tcp(error: TcpError) -> dict[str, float]:
     return {"mean_m": float(error.mean), "max_m": float(error.maximum)}
 
 
-def _degrees(result: PoseCalibration, axis: int) -> str:
-    low, high = np.rad2deg(result.lower[axis]), np.rad2deg(result.upper[axis])
+def _degrees(result: Calibration, axis: int) -> str:
+    low, high = np.rad2deg(result.ranges[axis])
     return f"{low:.1f} to {high:.1f} deg"

@@ -12,8 +12,8 @@ from rich.markup import escape
 from acquisition.pose_tables import import_poses
 from acquisition.report import ImportReport, finding_line
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.calibration import CalibrationFile, existing_calibration, load_calibration
-from ballbar.result.pose_calibration import load_pose_calibration
+from ballbar.result.calibration import Calibration
+from ballbar.result.calibration_file import CalibrationFile
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path
@@ -35,12 +35,11 @@ def verify_poses(result: Path, folder: Path) -> tuple[Verification, tuple[str, .
     Returns also what the reader found in its tables. Raises InputError for a result of logs, and
     for a table of another robot, with too few poses, or that fits no place of the instrument.
     """
-    file = existing_calibration(result)
-    calibration = load_pose_calibration(file)
-    content, path = calibration.file, pose_file_path(folder)
+    calibration = Calibration.load(result)
+    file, content, path = calibration.path, calibration.file, pose_file_path(folder)
+    mean = calibration.cross_validated
     _check_same("robot", (load_poses_file(path).robot, path.parent), (content.robot, file))
     read = import_poses(path)
-    mean = content.cross_validation.mean_m
     try:
         outcome = verify(calibration.arm(), calibration.targets, mean, read.table)
     except PoseStartError as error:
@@ -57,9 +56,8 @@ def verify_folder(
     result of still poses or one without covariance, for a recording of a sensed length, and for one
     that cannot be read, is of another robot, ball-bar or plate, or whose logs do not fit together.
     """
-    file = existing_calibration(result)
-    calibration = load_calibration(file)
-    content = calibration.file
+    calibration = Calibration.load(result)
+    file, content = calibration.path, calibration.file_of_logs()
     recording = read_with_causes(folder)
     _check_same_cell(content, file, recording.description, folder)
     if recording.length_log is not None:
@@ -87,7 +85,7 @@ def _doubt(status: str) -> str:
 
 def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[str, ...]:
     """A sentence where a recording was taken at another temperature [deg C] than the result."""
-    before = [r.temperature_C for r in content.recordings if r.temperature_C is not None]
+    before = [r.temperature_C for r in content.logs if r.temperature_C is not None]
     if now is None or not before:
         return ()
     mean = sum(before) / len(before)

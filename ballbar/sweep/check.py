@@ -18,9 +18,8 @@ from ballbar.sweep.file import Changes, flattened, load_sweep_file
 from ballbar.sweep.files import Files, digests, read_files
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
 from ballbar.sweep.version import code_version
-from cell.dotted_keys import Value, location_of, overlap, with_changes
 from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import load_extended
+from cell.extended_yaml import Value, load_extended, location_of, overlap, with_changes
 from cell.schema_errors import Loc, explain
 from cell.strict_yaml import Place, YamlDocument, parse_model
 

@@ -21,8 +21,8 @@ from ballbar.scenario import Scenario
 from ballbar.sweep.files import Files, scenario_folder, unpack
 from ballbar.sweep.plan import Plan, Run, run_of
 from ballbar.sweep.version import code_version
-from cell.dotted_keys import Value
 from cell.errors import InputError
+from cell.extended_yaml import Value
 from cell.threads import ONE_THREAD
 
 Row = dict[str, Value]  # column -> value

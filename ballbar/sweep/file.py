@@ -27,8 +27,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from cell.dotted_keys import Value, overlap
-from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
+from cell.extended_yaml import SHIPPED, ExtendableKind, Value, load_extended, overlap
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import YamlDocument, parse_model

@@ -13,7 +13,7 @@ from typing import Any
 
 from ballbar.sweep.file import flattened
 from ballbar.sweep.plan import Axis, Plan
-from cell.dotted_keys import Value
+from cell.extended_yaml import Value
 
 
 def changed_keys(plan: Plan, earlier: Plan) -> list[str]:

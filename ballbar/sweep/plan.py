@@ -19,7 +19,7 @@ from typing import Any
 from ballbar.scenario import Scenario
 from ballbar.sweep.file import LABEL, SEED, Changes, Draw, Seeds
 from cell.arrays import Array
-from cell.dotted_keys import Value, with_changes
+from cell.extended_yaml import Value, with_changes
 from cell.schema import Strict
 from sim.streams import stream
 

@@ -32,7 +32,7 @@ from ballbar.sweep.summary import (
     grid_points,
 )
 from ballbar.terminal import animated, wide_console
-from cell.dotted_keys import Value
+from cell.extended_yaml import Value
 
 BAR_AFTER = 2.0  # [s] a sweep that ends sooner shows no bar
 WIDTH = 160  # characters of the summary in a pipe or file

@@ -19,8 +19,8 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from ballbar.sweep.chunk import Row
-from cell.dotted_keys import Value
 from cell.errors import InputError
+from cell.extended_yaml import Value
 from cell.files import written_whole
 from cell.foreign_text import csv_text
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.instrument import Instrument
-from cell.point_inverse import reach_points
+from cell.numerical_inverse import reach_points
 from cell.robot_angles import controller_to_joints
 from sim.poses.settings import PosesSettings
 from sim.poses.true_arm import Place, TrueArm

@@ -17,7 +17,7 @@ from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
-from cell.point_inverse import reach_points
+from cell.numerical_inverse import reach_points
 from sim.poses.choice import Stand, choose_poses
 from sim.poses.held import hold_with_instrument
 from sim.poses.measurement import (

@@ -6,8 +6,7 @@ import ast
 
 import pytest
 
-from acquisition.remedies import REMEDIES
-from acquisition.report import finding, finding_line
+from acquisition.report import REMEDIES, finding, finding_line
 from tests.helpers.source_imports import FILES, tree
 
 BY_NAME = {"gap", "overrun", "off the sample time"}  # kinds that a variable holds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ballbar.result.calibration import MassesEntry, masses_entry
+from ballbar.result.machine_entries import MassesEntry, masses_entry
 from cell.load import load_cell
 from cell.payload import payload_of, with_payload
 from ident.loads.payload import PayloadEstimate

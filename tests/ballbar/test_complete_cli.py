@@ -19,10 +19,11 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.show import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import begin_parts, render_report
-from ballbar.result.calibration import load_calibration, write_calibration
+from ballbar.result.calibration import load_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
+from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
@@ -141,7 +142,7 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     together: Together, machine: RunData
 ) -> None:
     read = load_calibration(together.out / "calibration.yaml")
-    first, second = read.file.recordings
+    first, second = read.file.logs
     assert [first.name, second.name] == ["A", "B"]
     clocks = [entry.clock.offset_s for entry in (first, second) if entry.clock is not None]
     truth = load_truth(Path(f"{together.a}.truth.yaml"))

@@ -18,13 +18,7 @@ from tests.helpers.simulated_recordings import SCENARIOS, Recorded
 
 ROOT = SCENARIOS.parent
 SHIPPED = sorted([*ROOT.glob("cell/*/*.yaml"), *SCENARIOS.rglob("*.yaml")])
-WRITTEN_BY_PEOPLE = set(KINDS) - {
-    "claims",
-    "calibration",
-    "pose-calibration",
-    "truth",
-    "pose-truth",
-}
+WRITTEN_BY_PEOPLE = set(KINDS) - {"claims", "calibration", "truth", "pose-truth"}
 
 
 @cache

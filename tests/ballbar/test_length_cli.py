@@ -30,11 +30,11 @@ def test_the_calibration_holds_instrument_clock_and_robot(
 ) -> None:
     run, out, _ = identified
     file = load_calibration(out / "calibration.yaml").file
-    clock = file.recordings[0].clock
+    clock = file.logs[0].clock
     assert file.instrument == "drawwire_2m"
     assert clock is not None
     assert clock.offset_s == pytest.approx(run.clock.offset, abs=4.0 * clock.offset_sigma_s)
-    assert file.recordings[0].noise.length_m == pytest.approx(5e-5, rel=0.1)
+    assert file.logs[0].noise.length_m == pytest.approx(5e-5, rel=0.1)
     zero = file.parameters["bd3"]
     assert zero.sigma is not None
     assert zero.value - zero.nominal == pytest.approx(run.zero, abs=4.0 * zero.sigma)

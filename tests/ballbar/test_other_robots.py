@@ -13,9 +13,9 @@ from ballbar.export.rows import hayati_rows
 from ballbar.export.tables import dh_table, hayati_table
 from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.shapes import robot_shapes
-from ballbar.result.calibration import write_calibration
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.write_calibration import write_calibration
 from cell.errors import InputError
 from cell.load import load_robot
 from tests.helpers.other_robots import (

@@ -19,7 +19,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from ballbar import Calibration, PoseCalibration
+from ballbar import Calibration
 from ballbar.export.formats import exported
 from ballbar.export.into_urdf import into_file
 from ballbar.export.result import PoseResult, load_result
@@ -374,20 +374,24 @@ def test_a_result_that_was_edited_wrongly_is_refused_by_name(
     assert str(refusal.value).startswith(str(file))
 
 
-def test_calibration_load_reads_both_kinds(tmp_path: Path, result: PoseResult) -> None:
-    assert isinstance(Calibration.load(result.file.parent), PoseCalibration)
-    assert isinstance(Calibration.load(str(result.file)), PoseCalibration)
+def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
+    tmp_path: Path, result: PoseResult
+) -> None:
+    loaded = Calibration.load(result.file.parent)
+    assert loaded.sigma.keys() == set(loaded.file.identified)
+    assert loaded.ranges.shape == (loaded.robot.joints, 2)
+    assert Calibration.load(str(result.file)).targets.keys() == loaded.targets.keys()
     code, _, _ = ballbar("compare", tmp_path / "none", result.file)
     assert code == 2
-    from ballbar import load_calibration  # noqa: PLC0415
-
-    with pytest.raises(DescriptionError, match="is the result of still poses; here one of logs"):
-        load_calibration(result.file)
+    for use in (lambda: loaded.geometry, loaded.cell, lambda: loaded.encoders):
+        with pytest.raises(InputError, match="is the result of still poses; here one of logs"):
+            use()
+    with pytest.raises(InputError, match="leave payload and tool out"):
+        loaded.kinematics(tool=np.eye(4))
 
 
 def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: Path) -> None:
     first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
-    assert isinstance(first, PoseCalibration)
     same = compare_pose_results(first, first)
     assert same.tcp.maximum < EXACT
     assert all(p.z == 0.0 for p in same.parameters)
@@ -400,13 +404,11 @@ def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: 
     assert "rtheta4 -1.0000 mrad (z -35.4)" in said, "1 mrad over sqrt(2) times 20 urad"
     assert "less than half of the fitted range is common: axes 3" in said
     second = Calibration.load(tmp_path / "b.yaml")
-    assert isinstance(second, PoseCalibration)
     tcp = compare_pose_results(first, second).tcp
     assert 2e-5 < tcp.mean < 1e-3
     code, said, _ = ballbar("compare", tmp_path / "a.yaml", tmp_path / "b.yaml", "--json")
     assert json.loads(said)["tcp_difference"]["mean_m"] == pytest.approx(tcp.mean)
     other = Calibration.load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
-    assert isinstance(other, PoseCalibration)
     with pytest.raises(InputError, match="Compare calibrations of the same robot"):
         compare_pose_results(first, other)
 

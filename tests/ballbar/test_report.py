@@ -32,7 +32,7 @@ from ballbar.report.page import begin_parts, render_report, write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.report.terminal import _clock, say_identification
-from ballbar.result.calibration import calibration_of
+from ballbar.result.calibration_content import calibration_of
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData

@@ -34,8 +34,8 @@ from ballbar.sweep.summary import failures_of, grid_points
 from ballbar.sweep.table import chunk_bytes, write_table
 from ballbar.sweep.workers import processes
 from ballbar.trial.trial import run_trial
-from cell.dotted_keys import with_changes
 from cell.errors import InputError
+from cell.extended_yaml import with_changes
 from cell.threads import ONE_THREAD
 from tests.helpers import sweep_work
 from tests.helpers.command_line import ballbar

@@ -15,7 +15,9 @@ import yaml
 from pydantic import ValidationError
 
 from ballbar import Calibration
-from ballbar.result.calibration import CalibrationFile, CovarianceEntry, load_calibration
+from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.machine_entries import CovarianceEntry
 from ballbar.result.verification import temperature_remarks
 from cell.errors import DescriptionError
 from tests.helpers.command_line import ballbar
@@ -212,7 +214,7 @@ def test_a_result_that_was_edited_wrongly_is_refused_by_name(
     another order made 0.98 of what noise and uncertainty explain 0.11."""
     folder = changed(result, tmp_path / "edited", edit)
     with pytest.raises(DescriptionError, match=re.escape(said)) as refusal:
-        Calibration.load(folder).kinematics()  # type: ignore[union-attr]
+        Calibration.load(folder).kinematics()
     assert str(folder / "calibration.yaml") in str(refusal.value)
 
 
@@ -290,7 +292,7 @@ def test_a_result_that_is_itself_a_misfit_is_not_said_to_hold(
 
 def content(result: Path, *temperatures: float | None) -> CalibrationFile:
     file = load_calibration(result / "calibration.yaml").file
-    (entry,) = file.recordings
+    (entry,) = file.logs
     entries = [entry.model_copy(update={"temperature_C": t}) for t in temperatures]
     return file.model_copy(update={"recordings": tuple(entries)})
 

@@ -18,17 +18,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.recording import Recording
-from ballbar.result import calibration, pose_calibration
-from ballbar.result.calibration import (
-    Calibration,
-    CovarianceEntry,
-    covariance_entry,
-    load_calibration,
-    write_calibration,
-)
+from ballbar.result import calibration, calibration_content
+from ballbar.result.calibration import Calibration, load_calibration
+from ballbar.result.machine_entries import CovarianceEntry, covariance_entry
 from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
-from ballbar.result.write_result import RefusedResultError
+from ballbar.result.write_calibration import RefusedResultError, write_calibration
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
@@ -167,7 +162,7 @@ def test_a_result_that_its_reader_refuses_is_kept_whole(
     write_calibration(path, run_data(result))
     sound = yaml.safe_load(path.read_text())
     with monkeypatch.context() as patch:
-        patch.setattr(calibration, "covariance_entry", refused_order)
+        patch.setattr(calibration_content, "covariance_entry", refused_order)
         with pytest.raises(RefusedResultError) as error:
             write_calibration(path, run_data(result))
     assert f"whole in {kept}, and not in calibration.yaml" in str(error.value)
@@ -207,8 +202,8 @@ def test_a_refused_result_ends_as_a_fault_with_all_files_written(
         options, files = ["--joint-errors", "none"], {"report.html"}
     words = ["identify", tmp_path / "in", "--out", out, "--json", *options]
     with monkeypatch.context() as patch:
-        patch.setattr(calibration, "covariance_entry", refused_order)
-        patch.setattr(pose_calibration, "robot_parameters", lambda robot: arm_parameters(robot)[1:])
+        patch.setattr(calibration_content, "covariance_entry", refused_order)
+        patch.setattr(calibration, "arm_parameters", lambda robot: arm_parameters(robot)[1:])
         code, said, err = ballbar(*words)
     assert code == 3
     assert said == ""

@@ -7,9 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from cell.dotted_keys import location_of, overlap, with_changes
 from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import ExtendableKind, files_of, load_extended, named_file, renamed
+from cell.extended_yaml import (
+    ExtendableKind,
+    files_of,
+    load_extended,
+    location_of,
+    named_file,
+    overlap,
+    renamed,
+    with_changes,
+)
 from cell.schema import Strict
 from cell.strict_yaml import Place, parse_model
 

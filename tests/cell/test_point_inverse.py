@@ -7,7 +7,7 @@ import pytest
 
 from cell.chain import Chain
 from cell.load import load_robot
-from cell.point_inverse import point_columns, reach_points
+from cell.numerical_inverse import point_columns, reach_points
 from cell.robot_angles import controller_to_joints, joints_to_axes
 
 POINT = np.array([0.05, -0.02, 0.12])

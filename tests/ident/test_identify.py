@@ -11,10 +11,11 @@ import pytest
 
 from acquisition.recording import read_recording
 from ballbar.identify_settings import IdentifySettings
-from ballbar.result.calibration import load_calibration, write_calibration
+from ballbar.result.calibration import load_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.write_calibration import write_calibration
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
 from cell.clock import Clock
@@ -224,7 +225,7 @@ def test_the_calibration_file_reads_back_as_written(data: RunData, tmp_path: Pat
     assert np.array_equal(read.geometry.values, only(result).geometry.values)
     assert np.array_equal(read.nominal.values, only(result).nominal.values)
     assert {name for name in NAMES if name in read.file.identified} == set(result.sigma)
-    (recording,) = read.file.recordings
+    (recording,) = read.file.logs
     assert recording.clock is not None
     assert only(result).clock == Clock(recording.clock.offset_s, recording.clock.skew)
     assert read.file.fit.rank == 31

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ballbar.export.formats import exported
 from ballbar.export.result import load_result
-from ballbar.result.calibration import Calibration, covariance_entry
-from ballbar.result.pose_calibration import PoseCalibration
+from ballbar.result.calibration import Calibration
+from ballbar.result.machine_entries import covariance_entry
 from cell.arrays import Array
 from cell.chain import forward
 from cell.descriptions import Cell
@@ -51,9 +51,7 @@ def result(tmp_path_factory: pytest.TempPathFactory, cell: Cell, nominal: Geomet
 
 @pytest.fixture(scope="module")
 def calibration(result: Path) -> Calibration:
-    loaded = Calibration.load(result.parent)
-    assert isinstance(loaded, Calibration)
-    return loaded
+    return Calibration.load(result.parent)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +69,7 @@ def random_angles(robot: IdentifiedKinematics, count: int, seed: int = 1) -> Arr
 def test_geometry_alone_puts_the_tool_where_mujoco_puts_that_of_the_exported_model(
     result: Path, calibration: Calibration
 ) -> None:
-    bare = Calibration(calibration.file.model_copy(update={"corrections": {}}), result.parent)
+    bare = Calibration(calibration.file.model_copy(update={"corrections": {}}), result)
     robot = bare.kinematics()
     q = random_angles(robot, 50)
     model = mujoco.MjModel.from_xml_string(exported(load_result(result), "mjcf"))
@@ -324,7 +322,6 @@ def test_a_calibration_without_covariance_states_no_uncertainty(
 
 def test_a_calibration_of_still_poses_serves_likewise(tmp_path: Path) -> None:
     loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=2))
-    assert isinstance(loaded, PoseCalibration)
     robot, arm = loaded.kinematics("frame"), loaded.arm("frame")
     q = np.random.default_rng(3).uniform(-1.5, 1.5, (20, 6))
     poses = robot.forward(q)
@@ -348,7 +345,6 @@ def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_
 ) -> None:
     """Regression: what the search had, which misses postures, replaced what the steps reached."""
     loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
-    assert isinstance(loaded, PoseCalibration)
     solver, rng = loaded.kinematics("frame"), np.random.default_rng(5)
     q = rng.uniform(-1.5, 1.5, (300, 6))
     previous = q + rng.uniform(-0.6, 0.6, q.shape)
@@ -368,7 +364,6 @@ def test_the_posture_next_to_the_given_angles_is_kept(tmp_path: Path, name: str)
     """Regression: 80 of 50 000 postures turned into others, with good flags, where the nominal arm
     has none, and others left the axis ranges."""
     loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
-    assert isinstance(loaded, PoseCalibration)
     solver = loaded.kinematics("frame")
     own, rng = solver.robot, np.random.default_rng(5)
     axes = rng.uniform(own.axis_lower, own.axis_upper, (20_000, own.joints))

@@ -6,13 +6,16 @@ not lost to a check of the program's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from operator import methodcaller
 from pathlib import Path
 
+from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration_content import calibration_of, calibration_of_poses
+from ballbar.result.pose_run import PoseRun
+from ballbar.result.run_data import RunData
 from cell.errors import InputError
-from cell.files import write_yaml
-from cell.schema import Strict
+from cell.files import copied_description, write_yaml
+from cell.pose_file import pose_file_path
 
 
 class RefusedResultError(RuntimeError):
@@ -22,17 +25,26 @@ class RefusedResultError(RuntimeError):
     """
 
 
-def write_result(path: Path, content: Strict, read: Callable[[Path], object]) -> None:
-    """Write a result, whole or not at all.
+def write_calibration(path: Path, run: RunData | PoseRun) -> None:
+    """Write calibration.yaml, whole or not at all, and the user's descriptions in it beside it.
 
-    content : not checked yet (`model_construct`). read : the reader of such results.
-
-    Raises RefusedResultError if it refuses the file. That then stands beside `path` with
+    Raises RefusedResultError if its reader refuses the file. That then stands beside `path` with
     `.refused` in its name (ballbar.result.names.REFUSED), and an earlier result under `path` is
     deleted.
     """
     refused = path.with_suffix(f".refused{path.suffix}")
-    plain = content.model_dump(
+    if isinstance(run, RunData):
+        file, recorded = calibration_of(run), run.recordings[0].folder
+        described = ["robot", "instrument", "plate"]
+    else:
+        file, recorded = calibration_of_poses(run), pose_file_path(run.folders[0][1]).parent
+        described = ["robot"]
+    own = {
+        key: copied_description(path.parent, key, recorded / name)
+        for key in described
+        if (name := getattr(file, key)).endswith(".yaml")
+    }
+    plain = file.model_copy(update=own).model_dump(
         mode="json",
         by_alias=True,
         exclude_none=True,
@@ -41,7 +53,7 @@ def write_result(path: Path, content: Strict, read: Callable[[Path], object]) ->
     )
     write_yaml(refused, plain)
     try:
-        read(refused)
+        load_calibration(refused)
     except InputError as error:
         path.unlink(missing_ok=True)
         raise RefusedResultError(

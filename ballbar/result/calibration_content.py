@@ -1,0 +1,328 @@
+"""The content of calibration.yaml: what an identification found, as the schema has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import count
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from ballbar.result.calibration_file import SCHEMA, CalibrationFile
+from ballbar.result.machine_entries import (
+    CoefficientEntry,
+    DroppedEntry,
+    ParameterEntry,
+    RangeEntry,
+    covariance_entry,
+    masses_entry,
+)
+from ballbar.result.pose_run import PoseRun
+from ballbar.result.recording_entries import (
+    POSES,
+    ClockEntry,
+    ClosureEntry,
+    CrossValidationEntry,
+    Direction,
+    ExcessEntry,
+    FitEntry,
+    GroupEntry,
+    HeldOutEntry,
+    NoiseEntry,
+    OrderEntry,
+    PlacementEntry,
+    PointErrorsEntry,
+    PoseHeldOutEntry,
+    RecordingEntry,
+    ResidualEntry,
+    StepFaultEntry,
+    TrackerEntry,
+)
+from ballbar.result.run_data import FittedRecording, RunData
+from cell.arrays import Array
+from cell.geometry import Geometry
+from cell.placement import Placement
+from cell.rotation import rotvec_from_matrix
+from cell.schema import Strict
+from cell.statistics import rms
+from ident.corrections.base import Coefficient
+from ident.estimator.fit import Fit
+from ident.estimator.unknowns import belongs_to_recording, shared_names
+from ident.held_out import HeldOut
+from ident.signals.step_fault import StepFault
+from ident.tracker import TrackerCheck
+
+KNOWN = 0.5  # information gain below which a parameter stands at its prior
+E = TypeVar("E", bound=Strict)
+
+
+def calibration_of(data: RunData) -> CalibrationFile:
+    """The content of calibration.yaml for logs, which is checked once it is written."""
+    result, description = data.identification, data.recordings[0].recording.description
+    robot, fit, verdict = result.robot, result.fit, result.verdict
+    return CalibrationFile.model_construct(
+        schema_=SCHEMA,
+        robot=description.robot,
+        instrument=description.measured_by,
+        plate=description.plate,
+        model=result.model,
+        parameters=_parameters(
+            shared_names(robot.nominal.table), robot.nominal, robot.geometry, robot.sigma
+        ),
+        dropped=tuple(_entry(DroppedEntry, parameter) for parameter in robot.dropped),
+        corrections={
+            correction.name: {c.name: _entry(CoefficientEntry, c) for c in correction.coefficients}
+            for correction in robot.corrections
+        },
+        masses=masses_entry(robot.payload),
+        ranges=_ranges(robot.lower, robot.upper),
+        covariance=covariance_entry(robot.tool),
+        recordings=tuple(_recording(fitted) for fitted in data.recordings),
+        fit=_entry(
+            FitEntry,
+            fit,
+            status=verdict.status,
+            verdict=verdict.sentence,
+            warnings=verdict.warnings,
+            rod_sigma_m=fit.excess.rod,
+            tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
+            tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
+            excess=ExcessEntry.model_construct(
+                gear_rad=fit.excess.gear,
+                wrist_rad=fit.excess.wrist,
+                bar_rad=fit.excess.bar,
+                rod_m=fit.excess.rod,
+            ),
+        ),
+        held_out=tuple(_held_out(validation.outcome) for validation in data.validations),
+    )
+
+
+def calibration_of_poses(run: PoseRun) -> CalibrationFile:
+    """The content of calibration.yaml for still poses, which is checked once it is written."""
+    result, description = run.identification, run.folders[0][2].description
+    fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
+    sigma, gain, arm = result.sigma, result.information_gain, result.arm()
+    validation = result.cross_validation
+    return CalibrationFile.model_construct(
+        schema_=SCHEMA,
+        robot=description.robot,
+        instrument=description.instrument,
+        model=POSES,
+        parameters={
+            name: ParameterEntry.model_construct(
+                nominal=float(layout.mean[i]),
+                value=float(fit.x[i]),
+                sigma=sigma[name] if gain[name] > KNOWN else None,
+                identified=gain[name] > KNOWN,
+            )
+            for i, name in enumerate(layout.names[: layout.shared.size])
+        },
+        corrections=_corrections_of_poses(fit),
+        orders=()
+        if result.search is None
+        else tuple(
+            _entry(
+                OrderEntry,
+                o,
+                joint=o.joint + 1,
+                order=round(o.order),
+                aliases=tuple(round(a) for a in o.aliases),
+            )
+            for o in result.search.orders
+        ),
+        seats={
+            name: _placement(fit, layout.seat(fit.x, name), name, part)
+            for name, part in layout.seats.items()
+        },
+        targets={
+            name: _placement(fit, layout.target(fit.x, name), name, part)
+            for name, part in layout.targets.items()
+        },
+        ranges=_ranges(arm.lower, arm.upper),
+        recordings=tuple(
+            _entry(
+                GroupEntry,
+                point.still,
+                poses=point.still.size,
+                position_rms_m=float(np.sqrt((point.closure.error[:3] ** 2).sum(axis=0).mean())),
+            )
+            for point in fit.linear.evaluations
+        ),
+        cross_validation=CrossValidationEntry.model_construct(
+            mean_m=validation.mean,
+            quantile_95_m=validation.quantile,
+            sigma_m=validation.sigma,
+            region_factor=validation.factor_of_points,
+        ),
+        fit=FitEntry.model_construct(
+            status=verdict.status,
+            verdict=verdict.sentence,
+            warnings=verdict.warnings,
+            iterations=fit.iterations,
+            unknowns=layout.count,
+            poses=result.table.size,
+            tcp_sigma_at_poses_m=float(result.sigma_at_poses.mean()),
+            tcp_sigma_mean_m=float(result.tcp_sigma.mean()),
+            discrepancy_m=fit.excess.position,
+            residual_mean_m=result.residual_means[0],
+            nominal_mean_m=result.residual_means[1],
+        ),
+        held_out=tuple(
+            _entry(
+                PoseHeldOutEntry,
+                outcome,
+                poses=outcome.error.size,
+                mean_m=float(outcome.error.mean()),
+                quantile_95_m=float(np.quantile(outcome.error, 0.95)),
+                nominal_mean_m=float(outcome.nominal.mean()),
+            )
+            for _, _, outcome in run.held_out
+        ),
+    )
+
+
+def _entry(entry: type[E], source: object, **values: Any) -> E:
+    """An entry of these values, and of the attributes of `source` that are named as its keys."""
+    names = (name for name in entry.model_fields if name not in values and hasattr(source, name))
+    return cast(
+        E, entry.model_construct(None, **{name: getattr(source, name) for name in names}, **values)
+    )
+
+
+def _parameters(
+    names: Iterable[str], nominal: Geometry, value: Geometry, sigma: dict[str, float]
+) -> dict[str, ParameterEntry]:
+    return {
+        name: ParameterEntry.model_construct(
+            nominal=nominal[name],
+            value=value[name],
+            sigma=sigma.get(name),
+            identified=name in sigma,
+        )
+        for name in names
+    }
+
+
+def _corrections_of_poses(fit: Fit) -> dict[str, dict[str, CoefficientEntry]]:
+    layout = fit.model.unknowns
+    places = count(layout.coefficients.start)
+
+    def entry(coefficient: Coefficient, k: int) -> CoefficientEntry:
+        variance = fit.covariance[k, k]
+        return CoefficientEntry.model_construct(
+            value=float(fit.x[k]),
+            sigma=float(np.sqrt(variance)),
+            prior=float(layout.mean[k]),
+            prior_sigma=float(layout.sigma[k]),
+            information_gain=float(1.0 - min(1.0, variance / layout.sigma[k] ** 2)),
+            unit=coefficient.unit,
+        )
+
+    return {
+        correction.name: {c.name: entry(c, next(places)) for c in correction.coefficients}
+        for correction in fit.model.corrections
+    }
+
+
+def _ranges(lower: Array, upper: Array) -> tuple[RangeEntry, ...]:
+    return tuple(
+        RangeEntry.model_construct(lower_rad=float(low), upper_rad=float(high))
+        for low, high in zip(lower, upper, strict=True)
+    )
+
+
+def _placement(fit: Fit, place: Placement, name: str, part: slice) -> PlacementEntry:
+    deviations = np.sqrt(np.diag(fit.covariance)[part][:3])
+    turn = rotvec_from_matrix(place.rotation[:, :, None])[:, 0]
+    return PlacementEntry.model_construct(
+        position_m=tuple(place.origin.tolist()),
+        position_sigma_m=tuple(deviations.tolist()),
+        rotation_vector_rad=tuple(turn.tolist()) if name in fit.model.unknowns.framed else None,
+    )
+
+
+def _recording(fitted: FittedRecording) -> RecordingEntry:
+    estimate = fitted.estimate
+    clock, after = estimate.clock, estimate.after
+    names = [f"b{joint}" for joint in estimate.encoders]
+    own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
+    directions = cast(tuple[Direction, ...], estimate.directions)
+    noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
+    return RecordingEntry.model_construct(
+        name=estimate.name,
+        encoder_directions=dict(zip(names, directions, strict=True)),
+        clock=None
+        if clock is None
+        else ClockEntry.model_construct(
+            offset_s=clock.offset,
+            offset_sigma_s=estimate.clock_sigma[0],
+            skew=clock.skew,
+            skew_sigma=estimate.clock_sigma[1],
+        ),
+        parameters=_parameters(own, estimate.nominal, estimate.geometry, estimate.sigma),
+        noise=NoiseEntry.model_construct(
+            joint_rad=tuple(estimate.noise.joint.tolist()),
+            encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
+            length_m=estimate.noise.length or None,
+        ),
+        residuals=ResidualEntry.model_construct(
+            samples=estimate.samples,
+            equations=int(estimate.whitened.size),
+            chi2=float((estimate.whitened**2).sum()),
+            position_rms_m=rms(np.linalg.norm(after.position, axis=1)),
+            angle_rms_rad=rms(np.linalg.norm(after.angle, axis=1)),
+        ),
+        tension_source=estimate.tension_source,
+        step_faults=_step_faults(estimate.step_faults),
+        tracker=_tracker(estimate.tracker),
+        temperature_C=fitted.recording.description.temperature_C,
+    )
+
+
+def _step_faults(faults: Sequence[StepFault]) -> tuple[StepFaultEntry, ...]:
+    return tuple(_entry(StepFaultEntry, fault, time_s=fault.time) for fault in faults)
+
+
+def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
+    if check is None:
+        return None
+    identified, nominal = (
+        PointErrorsEntry.model_construct(
+            rms_m=errors.rms,
+            largest_m=errors.largest,
+            clock_offset_s=errors.clock.offset,
+            clock_skew=errors.clock.skew,
+        )
+        for errors in (check.identified, check.nominal)
+    )
+    return TrackerEntry.model_construct(
+        acceptable=check.acceptable,
+        points=check.t.size,
+        unknowns=check.identified.unknowns,
+        degrees_of_freedom=check.degrees,
+        noise_m=check.noise,
+        expected_m=check.expected,
+        identified=identified,
+        nominal=nominal,
+    )
+
+
+def _held_out(outcome: HeldOut) -> HeldOutEntry:
+    identified, nominal = (
+        ClosureEntry.model_construct(
+            position_rms_m=closure.position_rms,
+            position_max_m=closure.position_max,
+            angle_rms_rad=closure.angle_rms,
+            ratio=closure.ratio,
+        )
+        for closure in (outcome.identified, outcome.nominal)
+    )
+    return _entry(
+        HeldOutEntry,
+        outcome,
+        identified=identified,
+        nominal=nominal,
+        step_faults=_step_faults(outcome.step_faults),
+        tracker=_tracker(outcome.tracker),
+    )
