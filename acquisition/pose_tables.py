@@ -9,8 +9,8 @@ is an error with file and line; what is merely odd is a finding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +18,12 @@ import numpy as np
 from acquisition.declared_columns import TableContext
 from acquisition.pose_rows import FilePoses, file_poses
 from acquisition.reference_points import steadied
-from acquisition.report import Finding, ImportReport
+from acquisition.report import ImportReport
 from cell.errors import DescriptionError
 from cell.foreign_files import repeated
-from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.pose_file import PosesFile, known_distances, load_poses_file, pose_file_path
-from cell.poses import KnownDistance, PoseGroup, PoseTable
+from cell.poses import PoseGroup, PoseTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,17 +44,6 @@ def read_poses(path: Path) -> PoseTable:
     return import_poses(path).table
 
 
-def _refuse_repeated(context: TableContext) -> None:
-    """Raises DescriptionError if a table names a file twice."""
-    declared = context.declared
-    for key, files in (("files", declared.files), ("joints.files", declared.joints.files)):
-        if twice := repeated(context.path.parent, files):
-            raise DescriptionError(
-                f"{context.path}: {context.key}.{key}: {twice[0]!r} and {twice[1]!r} are one file. "
-                "Name it once."
-            )
-
-
 def import_poses(path: Path) -> PoseImport:
     """The still poses of a poses.yaml with the import report; raises as `read_poses`."""
     file = pose_file_path(path)
@@ -67,21 +55,30 @@ def import_poses(path: Path) -> PoseImport:
         own = declared.instrument
         measures = load_instrument(own, relative_to=file.parent) if own else instrument
         context = TableContext(file, robot, measures, f"tables[{k}]", declared)
-        _refuse_repeated(context)
+        for key, paths in (("files", declared.files), ("joints.files", declared.joints.files)):
+            if twice := repeated(file.parent, paths):
+                names = f"{twice[0]!r} and {twice[1]!r}"
+                raise context.wrong(key, f"{names} are one file. Name it once.")
         files += [file_poses(context, index) for index in range(len(declared.files))]
     files = steadied(files)
     stamps = [poses.stamps for poses in files if poses.stamps is not None]
     start = min((int(each.min()) for each in stamps), default=0)
     groups = tuple(group for poses in files for group in _groups(poses, start))
+    try:
+        seats = (group.seat for group in groups)
+        distances = known_distances(description.distances, instrument, seats)
+    except DescriptionError as error:
+        raise DescriptionError(f"{file}: {error}") from None
     table = PoseTable(
         name=file.absolute().parent.name if file.name == "poses.yaml" else file.stem,
         robot=robot,
         groups=groups,
-        distances=_distances(file, description, instrument, groups),
+        distances=distances,
     )
     report = ImportReport(
         files=tuple(summary for poses in files for summary in poses.summaries),
-        findings=_without_repeats(entry for poses in files for entry in poses.findings),
+        # Each once: a file that several tables read has them in each.
+        findings=tuple(dict.fromkeys(entry for poses in files for entry in poses.findings)),
     )
     return PoseImport(description, table, report)
 
@@ -92,32 +89,9 @@ def _groups(poses: FilePoses, start: int) -> Iterator[PoseGroup]:
     start : [ns] earliest stamp of all files.
     """
     pairs = list(zip(poses.seat, poses.target, strict=True))
-    time = None if poses.stamps is None else (poses.stamps - start) * 1e-9
+    group = poses.group
+    if poses.stamps is not None:
+        group = replace(group, time=np.asarray((poses.stamps - start) * 1e-9, dtype=np.float64))
     for seat, target in dict.fromkeys(pairs):
         chosen = np.array([pair == (seat, target) for pair in pairs], dtype=bool)
-        yield PoseGroup(
-            measured=poses.measured,
-            seat=seat,
-            target=target,
-            q=poses.q[chosen],
-            values=poses.values[chosen],
-            sigma=poses.sigma[chosen],
-            rows=poses.rows.line[chosen],
-            file=poses.rows.file,
-            time=None if time is None else time[chosen],
-            temperature=None if poses.temperature is None else poses.temperature[chosen],
-        )
-
-
-def _without_repeats(findings: Iterator[Finding]) -> tuple[Finding, ...]:
-    """Each finding once: a file that several tables read has it in each."""
-    return tuple(dict.fromkeys(findings))
-
-
-def _distances(
-    file: Path, description: PosesFile, instrument: Instrument, groups: Sequence[PoseGroup]
-) -> tuple[KnownDistance, ...]:
-    try:
-        return known_distances(description.distances, instrument, (group.seat for group in groups))
-    except DescriptionError as error:
-        raise DescriptionError(f"{file}: {error}") from None
+        yield replace(group.part(chosen), seat=seat, target=target)

@@ -51,6 +51,7 @@ from acquisition.sources import (
 from acquisition.stamps.order import seconds
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
+from cell.file_units import METRES
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
@@ -58,7 +59,6 @@ from cell.recording import LengthFile, RecordingFile, SourceFile, TrackerFile, l
 from cell.rigid_fit import nominal_frames
 from cell.selectors import require
 
-METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
 # Factor between the extents of an LED's path and of the flange's; units differ by more, and an LED
 # is no further from the flange than the flange moves

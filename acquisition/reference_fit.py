@@ -50,7 +50,7 @@ class ReferenceFit:
     motion: Array  # (E, 6) [m, rad] shift and turn of the points about the centre
     covariance: Array  # (E, 6, 6) of the motion
     residual: Array  # (E, K, 3) [m] measured minus predicted; NaN where a point was not read
-    length: Array  # (E, K) of the residuals in standard deviations; likewise
+    length: Array  # (E, K) of the residuals in standard deviations; NaN as in residual
     scale: float  # standard deviation of a reading over the declared one
 
     def rotation(self, at: NDArray[np.intp]) -> Array:

@@ -1,7 +1,7 @@
 """Poses in the mean frame of their seat, whose motion reference points show.
 
 All rows of a seat, of whichever file, define it together; points are numbered in the order of
-their columns. What stands in successive rows alike, as for several targets at one pose, is one
+their columns. Equal readings in successive rows, as for several targets at one pose, are one
 measurement of the points. A row without any has its frame from the measurements around it.
 """
 
@@ -24,7 +24,7 @@ _FEWEST = 3  # points, and measurements of each
 _FAR = 0.02  # [m] further than an instrument drifts or is jolted
 _WIDTH = 0.02  # of the length of the points: width across it, below which they are on a line
 _RIGID = 20.0  # times the declared sigma: points that scatter further are no fixed points
-_SCATTER = 2.0  # likewise: reported
+_SCATTER = 2.0  # times the declared sigma: reported
 _DISTURBED = 8.0  # deviations of a reading of which a quarter of the weight is left
 
 
@@ -39,14 +39,19 @@ def steadied(files: Sequence[FilePoses]) -> list[FilePoses]:
         seat = _seat(name, files)
         _refuse_unfit(seat)
         fit, knocks = fit_with_knocks(seat.readings, seat.sigma, seat.elapsed)
-        _refuse_loose(seat, fit)
-        points = np.array([files[k].values[i, :3] for k, i in seat.rows])
+        if fit.scale > _RIGID:
+            raise LogError(
+                f"{seat.lines[0][0]}: the reference points of seat {name} do not keep their "
+                f"distances: they scatter by {_scatter(seat, fit)}. Name x y z of each point, in "
+                "the same order in every table, or correct sigma_m."
+            )
+        points = np.array([files[k].group.values[i, :3] for k, i in seat.rows])
         added = fit.sigma(points, seat.measurement)
         findings = _findings(seat, fit, knocks, points, added)
         numbers = np.array(seat.rows)
         for k in np.unique(numbers[:, 0]).tolist():
             own = np.flatnonzero(numbers[:, 0] == k)
-            entries = tuple(e for e in findings if e.file == files[k].rows.file)
+            entries = tuple(e for e in findings if e.file == files[k].group.file)
             moved = _corrected(out[k], numbers[own, 1], fit, seat.measurement[own])
             out[k] = replace(moved, findings=(*moved.findings, *entries))
     return out
@@ -56,13 +61,14 @@ def _corrected(
     poses: FilePoses, rows: NDArray[np.intp], fit: ReferenceFit, at: NDArray[np.intp]
 ) -> FilePoses:
     """The poses with some rows (N,) in the mean frame of their seat; at : (N,) measurements."""
-    values, sigma, width = poses.values.copy(), poses.sigma.copy(), poses.values.shape[1]
+    values, sigma = poses.group.values.copy(), poses.group.sigma.copy()
+    width = values.shape[1]
     sigma[rows] = np.hypot(sigma[rows], fit.sigma(values[rows, :3], at)[:, :width])
     values[rows, :3] = fit.steady(values[rows, :3], at)
     if width == 6:
         back = Rotation.from_matrix(fit.rotation(at)).inv()
         values[rows, 3:] = (back * Rotation.from_rotvec(values[rows, 3:])).as_rotvec()
-    return replace(poses, values=values, sigma=sigma)
+    return replace(poses, group=replace(poses.group, values=values, sigma=sigma))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +91,10 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
     rows = [
         (k, i)
         for k, poses in enumerate(files)
-        if poses.values.shape[1] >= 3
+        if poses.group.values.shape[1] >= 3
         for i in np.flatnonzero(np.array(poses.seat) == name).tolist()
     ]
-    counts = {files[k].reference.shape[1]: files[k].rows.file for k, _ in rows}
+    counts = {files[k].reference.shape[1]: files[k].group.file for k, _ in rows}
     counts.pop(0, None)
     (count, file), *others = counts.items()
     if others:
@@ -109,8 +115,8 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
             readings[n], sigma[n] = files[k].reference[i], files[k].reference_sigma[i]
     new = np.ones(len(rows), dtype=bool)
     empty = np.isnan(readings)
-    alike = (readings[1:] == readings[:-1]) | (empty[1:] & empty[:-1])
-    new[1:] = ~alike.all(axis=(1, 2)) | empty[1:].all(axis=(1, 2))
+    equal = (readings[1:] == readings[:-1]) | (empty[1:] & empty[:-1])
+    new[1:] = ~equal.all(axis=(1, 2)) | empty[1:].all(axis=(1, 2))
     first = np.flatnonzero(new)
     often = np.flatnonzero((~empty[first].any(axis=2)).sum(axis=0) >= _FEWEST)
     if often.size < _FEWEST:
@@ -123,7 +129,7 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
     floor = 1e-3 * elapsed.mean() or 1.0
     return _Seat(
         name=name,
-        lines=tuple((files[k].rows.file, int(files[k].rows.line[i])) for k, i in rows),
+        lines=tuple((files[k].group.file, int(files[k].group.rows[i])) for k, i in rows),
         rows=tuple(rows),
         measurement=np.cumsum(new) - 1,
         first=first,
@@ -157,16 +163,6 @@ def _refuse_unfit(seat: _Seat) -> None:
         )
 
 
-def _refuse_loose(seat: _Seat, fit: ReferenceFit) -> None:
-    """Raises LogError for points that do not keep their distances."""
-    if fit.scale > _RIGID:
-        raise LogError(
-            f"{seat.lines[0][0]}: the reference points of seat {seat.name} do not keep their "
-            f"distances: they scatter by {_scatter(seat, fit)}. Name x y z of each point, in the "
-            "same order in every table, or correct sigma_m."
-        )
-
-
 def _scatter(seat: _Seat, fit: ReferenceFit) -> str:
     declared = float(np.nanmedian(seat.sigma)) * 1e3
     return f"{fit.scale * declared:.3g} mm, declared {declared:.3g} mm"
@@ -181,13 +177,15 @@ def _findings(
     """
     file, _ = seat.lines[0]
     at = seat.measurement
-    shift = points - fit.steady(points, at)
-    turn = fit.motion[at, 3:]
     read = np.isfinite(fit.length).any(axis=1)
+    shift, turn = (  # [mm, mrad] largest distance from the first one
+        float(np.linalg.norm(motion - motion[0], axis=1).max()) * 1e3
+        for motion in (points - fit.steady(points, at), fit.motion[at, 3:])
+    )
     sentence = (
-        f"seat {seat.name} moved by up to {_farthest(shift) * 1e3:.3f} mm (targets) and "
-        f"{_farthest(turn) * 1e3:.3f} mrad against {len(seat.numbers)} reference points, read in "
-        f"{int(read.sum())} measurements, which scatter by {_scatter(seat, fit)}; corrected, to "
+        f"seat {seat.name} moved by up to {shift:.3f} mm (targets) and {turn:.3f} mrad against "
+        f"{len(seat.numbers)} reference points, read in {int(read.sum())} measurements, which "
+        f"scatter by {_scatter(seat, fit)}; corrected, to "
         f"{float(np.median(np.linalg.norm(added[:, :3], axis=1))) * 1e3:.2g} mm."
     )
     findings = [finding("moving seat", "warning", file, sentence, count=1)]
@@ -211,8 +209,3 @@ def _findings(
             finding("disturbed reference point", "repaired", own, sentence, lines=lines)
         )
     return tuple(findings)
-
-
-def _farthest(motion: Array) -> float:
-    """Largest distance of a motion (N, 3) from the first one."""
-    return float(np.linalg.norm(motion - motion[0], axis=1).max())

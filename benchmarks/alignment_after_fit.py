@@ -10,19 +10,14 @@ run. Allowed: 100 us.
 from __future__ import annotations
 
 import sys
-import tempfile
-from pathlib import Path
 
 import numpy as np
 
-from acquisition.recording import read_recording
+from benchmarks.study import SCENARIOS, kinematic_settings, recorded
 from ident.identify import identify
-from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import simulate
 from tests.helpers.clock_truth import clock_error
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ALLOWED = 100e-6  # [s]
 CASES: dict[str, dict[str, object]] = {
     "skew 200 ppm": {"skew": 2e-4},
@@ -47,26 +42,12 @@ def settings(duration: float, clocks: dict[str, object], seed: int) -> Simulatio
         if isinstance(clocks.get("step"), dict)
         else clocks
     )  # type: ignore[dict-item]
-    return SimulationSettings.model_validate(
-        {
-            "cell": {
-                "robot": "irb2400",
-                "ballbar": "lund_600",
-                "ballbar_position_m": [0.70, 0.0, 0.54],
-            },
-            "path": {
-                "kind": "lissajous",
-                "file": "paths/irb2400_a.yaml",
-                "duration_s": duration,
-                "dwell_s": 3.0,
-                "stops": 2,
-            },
-            "plant": {"kind": "kinematic"},
-            "errors": {"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 1e-5}},
-            "encoders": {"fitted": [1, 2, 3, 4, 5], "noise_sigma_rad": 1e-5},
-            "clocks": {"offset_s": 0.137, "overrun_probability": 0.005, **clocks},
-            "seed": seed,
-        }
+    return kinematic_settings(
+        {"file": "paths/irb2400_a.yaml", "duration_s": duration, "dwell_s": 3.0, "stops": 2},
+        errors={"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 1e-5}},
+        encoders={"fitted": [1, 2, 3, 4, 5], "noise_sigma_rad": 1e-5},
+        clocks={"offset_s": 0.137, "overrun_probability": 0.005, **clocks},
+        seed=seed,
     )
 
 
@@ -77,12 +58,7 @@ def main() -> None:
     for name, clocks in CASES.items():
         worst, rms = [], []
         for seed in range(1, seeds + 1):
-            chosen = settings(duration, clocks, seed)
-            simulation = simulate(chosen, relative_to=SCENARIOS)
-            with tempfile.TemporaryDirectory() as work:
-                folder = Path(work) / "recording"
-                write_recording(simulation, chosen, folder)
-                read = read_recording(folder)
+            simulation, read = recorded(settings(duration, clocks, seed), SCENARIOS)
             found = identify(simulation.cell, read.robot_log, read.ballbar_log, read.force_log)
             error = clock_error(simulation, found)
             worst.append(float(np.abs(error).max()))

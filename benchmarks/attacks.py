@@ -12,7 +12,6 @@ the folder that is written or shown.
 from __future__ import annotations
 
 import bz2
-import csv
 import gzip
 import json
 import lzma
@@ -32,12 +31,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from benchmarks.study import STUDIES, write_table
 from cell.egm_file import FILE_START
 from tests.helpers.command_line import SHORT
 from tests.helpers.container_files import db3, json_lines, mcap, mpe, scope
 from tests.helpers.device_logs import robot_lines, write
 
-RESULT = Path(__file__).parent.parent / "docs/studies/attacks.csv"
 LIMIT_S, LIMIT_MB, PATIENCE_S = 10.0, 1000.0, 120.0
 MB = 1_000_000
 SECRET = "root-only-content-4711"  # of a file outside the folder
@@ -393,10 +392,7 @@ def main(only: list[str]) -> None:
     ]
     print(f"{len(rows)} attacks; over 10 s or 1 GB, traceback, injected: {failed}")
     if not only:
-        with RESULT.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(asdict(rows[0])), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
+        write_table(STUDIES / "attacks.csv", rows)
 
 
 if __name__ == "__main__":

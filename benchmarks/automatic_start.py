@@ -11,7 +11,6 @@ encoders, where one path on a sphere says little).
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -22,6 +21,7 @@ import pandas as pd
 
 from acquisition.recording import Recording, read_recording
 from ballbar.result.compare import identification_against_truth
+from benchmarks.study import kinematic_settings, study_parser
 from cell.errors import InputError
 from cell.inverse import UnreachableError
 from cell.logs import BallBarLog
@@ -66,37 +66,15 @@ def settings_of(draw: int, rng: np.random.Generator, folder: Path) -> Simulation
             else path.replace(", 200.8,", ", 20.8,").replace(" 138.0]", " 318.0]")
         )
     (folder / "path.yaml").write_text(path)
-    return SimulationSettings.model_validate(
-        {
-            "cell": {
-                "robot": "irb2400",
-                "ballbar": "lund_600",
-                "ballbar_position_m": [float(c) for c in place],
-            },
-            "path": {
-                "kind": "lissajous",
-                "file": "path.yaml",
-                "duration_s": 120.0,
-                "dwell_s": 4.0,
-                "stops": 2,
-            },
-            "plant": {"kind": "kinematic"},
-            "errors": {
-                "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
-                "joint_noise": {"sigma_rad": 1e-5},
-            },
-            "encoders": {
-                "fitted": FITTED[draw % 4],
-                "noise_sigma_rad": 1e-5,
-                "directions": "unknown",
-            },
-            "clocks": {
-                "offset_s": float(rng.uniform(-60, 60)),
-                "skew": float(rng.uniform(-2e-4, 2e-4)),
-                "overrun_probability": 0.005,
-            },
-            "seed": draw,
-        }
+    encoders = {"fitted": FITTED[draw % 4], "noise_sigma_rad": 1e-5, "directions": "unknown"}
+    offset, skew = float(rng.uniform(-60, 60)), float(rng.uniform(-2e-4, 2e-4))
+    return kinematic_settings(
+        {"file": "path.yaml", "duration_s": 120.0, "dwell_s": 4.0, "stops": 2},
+        cell={"ballbar_position_m": [float(c) for c in place]},
+        errors={"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3}, "joint_noise": {"sigma_rad": 1e-5}},
+        encoders=encoders,
+        clocks={"offset_s": offset, "skew": skew, "overrun_probability": 0.005},
+        seed=draw,
     )
 
 
@@ -162,9 +140,7 @@ def one(draw: int) -> dict[str, object]:
 
 def main() -> None:
     """Runs the draws on two processes and prints a summary."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--out", type=Path, help="CSV file of all draws")
     arguments = parser.parse_args()

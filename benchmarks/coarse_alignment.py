@@ -15,23 +15,19 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from acquisition.alignment import coarse_alignment
 from acquisition.recording import read_recording
+from benchmarks.study import COUNTS_PER_RAD, SCENARIOS, describe, kinematic_settings
 from cell.load import load_robot
 from cell.robot_angles import joints_to_motors
 from sim.motion import Motion
-from sim.settings import SimulationSettings
 from sim.simulate import simulate
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
 DRAWS = 200
 ALLOWED = 0.1  # [s]
 NOISE = 1e-5  # [rad]
-PER_RAD = 3600 * 2**12 / (2 * np.pi)
 PATHS = ("paths/irb2400_a.yaml", "paths/irb2400_b.yaml")
-CELL = {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]}
 DAY = 86_400.0  # [s]
 BEGIN_1970 = 1_780_000_000  # [s] a day of 2026
 FORMS = ("dc", "filetime", "unix-ns", "unix-us", "date", "ns")
@@ -39,22 +35,12 @@ FORMS = ("dc", "filetime", "unix-ns", "unix-us", "date", "ns")
 
 def motion_of(path: str) -> Motion:
     """A run of 150 s with three stops."""
-    settings = SimulationSettings.model_validate(
-        {
-            "cell": CELL,
-            "path": {
-                "kind": "lissajous",
-                "file": path,
-                "duration_s": 150.0,
-                "dwell_s": 3.0,
-                "stops": 3,
-            },
-            "plant": {"kind": "kinematic"},
-            "errors": {},
-            "encoders": {"fitted": [1, 2, 4, 5], "noise_sigma_rad": 0.0},
-            "clocks": {"offset_s": 0.0, "skew": 0.0, "overrun_probability": 0.0},
-            "seed": 1,
-        }
+    settings = kinematic_settings(
+        {"file": path, "duration_s": 150.0, "dwell_s": 3.0, "stops": 3},
+        errors={},
+        encoders={"fitted": [1, 2, 4, 5], "noise_sigma_rad": 0.0},
+        clocks={"offset_s": 0.0, "skew": 0.0, "overrun_probability": 0.0},
+        seed=1,
     )
     return simulate(settings, relative_to=SCENARIOS).motion
 
@@ -90,12 +76,8 @@ def draw(folder: Path, motion: Motion, rng: np.random.Generator) -> float:
     t_bar = t_bar[t_bar < stop_b]
     q, b = motion.shown_at(t_robot), motion.bar_at(t_bar)[:, [0, 1, 3, 4]]
     motors = joints_to_motors(robot, q + rng.normal(0, NOISE, q.shape))
-    counts = (
-        np.rint((b + rng.normal(0, NOISE, b.shape)) * PER_RAD + rng.integers(0, 2**32, 4)).astype(
-            np.int64
-        )
-        % 2**32
-    )
+    angles = (b + rng.normal(0, NOISE, b.shape)) * COUNTS_PER_RAD + rng.integers(0, 2**32, 4)
+    counts = np.rint(angles).astype(np.int64) % 2**32
     skew, form = rng.uniform(-2e-4, 2e-4), str(rng.choice(FORMS))
     stamps = stamp(form, (t_bar - t_bar[0]) / (1.0 + skew), rng.uniform(-DAY, DAY))
     up_time = rng.uniform(0.0, DAY)
@@ -110,20 +92,7 @@ def draw(folder: Path, motion: Motion, rng: np.random.Generator) -> float:
         *(f"{s};{';'.join(map(str, row))}" for s, row in zip(stamps, counts.tolist(), strict=True)),
     ]
     (folder / "ballbar.csv").write_text("\r\n".join(lines) + "\r\n", newline="")
-    source = {"files": ["ballbar.csv"], "dialect": "twincat-plc"} | (
-        {"time": "ns"} if form == "ns" else {}
-    )
-    description = {
-        "schema": "ballbar-recording/1",
-        "kind": "real",
-        "robot": "irb2400",
-        "ballbar": "lund_600",
-        "sources": {"robot": {"files": ["robot.csv"], "dialect": "abb-motor"}, "ballbar": source},
-        "encoders": {
-            name: {"column": name, "lines": 3600, "bits": 12} for name in ("b1", "b2", "b4", "b5")
-        },
-    }
-    (folder / "recording.yaml").write_text(yaml.safe_dump(description))
+    describe(folder, "", (1, 2, 4, 5), **({"time": "ns"} if form == "ns" else {}))
     read = read_recording(folder)
     assert read.ballbar_log is not None
     return coarse_alignment(read.robot_log, read.ballbar_log).offset_s - float(

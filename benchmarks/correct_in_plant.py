@@ -15,26 +15,23 @@ leaves. Writes docs/studies/correct_in_plant.csv, a row for each robot.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.joint_targets import read_targets
+from ballbar.compensation.targets_file import read_targets
 from ballbar.export.result import load_result
 from ballbar.rehearsal.day import RESULT, SIMULATED
 from ballbar.rehearsal.targets import CORRECTED, GIVEN
 from ballbar.scenario import load_scenario
-from cell.files import write_whole
+from benchmarks.study import STUDIES, in_words, study_parser, write_table
 from cell.geometry import robot_frames
 from ident.robot.accuracy import position_error
 from ident.robot.inverse_calibration import corrected_targets
 from sim.plant.held_robot import HeldRobot, pose_distance
 from tests.helpers.plant_robot import known_robot, robot_row
 
-OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
+OUT = STUDIES / "correct_in_plant.csv"
 COLUMNS = (
     "robot", "seed", "poses", "refused", "before_mean_mm", "before_max_mm", "after_mean_mm",
     "after_max_mm", "before_mean_mrad", "after_mean_mrad", "after_aligned_mean_mm",
@@ -69,9 +66,7 @@ def say_rehearsed(day: Path) -> None:
 
 def main() -> None:
     """Draws, identifies, corrects, holds, writes the rows and prints them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--robot", default="irb2400")
     parser.add_argument("--robots", type=int, default=6)
     parser.add_argument("--duration", type=float, default=120.0)
@@ -83,19 +78,8 @@ def main() -> None:
     rows = []
     for seed in range(1, options.robots + 1):
         rows.append(robot_row(options.robot, seed, options.duration))
-        print(
-            ", ".join(
-                f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()
-            ),
-            flush=True,
-        )
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
-    )
-    write_whole(OUT, text.getvalue().encode())
+        print(in_words(rows[-1]), flush=True)
+    write_table(OUT, rows, ".5g", COLUMNS)
     after, known = (
         np.array([r[f"after_{kind}mean_mm"] for r in rows], dtype=float)
         for kind in ("", "scale_known_")

@@ -13,9 +13,6 @@ what it would be by priors and white noise alone, as planning predicts it.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import io
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -24,13 +21,13 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.result.compare import identification_against_truth
+from benchmarks.study import STUDIES, study_parser, write_table
 from cell.descriptions import Cell
-from cell.files import write_whole
 from ident.identify import identify_together
 from ident.options import FitOptions, ForceSource
 from ident.result import Identification
 from sim.truth import Truth
-from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
+from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.stated_uncertainty import stated_uncertainty, white_tcp_sigma
 
 FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
@@ -118,9 +115,7 @@ def row(
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--robot", default="irb2400")
     parser.add_argument("--robots", type=int, default=12)
     parser.add_argument("--signals", default="none,torque,sensor,torque+rod")
@@ -141,20 +136,10 @@ def main() -> None:
                 for r in rows[-len(signals) - 1 :]
             )
             print(f"robot {rows[-1]['seed']}: {', '.join(said)}", flush=True)
-    out = ROOT / "docs" / "studies" / f"everything_on_{options.robot}_{options.robots}.csv"
-    write_whole(out, _csv(rows))
+    out = STUDIES / f"everything_on_{options.robot}_{options.robots}.csv"
+    write_table(out, rows, ".5g")
     for paths, signal in sorted({(str(r["paths"]), str(r["signal"])) for r in rows}):
         _say(paths, signal, [r for r in rows if r["paths"] == paths and r["signal"] == signal])
-
-
-def _csv(rows: list[dict[str, object]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
-    )
-    return text.getvalue().encode()
 
 
 def _say(paths: str, signal: str, rows: list[dict[str, object]]) -> None:

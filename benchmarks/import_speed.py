@@ -20,11 +20,11 @@ from statistics import median
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from acquisition.formats.registry import read_file
 from acquisition.recording import read_recording
 from acquisition.sources import layout_of
+from benchmarks.study import COUNTS_PER_RAD, describe
 from cell.dialect import load_dialect
 from cell.load import load_robot
 from cell.recording import SourceFile, load_recording_file
@@ -32,7 +32,6 @@ from cell.robot_angles import joints_to_motors
 
 ROUNDS = 15
 ROBOT_ROWS, BAR_ROWS = 150_000, 60_000
-PER_RAD = 3600 * 2**12 / (2 * np.pi)
 
 
 def write_recording(folder: Path) -> None:
@@ -52,7 +51,7 @@ def write_recording(folder: Path) -> None:
     angles = np.stack([0.3 * np.sin(0.8 * ticks + i) for i in range(5)], axis=1) + rng.normal(
         0, 1e-5, (BAR_ROWS, 5)
     )
-    counts = np.rint(angles * PER_RAD).astype(np.int64) % 2**32
+    counts = np.rint(angles * COUNTS_PER_RAD).astype(np.int64) % 2**32
     stamps = 830_000_000_000_000_000 + 10_000_000 * np.arange(BAR_ROWS)
     rows = np.column_stack((stamps, counts, np.zeros((BAR_ROWS, 5), dtype=np.int64)))
     head = ";".join(["time", *(f"b{k}" for k in range(1, 6)), *(f"s{k}" for k in range(1, 6))])
@@ -60,18 +59,7 @@ def write_recording(folder: Path) -> None:
         "\r\n".join([head, *(";".join(map(str, row)) for row in rows.tolist())]) + "\r\n",
         newline="",
     )
-    description = {
-        "schema": "ballbar-recording/1",
-        "kind": "real",
-        "robot": "irb2400",
-        "ballbar": "lund_600",
-        "sources": {
-            "robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"},
-            "ballbar": {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"},
-        },
-        "encoders": {f"b{k}": {"column": f"b{k}", "lines": 3600, "bits": 12} for k in range(1, 6)},
-    }
-    (folder / "recording.yaml").write_text(yaml.safe_dump(description))
+    describe(folder)
 
 
 def with_pandas(folder: Path) -> None:

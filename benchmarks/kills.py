@@ -23,7 +23,6 @@ single record that cannot be recorded into.
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import shutil
 import signal
@@ -33,17 +32,17 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import psutil
 
+from benchmarks.study import ROOT, STUDIES, write_table
 from tests.helpers.command_line import SHORT
 from tests.helpers.plc_server import Plc
 
-ROOT = Path(__file__).parent.parent
-RESULT = ROOT / "docs/studies/kills.csv"
+RESULT = STUDIES / "kills.csv"
 ADDRESS = "127.0.0.41"
 TOLERANCE = 0.02
 CLAIM = "noise"  # the one file of claims that is judged and written as a page
@@ -245,7 +244,7 @@ def main() -> None:
                 bad = rows[-1].half or rows[-1].refused or rows[-1].traceback or rows[-1].alive
                 if bad:
                     print(rows[-1], (Path(made) / "said").read_text(errors="replace")[-1500:])
-                _write(given.out, rows)
+                write_table(given.out, rows)
             print(f"{k + 1} of {given.count} each", flush=True)
     for name in given.commands:
         own = [row for row in rows if row.command == name]
@@ -254,13 +253,6 @@ def main() -> None:
             for field in ("half", "refused", "traceback", "alive")
         }
         print(f"{name:9} {len(own)} times, {counts}")
-
-
-def _write(path: Path, rows: list[Kill]) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
 
 
 if __name__ == "__main__":

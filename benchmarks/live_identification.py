@@ -26,7 +26,6 @@ asked. recorder : `ballbar record --identify` in real time, the encoders from th
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import resource
 import subprocess
@@ -35,7 +34,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -46,6 +45,7 @@ from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
 from ballbar.watch.watch import Watch
+from benchmarks.study import study_parser, write_table
 from cell.load import load_robot
 from cell.statistics import rms
 from sim.live.device_logs import GrowingRecording, device_logs
@@ -385,9 +385,7 @@ def rows_of(part: str, given: argparse.Namespace, scratch: Path) -> Iterator[Any
 
 def main() -> None:
     """Runs one part, prints its rows and what they come to."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("part", choices=("faults", "start", "sound", "enough", "recorder"))
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--hours", type=float, default=1.0)
@@ -409,10 +407,7 @@ def main() -> None:
         held = sum(row.true_rms_mm <= row.asked_mm for row in said)
         print(f"true TCP error (rms) within what was asked: {held} of {len(said)} that were enough")
     if given.out is not None:
-        with given.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(asdict(rows[0])), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
+        write_table(given.out, rows)
 
 
 if __name__ == "__main__":

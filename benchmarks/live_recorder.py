@@ -13,18 +13,18 @@ kHz instead, and what is missing at the end of the file is measured.
 from __future__ import annotations
 
 import argparse
-import csv
 import resource
 import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from benchmarks.study import write_table
 from sim.live.plc import STARTED
 from tests.helpers.plc_server import Plc, plc_samples, text_of
 
@@ -151,10 +151,7 @@ def main() -> None:
     for outcome in outcomes:
         print(outcome)
     if options.out is not None:
-        with options.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(asdict(outcomes[0])), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(asdict(outcome) for outcome in outcomes)
+        write_table(options.out, outcomes)
 
 
 if __name__ == "__main__":

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-import yaml
 from scipy.interpolate import CubicSpline
 
+from benchmarks.study import COUNTS_PER_RAD, describe
 from cell.arrays import Array
 from cell.robot_angles import joints_to_motors
 from tests.helpers.minute_logs import TRUE
@@ -33,7 +33,6 @@ ROBOT_HZ, BAR_HZ = 248.0, 100.0
 LATE_S = 3.7  # the ball-bar's log begins
 NOISE = 1e-5  # [rad]
 PASS_S = (40.0, 90.0)  # durations of a pass along the path, of which sixty seconds move
-PER_RAD = 3600 * 2**12 / (2 * np.pi)
 BLOCK = 200_000  # rows
 COMMANDS = ("check", "identify")
 
@@ -61,7 +60,7 @@ def written(folder: Path, hours: float) -> None:
 
     def bar_rows(t: Array) -> str:
         b = bar(phase_at(t)) + rng.normal(0.0, NOISE, (t.size, 5))
-        counts = np.rint(b * PER_RAD).astype(np.int64) % 2**32
+        counts = np.rint(b * COUNTS_PER_RAD).astype(np.int64) % 2**32
         stamps = 830_000_000_000_000_000 + np.rint((t - LATE_S) * 1e9).astype(np.int64)
         form = "%d" + ";%d" * 5 + "\r\n"
         return "".join(form % tuple(row) for row in np.column_stack((stamps, counts)).tolist())
@@ -74,19 +73,7 @@ def written(folder: Path, hours: float) -> None:
         file.write("time;b1;b2;b3;b4;b5\r\n")
         rows = np.arange(round((hours * 3600.0 - LATE_S) * BAR_HZ))
         _write(file, bar_rows, rows, BAR_HZ, LATE_S)
-    description = {
-        "schema": "ballbar-recording/1",
-        "kind": "real",
-        "robot": "irb2400",
-        "ballbar": "lund_600",
-        "plate": "plate_250",
-        "sources": {
-            "robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"},
-            "ballbar": {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"},
-        },
-        "encoders": {f"b{k}": {"column": f"b{k}", "lines": 3600, "bits": 12} for k in range(1, 6)},
-    }
-    (folder / "recording.yaml").write_text(yaml.safe_dump(description))
+    describe(folder)
 
 
 def _write(file: TextIO, text, rows: Array, rate: float, late: float) -> None:  # type: ignore[no-untyped-def]

@@ -323,23 +323,8 @@ def form(file: File, rng: Rng) -> bytes:
 
 def odd_cells(file: File, rng: Rng) -> bytes:
     """Cells that hold no number, or one that stands for none."""
-    odd = [
-        "",
-        "nan",
-        "NaN",
-        "inf",
-        "9E9",
-        "1.234.567",
-        "1e5",
-        "0x10",
-        "ERR",
-        "-",
-        "1_000",
-        " ",
-        "9" * 30,
-        "\u0661",
-        "1,5",
-    ]
+    words = ["nan", "NaN", "inf", "9E9", "1.234.567", "1e5", "0x10", "ERR", "-", "1_000"]
+    odd = ["", *words, " ", "9" * 30, "\u0661", "1,5"]
     for _ in range(int(rng.integers(1, 4))):
         row = file.rows[int(rng.integers(len(file.rows)))]
         row[int(rng.integers(len(row)))] = str(rng.choice(odd))

@@ -15,9 +15,6 @@ without one.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import io
 import os
 import tempfile
 import time
@@ -29,8 +26,9 @@ import numpy as np
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario
 from benchmarks.planned_paths import middle_path
+from benchmarks.study import STUDIES, in_words, study_parser, write_table
 from cell.descriptions import Cell
-from cell.files import write_whole, write_yaml
+from cell.files import write_yaml
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
@@ -43,10 +41,9 @@ from planning.plan import PathPlan, assess, plans
 from planning.request import PlanRequest, load_request
 from sim.path_files import load_lissajous
 from sim.truth import Truth
-from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded, scenario_of
+from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 ROBOT = "irb2400"
-STUDIES = ROOT / "docs" / "studies"
 FIRST = ("manual", "planned")
 KINDS = ("none", "after", "alone", "random")
 OPTIONS = FitOptions(model="complete", force="torque")
@@ -136,9 +133,7 @@ def row(
 
 def main() -> None:
     """Draws, plans, identifies, writes the rows and prints what they come to."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--first", choices=FIRST, default=FIRST[0])
     parser.add_argument("--duration", type=float, default=120.0)
@@ -151,13 +146,8 @@ def main() -> None:
     for seed in range(1, options.robots + 1):
         for found in robot_rows(seed, *arguments):
             rows.append(found)
-            print(
-                ", ".join(
-                    f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in found.items()
-                ),
-                flush=True,
-            )
-            write_whole(STUDIES / f"paths_after_{options.first}.csv", _csv(rows))
+            print(in_words(found), flush=True)
+            write_table(STUDIES / f"paths_after_{options.first}.csv", rows, ".5g")
     say(rows)
 
 
@@ -177,16 +167,6 @@ def say(rows: list[dict[str, object]]) -> None:
                 for kind, v in by_kind.items()
             )
         )
-
-
-def _csv(rows: list[dict[str, object]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
-    )
-    return text.getvalue().encode()
 
 
 if __name__ == "__main__":

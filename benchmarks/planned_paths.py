@@ -12,7 +12,6 @@ the random paths themselves, and planned_paths_identified_ROBOT.csv.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import tempfile
@@ -23,7 +22,8 @@ import numpy as np
 
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
-from cell.files import write_whole, write_yaml
+from benchmarks.study import in_words, study_parser, write_table
+from cell.files import write_yaml
 from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
 from ident.options import FitOptions
@@ -156,9 +156,7 @@ def _scenario(robot: str, path: str) -> Scenario:
 
 def main() -> None:
     """Runs one half of the study and prints what it comes to."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("half", choices=("predicted", "identified"))
     parser.add_argument("--robot", choices=ROBOTS, action="append", help="default both")
     parser.add_argument(
@@ -184,19 +182,13 @@ def main() -> None:
                 ]
                 for row in pool.map(identified, *zip(*jobs, strict=True)):
                     rows.append(row)
-                    print(
-                        ", ".join(
-                            f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}"
-                            for k, v in row.items()
-                        ),
-                        flush=True,
-                    )
-                    write_whole(STUDIES / f"planned_paths_identified_{robot}.csv", _csv(rows))
+                    print(in_words(row), flush=True)
+                    write_table(STUDIES / f"planned_paths_identified_{robot}.csv", rows, ".5g")
                 _say_identified(robot, rows)
 
 
 def _say_predicted(robot: str, rows: list[dict[str, object]]) -> None:
-    write_whole(STUDIES / f"planned_paths_random_{robot}.csv", _csv(rows))
+    write_table(STUDIES / f"planned_paths_random_{robot}.csv", rows, ".5g")
     figures = [float(str(row["tcp_sigma_um"])) for row in rows]
     planned, hand = (predicted_of(robot, path) * 1e6 for path in ("planned", "a"))
     median, best = float(np.median(figures)), min(figures)
@@ -225,16 +217,6 @@ def _say_identified(robot: str, rows: list[dict[str, object]]) -> None:
                 f"({planned.size} robots)",
                 flush=True,
             )
-
-
-def _csv(rows: list[dict[str, object]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
-    )
-    return text.getvalue().encode()
 
 
 if __name__ == "__main__":

@@ -10,13 +10,10 @@ TCP variance itself. Nothing better than the latter is to be had one instant at 
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 
-from acquisition.recording import read_recording
-from benchmarks.alignment_after_fit import SCENARIOS, settings
+from benchmarks.alignment_after_fit import settings
+from benchmarks.study import SCENARIOS, recorded
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from ident.estimator.fit import Fit, fit_kinematics
@@ -27,8 +24,6 @@ from ident.options import FitOptions
 from ident.recording_fit import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Logs, fit_recording
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
 from ident.thesis.paired_samples import SampleFit
-from sim.recording_files import write_recording
-from sim.simulate import simulate
 
 COUNTS = (75, 150, 300)
 DURATION = 60.0  # [s]
@@ -38,11 +33,7 @@ Array = np.ndarray
 
 def fitted() -> tuple[Cell, Fit]:
     """The cell of one run, and a fit at all candidate samples."""
-    chosen = settings(DURATION, {"skew": 5e-5}, 1)
-    simulation = simulate(chosen, relative_to=SCENARIOS)
-    with tempfile.TemporaryDirectory() as work:
-        write_recording(simulation, chosen, Path(work) / "recording")
-        read = read_recording(Path(work) / "recording")
+    simulation, read = recorded(settings(DURATION, {"skew": 5e-5}, 1), SCENARIOS)
     assert read.ballbar_log is not None
     logs = Logs(read.robot_log, read.ballbar_log)
     found = fit_recording(simulation.cell, logs, FitOptions(model="dh"))

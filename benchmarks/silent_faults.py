@@ -25,14 +25,12 @@ because what is repaired costs accuracy that has to be stated.
 
 from __future__ import annotations
 
-import argparse
-import csv
 import shutil
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +40,7 @@ from ballbar import identify_recordings
 from ballbar.identify_settings import IdentifySettings
 from ballbar.result.compare import reference_of
 from ballbar.result.true_robot import true_tool
+from benchmarks.study import STUDIES, study_parser, write_table
 from cell.errors import FailureError, InputError
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
@@ -59,7 +58,7 @@ SIMULATED_S, INDEPENDENT_S = 80.0, 60.0  # the plant is not exact enough on a pa
 TOLERANCE = 2e-4  # [rad]
 NOISY = 8.0  # standard deviations of a torque
 TWICE, BOUND = 2.0, 2.0  # times the stated 95 % bound; standard deviations of that
-RESULT = Path(__file__).parent.parent / "docs/studies/silent_faults.csv"
+RESULT = STUDIES / "silent_faults.csv"
 SEEDS = (1, 2, 3)
 MOTOR_TURNS = 100.0  # of a joint's turn, about
 SAID = 240  # characters of a sentence that are written
@@ -475,9 +474,7 @@ def deceived(row: Row) -> bool:
 
 def main() -> None:
     """Records, spoils, reads, identifies; prints each failure and the tables, writes all rows."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--part", choices=("files", "recordings"), help="only this part")
     parser.add_argument("--out", type=Path, default=RESULT)
     given = parser.parse_args()
@@ -491,14 +488,8 @@ def main() -> None:
                 rows.append(row)
                 if row.outcome == "silent" or part == "recordings":
                     print(_said(row), flush=True)
-    with given.out.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([f.name for f in fields(Row)])
-        for row in rows:
-            values = (
-                getattr(replace(row, sentence=row.sentence[:SAID]), f.name) for f in fields(Row)
-            )
-            writer.writerow([f"{v:.4g}" if isinstance(v, float) else v for v in values])
+    short = [replace(row, sentence=row.sentence[:SAID]) for row in rows]
+    write_table(given.out, short, ".4g")
     for part in ("files", "recordings"):
         _table([row for row in rows if row.part == part])
 

@@ -19,14 +19,12 @@ sigma, or a clock more than four sigma off. Writes a row for each case to --out.
 
 from __future__ import annotations
 
-import argparse
-import csv
 import shutil
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +32,7 @@ from numpy.typing import NDArray
 
 from ballbar import identify_recordings
 from ballbar.identify_settings import IdentifySettings
+from benchmarks.study import study_parser, write_table
 from cell.errors import FailureError, InputError
 from ident.result import Identification
 from ident.start.automatic import StartError
@@ -272,9 +271,7 @@ def _judged(
 
 def main() -> None:
     """Records, identifies, prints every case as it ends, and writes all rows."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--robots", type=int, default=3)
     parser.add_argument("--effects", default=",".join(EFFECTS), help="names, by comma")
     parser.add_argument("--attacks", action="store_true", help="attacks instead of effects")
@@ -292,7 +289,8 @@ def main() -> None:
             for robot in robots
         ]
         rows = [_said(job.result()) for job in jobs]
-    _write(given.out, rows)
+    columns = [f.name for f in fields(Row) if f.name != "draws"]
+    write_table(given.out, rows, ".5g", columns)
     deceived = [row for row in rows if row.deceived]
     print(f"{len(deceived)} of {len(rows)} acceptable and wrong: "
           f"{', '.join(f'{r.case} ({r.robot})' for r in deceived) or 'none'}")  # fmt: skip
@@ -367,18 +365,6 @@ def _chance(group: Sequence[Row]) -> tuple[float, float]:
     medians = np.median(draws[np.arange(len(group)), picked], axis=1) / np.median(draws)
     low, high = np.quantile(medians, (0.025, 0.975))
     return float(low), float(high)
-
-
-def _write(path: Path, rows: Sequence[Row]) -> None:
-    with path.open("w", newline="") as file:
-        columns = [f.name for f in fields(Row) if f.name != "draws"]
-        writer = csv.DictWriter(file, columns, lineterminator="\n", extrasaction="ignore")
-        writer.writeheader()
-        for row in rows:
-            values = asdict(row)
-            writer.writerow(
-                {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in values.items()}
-            )
 
 
 if __name__ == "__main__":

@@ -14,9 +14,6 @@ manual paths; then three recordings of each as it was (`AGAIN`). Prints whether 
 
 from __future__ import annotations
 
-import argparse
-import csv
-import io
 import tempfile
 import time
 from collections.abc import Iterator
@@ -26,15 +23,15 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.scenario import Scenario
-from cell.files import write_whole
+from benchmarks.study import STUDIES, study_parser, write_table
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.verification import RecordingVerification, verify_recording
 from tests.helpers.drawn_machines import OPTIONS, Truth, drawn, identified, recorded
-from tests.helpers.drawn_robots import ROOT, scenario_of
 from tests.helpers.drawn_robots import recorded as recorded_robot
+from tests.helpers.drawn_robots import scenario_of
 
-STUDY = ROOT / "docs" / "studies" / "verify_recordings.csv"
+STUDY = STUDIES / "verify_recordings.csv"
 # Sizes of the changes: log-uniform between these, of either sign. A gear has other phases of its
 # ripple and resolver, and another zero.
 CHANGES = {
@@ -147,9 +144,7 @@ def unchanged_with_everything(seed: int) -> Iterator[RecordingVerification]:
 
 def main() -> None:
     """Runs the study and prints what it comes to."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--robots", type=int, default=20)
     parser.add_argument("--checks", type=int, default=20, help="of each robot, unchanged")
     parser.add_argument("--changes", type=int, default=2, help="of each kind, of each robot")
@@ -163,7 +158,7 @@ def main() -> None:
     rows: list[dict[str, object]] = []
     for seed in range(1, options.robots + 1):
         rows += rows_of(seed, options.checks, options.changes)
-        write_whole(STUDY, _csv(rows))
+        write_table(STUDY, rows, ".4g")
         print(f"robot {seed} of {options.robots}", flush=True)
     for kind in ("none", *KINDS):
         own = [row for row in rows if str(row["change"]).split()[0] == kind]
@@ -181,15 +176,6 @@ def _shares(rows: list[dict[str, object]]) -> list[str]:
         f"{len(rows)} checks:", f"{holds} hold,", f"{alone} named alone,",
         f"{among} named among several,", f"{wrong} named wrongly",
     ]  # fmt: skip
-
-
-def _csv(rows: list[dict[str, object]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
-    return text.getvalue().encode()
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ so each verdict that is not good and each remark is a false alarm.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -30,6 +29,7 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
+from benchmarks.study import study_parser
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.load import load_robot
@@ -160,9 +160,7 @@ def false_alarms(seeds: int) -> None:
 
 def main() -> None:
     """Prints efficiency and coverage of every encoder set, or the false alarms."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--seeds", type=int)
     parser.add_argument("--verdicts", action="store_true")
     options = parser.parse_args()

@@ -10,7 +10,6 @@ the checkout that reads it. The first round, which may compile, is not counted.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.study import study_parser
 from tests.helpers.drawn_robots import ROOT
 
 COMMANDS = {
@@ -47,9 +47,7 @@ def command(checkout: Path, *arguments: str, out: Path) -> tuple[float, float]:
 
 def main() -> None:
     """Prints the medians of every command."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__)
     parser.add_argument("--old", type=Path, help="another checkout")
     parser.add_argument("--rounds", type=int, default=5)
     given = parser.parse_args()

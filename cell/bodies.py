@@ -41,6 +41,17 @@ def bar_bodies(cell: Cell) -> list[Link]:
     return _local(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links)
 
 
+def joined_link(links: list[Link]) -> Link:
+    """Several rigid links, given in one frame, as one; inertias by the parallel-axis theorem."""
+    mass = sum(link.mass for link in links)
+    com = sum((link.mass * link.com for link in links), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for link in links:
+        arm = link.com - com
+        inertia += link.inertia + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return Link(mass, com, 0.5 * (inertia + inertia.T))
+
+
 def link_rotations(robot: Robot) -> list[Array]:
     """Rotations (3, 3) of links 1..J: columns are the axes of the frame that turns with the joint,
     in the frame of the robot's file.

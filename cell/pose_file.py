@@ -15,14 +15,13 @@ from pydantic import Field, model_validator
 
 from cell.description_files import Positive
 from cell.errors import DescriptionError
+from cell.file_units import AngleUnit, LengthUnit
 from cell.instrument import Instrument
 from cell.poses import KnownDistance
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 
-LengthUnit = Literal["m", "cm", "mm", "um", "inch"]
-AngleUnit = Literal["rad", "deg"]
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
 # Angles turned about moving axes (XYZ) or fixed ones (xyz), as scipy's Rotation.from_euler has it.
 Rotation = Annotated[
@@ -64,7 +63,7 @@ class JointColumns(Strict):
 
 
 class ValueColumns(Strict):
-    """What the instrument measured of each pose: a length, x y z, or x y z and a rotation."""
+    """Measured values of each pose: a length, x y z, or x y z and a rotation."""
 
     columns: tuple[Column, ...] = Field(
         min_length=1, max_length=7, description='A difference is written as "x_t - x_dif".'
@@ -85,6 +84,11 @@ class ValueColumns(Strict):
         "angle from the zenith) and distance.",
     )
     offset_m: float = Field(default=0.0, description="Added to every measured length.")
+
+    @property
+    def quaternions(self) -> bool:
+        """Whether the rotation is a quaternion, of four columns without unit."""
+        return self.rotation is not None and self.rotation.startswith("quat")
 
 
 class Sigma(Strict):

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
+from cell.file_units import LogLengthUnit
 from cell.schema import EncoderLines, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
@@ -50,7 +51,7 @@ class LengthFile(SourceFile):
     """The device files of a sensor of one length, and the column that holds it."""
 
     column: str = Field(description="Of the length.")
-    unit: Literal["m", "mm", "um"] = Field("mm", description="Of that column.")
+    unit: LogLengthUnit = Field("mm", description="Of that column.")
     zero_m: float = Field(
         0.0, description="Length where the column is zero, as the instrument declares it."
     )
@@ -59,7 +60,7 @@ class LengthFile(SourceFile):
 class TrackerFile(SourceFile):
     """The device files of an optical tracker that follows an LED on the tool."""
 
-    unit: Literal["m", "mm", "um"] = Field("mm", description="Of the coordinates.")
+    unit: LogLengthUnit = Field("mm", description="Of the coordinates.")
     accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = Field(
         9.0e-5, description="Standard deviation along each axis (thesis sec. 5.3: Nikon K600)."
     )

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+import yaml
 from matplotlib.figure import Figure
 
 from ballbar.claims.table import ERROR
@@ -40,10 +41,13 @@ ROOT = Path(__file__).parent.parent
 DOCS, SWEEPS = ROOT / "docs", ROOT / "scenarios" / "claims" / "sweeps"
 SCENARIOS = SWEEPS.parent / "scenarios"  # that the sweeps vary
 PAGE, SHIFT_IMAGE = DOCS / "thesis_figures.md", "images/cost_of_shift.svg"
-CLAIMS = "ballbar claims --out docs/claims.md"
-IDENTIFIABILITY = "python -m generators.identifiability_page"
-EXPERIMENTS = "python -m generators.thesis_5_3"
-HERE = "python -m generators.thesis_figures"
+LISTED = Path(__file__).with_suffix(".yaml")  # all figures and tables
+COMMANDS = {
+    "claims": "ballbar claims --out docs/claims.md",
+    "identifiability": "python -m generators.identifiability_page",
+    "experiments": "python -m generators.thesis_5_3",
+    "here": "python -m generators.thesis_figures",
+}
 
 HEAD = """# Figures and tables of the thesis, beside ours
 
@@ -57,7 +61,7 @@ numbers, so its sentences about them are what can be compared.
 |---|---|---|
 """
 
-LARGEST_3_5 = ("rd2", 0.60)  # of Table 3.5 [mm]
+LARGEST_3_5 = "rd2"  # parameter with the largest error in Table 3.5
 # Tables A.1 and A.2 as printed: a [m], alpha [pi/2], d [m], theta [pi/2] beside the joint's angle
 TABLES_A: Mapping[str, tuple[tuple[float, float, float, float], ...]] = {
     "irb2400": (
@@ -81,19 +85,16 @@ TABLES_A: Mapping[str, tuple[tuple[float, float, float, float], ...]] = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One figure or table of the thesis."""
+    """One figure or table of the thesis: an item of LISTED, whose head explains its keys."""
 
     label: str  # `Fig. 3.1`
     title: str
-    theirs: str  # what it shows
-    command: str  # that makes ours
-    topic: str = ""  # section of docs/claims.md, by its title
-    claims: tuple[str, ...] = ()  # names in that section that are about it; all of them if empty
-    images: tuple[str, ...] = ()  # from docs/
-    experiments: tuple[
-        str, ...
-    ] = ()  # rows of the table of docs/experiments.md, by their beginning
-    ours: Callable[[], tuple[str, str]] | None = None  # words for the summary, and Markdown
+    theirs: str
+    made_by: str  # key of COMMANDS
+    topic: str = ""
+    claims: Sequence[str] = ()
+    images: Sequence[str] = ()
+    experiments: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -120,10 +121,11 @@ def main() -> None:
 
 def page_text() -> str:
     """The page. Raises ValueError as `section`."""
-    made = [section(entry) for entry in ENTRIES]
+    entries = [Entry(**item) for item in yaml.safe_load(LISTED.read_text())]
+    made = [section(entry) for entry in entries]
     rows = [
         f"| [{entry.label}](#{_anchor(heading(entry))}) | {entry.title} | {words} |"
-        for entry, (words, _) in zip(ENTRIES, made, strict=True)
+        for entry, (words, _) in zip(entries, made, strict=True)
     ]
     return HEAD + "\n".join((*rows, *(f"\n{text}" for _, text in made))) + "\n"
 
@@ -139,8 +141,8 @@ def section(entry: Entry) -> tuple[str, str]:
     Raises ValueError where docs/claims.md or docs/experiments.md lack what it names.
     """
     words, parts = [], [f"## {heading(entry)}", f"Thesis: {entry.theirs}"]
-    if entry.ours is not None:
-        word, text = entry.ours()
+    if entry.label in COMPUTED:
+        word, text = COMPUTED[entry.label]()
         words.append(word)
         parts.append(text)
     if entry.experiments:
@@ -151,30 +153,24 @@ def section(entry: Entry) -> tuple[str, str]:
     parts += [f"![{heading(entry)}]({image})" for image in entry.images]
     if entry.topic:
         claims = _claims_of(entry)
-        words.append(_agreement(claims))
+        for side, verdict in (("agrees", "holds"), ("differs", "differs")):
+            if names := ", ".join(claim.name for claim in claims if claim.verdict == verdict):
+                words.append(f"{side}: {names}")
         head = ("| the thesis's sentences | here | verdict |", "|---|---|---|")
         parts.append("\n".join((*head, *(claim.line for claim in claims))))
-    parts.append(f"Ours: `{entry.command}`.")
+    parts.append(f"Ours: `{COMMANDS[entry.made_by]}`.")
     return "; ".join(words), "\n\n".join(parts)
-
-
-def _agreement(claims: Sequence[ClaimRow]) -> str:
-    sides = {"agrees": "holds", "differs": "differs"}
-    named = {
-        side: ", ".join(claim.name for claim in claims if claim.verdict == word)
-        for side, word in sides.items()
-    }
-    return "; ".join(f"{side}: {names}" for side, names in named.items() if names)
 
 
 def _claims_of(entry: Entry) -> list[ClaimRow]:
     rows = claim_rows()
     if entry.topic not in rows:
-        raise ValueError(f"docs/claims.md has no section {entry.topic!r}; run: {CLAIMS}")
-    own = rows[entry.topic]
-    if missing := set(entry.claims) - {row.name for row in own}:
+        command = COMMANDS["claims"]
+        raise ValueError(f"docs/claims.md has no section {entry.topic!r}; run: {command}")
+    claims = rows[entry.topic]
+    if missing := set(entry.claims) - {row.name for row in claims}:
         raise ValueError(f"docs/claims.md: {entry.topic} has no {', '.join(sorted(missing))}")
-    return [row for row in own if not entry.claims or row.name in entry.claims]
+    return [row for row in claims if not entry.claims or row.name in entry.claims]
 
 
 @cache
@@ -253,7 +249,7 @@ def _table_3_5() -> tuple[str, str]:
     words = f"{'the same' if same else 'other'} parameters are identified"
     largest = str(row["largest_parameter"])
     words += (
-        f", {'the same' if largest == LARGEST_3_5[0] else 'another'} of them has the largest error"
+        f", {'the same' if largest == LARGEST_3_5 else 'another'} of them has the largest error"
     )
     size = f"{row['largest_mm_mrad']:.3f} mm\\|mrad"
     text = (
@@ -339,246 +335,14 @@ def _shift_figure() -> str:
         return to_hundredths(svg_text(figure))
 
 
-_COMAU_ALL = ("errors_are_large", "two_paths_disagree", "same_path_agrees")
-_IRB_ANGLES = (
-    "angles_smaller",
-    "some_improvement",
-    "larger_than_expected",
-    "paths_disagree",
-    "speeds_disagree",
-)
-_BARS = (
-    "Bars of identified minus nominal for each parameter, {} with {}; no bar is stated as a number."
-)
-_TURIN = _BARS.format("three recordings of two paths of the NJ 220", "{}")
-_LUND = _BARS.format("three recordings of two paths of the IRB 2400, one at two speeds,", "{}")
-
-ENTRIES = (
-    Entry(
-        label="Table 3.1",
-        title="static errors",
-        theirs="28 errors, drawn once with a standard deviation of 1 mm or 1 mrad and put into "
-        "every simulation; of the ball-bar only rod, encoder offsets and origin deviate.",
-        command=HERE,
-        ours=_table_3_1,
-    ),
-    Entry(
-        label="Table 3.2",
-        title="dependencies of parameters",
-        theirs="Four to six groups for each cost, of which one parameter can be identified.",
-        command=IDENTIFIABILITY,
-        topic="Identifiability",
-        claims=("dependencies",),
-    ),
-    Entry(
-        label="Table 3.3",
-        title="parameters without effect",
-        theirs="The parameters whose Jacobian is zero, for each cost; none with C_T.",
-        command=IDENTIFIABILITY,
-        topic="Identifiability",
-        claims=("zero_jacobians",),
-    ),
-    Entry(
-        label="Table 3.4",
-        title="what a parameter left out moves",
-        theirs="An error of 1 mm or 1 mrad in each parameter that is not identified, and the "
-        "identified ones that it moves by more than 0.05.",
-        command=IDENTIFIABILITY,
-        topic="Identifiability",
-        claims=("influences", "removed"),
-    ),
-    Entry(
-        label="Table 3.5",
-        title="example of the errors of one simulation",
-        theirs="23 errors, identified minus true, with dashes for the parameters that are not "
-        f"identified; the largest is {LARGEST_3_5[0]}, {LARGEST_3_5[1]:.2f} mm\\|mrad.",
-        command=HERE,
-        ours=_table_3_5,
-    ),
-    Entry(
-        label="Fig. 3.1",
-        title="number of points",
-        theirs="Distance and largest error over the number of samples, noise of 10 urad on all "
-        "angles; 1500 points are chosen.",
-        command=CLAIMS,
-        topic="Number of points",
-        images=("images/claims/points.svg",),
-    ),
-    Entry(
-        label="Fig. 3.2",
-        title="noise on all angles",
-        theirs="Distance and largest error over the noise of robot and ball-bar, each cost.",
-        command=CLAIMS,
-        topic="Noise on the joint angles",
-        claims=("c_l_most_sensitive", "c_l_beyond_introduced", "aim_for_small_noise_only"),
-        images=("images/claims/noise.svg",),
-    ),
-    Entry(
-        label="Fig. 3.3",
-        title="gear error, sinusoidal gear error and noise",
-        theirs="Distance and largest error over the size of three errors, with C_l and C_T.",
-        command=CLAIMS,
-        topic="Gear error, sinusoidal gear error and noise",
-        images=("images/claims/gear_errors.svg", "images/claims/gear_errors_2.svg"),
-    ),
-    Entry(
-        label="Fig. 3.4",
-        title="synchronization error",
-        theirs="Distance and largest error over the delay of one log, each cost.",
-        command=CLAIMS,
-        topic="Synchronization error",
-        images=("images/claims/synchronisation.svg",),
-    ),
-    Entry(
-        label="Fig. 3.5",
-        title="ball-bar backlash",
-        theirs="Distance and largest error over the deviation of the rod's length, each cost.",
-        command=CLAIMS,
-        topic="Ball-bar backlash and sphere deviation",
-        images=("images/claims/rod_deviation.svg",),
-    ),
-    Entry(
-        label="Fig. 3.6",
-        title="truncated ball-bar angles",
-        theirs="Distance and largest error over encoder step, beside noise of that size.",
-        command=CLAIMS,
-        topic="Truncated ball-bar angles",
-        images=("images/claims/truncation.svg",),
-    ),
-    Entry(
-        label="Fig. 4.4",
-        title="deflection of the offset plate",
-        theirs="Deflection at 100 N and weight over the thickness of steel and aluminium plates; "
-        "45 mm of aluminium stay below 10 urad.",
-        command=CLAIMS,
-        topic="Deflection of the offset plate",
-        images=("images/claims/plate.svg",),
-    ),
-    Entry(
-        label="Fig. 5.5",
-        title="cost over the shift between the logs",
-        theirs="One minimum within 200 ms. The second run, after the log was shifted, has its "
-        "minimum at 8 ms.",
-        command=HERE,
-        topic="Log synchronization by least cost",
-        images=(SHIFT_IMAGE, "images/claims/clock_by_cost.svg"),
-        ours=_figure_5_5,
-    ),
-    Entry(
-        label="Fig. 5.7",
-        title="force along a path",
-        theirs="Force on the ball-bar over time, IRB 2400 under SoftServo of 80 %, on a path with "
-        "many points near singularities.",
-        command=EXPERIMENTS,
-        experiments=("force along a path", "the same, everything on"),
-        images=("images/path_force.svg",),
-    ),
-    Entry(
-        label="Fig. 5.8",
-        title="strain of rod and joints, and movement of the base",
-        theirs="Movement over force up to 150 N: less than 5 um of the rod and of each joint, "
-        "within what the optical system resolves.",
-        command=EXPERIMENTS,
-        experiments=("rod and two joints", "deviation from a sphere"),
-        topic="Strain and backlash of the ball-bar",
-        images=("images/pull_push.svg",),
-    ),
-    Entry(
-        label="Fig. 5.9",
-        title="backlash of the joints",
-        theirs="Movement as the force changes its direction: less than 5 um a joint.",
-        command=EXPERIMENTS,
-        experiments=("backlash at force reversal",),
-        images=("images/pull_push.svg",),
-    ),
-    Entry(
-        label="Fig. 5.12",
-        title="NJ 220, identified with C_l",
-        theirs=_TURIN.format("C_l"),
-        command=CLAIMS,
-        topic="Experiment with the Comau NJ 220",
-        claims=(*_COMAU_ALL, "rod_error_is_large", "c_l_suffers"),
-        images=("images/claims/comau_2016.svg",),
-    ),
-    Entry(
-        label="Fig. 5.13",
-        title="NJ 220, identified with C_P",
-        theirs=_TURIN.format("C_P"),
-        command=CLAIMS,
-        topic="Experiment with the Comau NJ 220",
-        claims=(*_COMAU_ALL, "angles_bring_nothing", "stopped_after_500"),
-        images=("images/claims/comau_2016_2.svg",),
-    ),
-    Entry(
-        label="Fig. 5.14",
-        title="NJ 220, identified with C_Ptheta",
-        theirs=_TURIN.format("C_Ptheta"),
-        command=CLAIMS,
-        topic="Experiment with the Comau NJ 220",
-        claims=(*_COMAU_ALL, "angles_bring_nothing", "stopped_after_500"),
-        images=("images/claims/comau_2016_3.svg",),
-    ),
-    Entry(
-        label="Fig. 5.15",
-        title="IRB 2400, identified with C_l",
-        theirs=_LUND.format("C_l"),
-        command=CLAIMS,
-        topic="Experiment with the ABB IRB 2400",
-        claims=("c_l_larger_than_comau", "some_improvement"),
-        images=("images/claims/irb_2016.svg",),
-    ),
-    Entry(
-        label="Fig. 5.16",
-        title="IRB 2400, identified with C_P",
-        theirs=_LUND.format("C_P"),
-        command=CLAIMS,
-        topic="Experiment with the ABB IRB 2400",
-        claims=_IRB_ANGLES,
-        images=("images/claims/irb_2016_2.svg",),
-    ),
-    Entry(
-        label="Fig. 5.17",
-        title="IRB 2400, identified with C_Ptheta",
-        theirs=_LUND.format("C_Ptheta"),
-        command=CLAIMS,
-        topic="Experiment with the ABB IRB 2400",
-        claims=_IRB_ANGLES,
-        images=("images/claims/irb_2016_3.svg",),
-    ),
-    Entry(
-        label="Table A.1",
-        title="DH parameters of the IRB 2400",
-        theirs="Six rows; lengths in m.",
-        command=HERE,
-        ours=partial(_table_a, "irb2400"),
-    ),
-    Entry(
-        label="Table A.2",
-        title="DH parameters of the NJ 220",
-        theirs="Six rows; lengths in m.",
-        command=HERE,
-        ours=partial(_table_a, "nj220"),
-    ),
-    Entry(
-        label="Fig. B.1",
-        title="noise on one side",
-        theirs="Distance and largest error over noise on the robot's angles alone and on the "
-        "ball-bar's alone.",
-        command=CLAIMS,
-        topic="Noise on the joint angles",
-        claims=("either_side_alike", "both_little_more"),
-        images=("images/claims/noise_2.svg",),
-    ),
-    Entry(
-        label="Table B.1",
-        title="five largest errors",
-        theirs="The five parameters with the largest errors with C_T in each of 20 simulations; "
-        "oy, btheta5, rtheta6, bd3 and ra1 most often, each around 100 urad.",
-        command=CLAIMS,
-        topic="Largest errors",
-        images=("images/claims/largest_errors.svg",),
-    ),
-)
+# label of an entry -> what is computed here: words for the summary, and Markdown
+COMPUTED: Mapping[str, Callable[[], tuple[str, str]]] = {
+    "Table 3.1": _table_3_1,
+    "Table 3.5": _table_3_5,
+    "Fig. 5.5": _figure_5_5,
+    "Table A.1": partial(_table_a, "irb2400"),
+    "Table A.2": partial(_table_a, "nj220"),
+}
 
 
 if __name__ == "__main__":

@@ -33,29 +33,6 @@ FAR = 0.5  # [m] beyond which distances are not distinguished
 TIME_STEP = 1.0  # [s] between the poses of a plan; planning.verify takes smaller steps
 
 
-@dataclass(frozen=True, eq=False)
-class Clearance:
-    """The bodies, as geoms of a model without joints."""
-
-    model: mujoco.MjModel
-    radii: dict[str, float]
-    pairs: tuple[tuple[int, int], ...]
-    names: tuple[str, ...]  # of all geoms
-    floor: float
-    plate_height: float  # [m] of the plate's middle over the flange
-    tool_height: float  # [m] of the tool over the flange
-    rows: tuple[tuple[int, int], ...] = ()  # DH row, and 0 along d or 1 along a, of each capsule
-
-
-@dataclass(frozen=True)
-class Nearest:
-    """The smallest distance along a motion."""
-
-    distance: float  # [m] FAR where nothing is closer
-    pair: str
-    t: float
-
-
 MOVING = (*SHARES, "rod", "pedestal", "plate")
 NEIGHBOURS = {
     ("column", "upper arm"),
@@ -68,6 +45,164 @@ NEIGHBOURS = {
 }
 ON_FLOOR = ("column", "pedestal")
 TOUCHING = 0.05  # [m] along the chain beyond both radii up to which bodies always are near
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The smallest distance along a motion."""
+
+    distance: float  # [m] FAR where nothing is closer
+    pair: str
+    t: float
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """The bodies of a cell, as geoms of a model without joints."""
+
+    model: mujoco.MjModel
+    radii: dict[str, float]
+    pairs: tuple[tuple[int, int], ...]
+    names: tuple[str, ...]  # of all geoms
+    floor: float
+    plate_height: float  # [m] of the plate's middle over the flange
+    tool_height: float  # [m] of the tool over the flange
+    rows: tuple[tuple[int, int], ...] = ()  # DH row, and 0 along d or 1 along a, of each capsule
+
+    def nearest(
+        self, geometry: Geometry, q: Array, b: Array, t: Array, *, within: float = FAR
+    ) -> Nearest:
+        """The smallest distance along a motion, every TIME_STEP seconds.
+
+        q, b : (N, 6), (N, 5) [rad] joint angles at times t (N,) [s]. within : [m] beyond which
+        distances are not distinguished.
+        """
+        rows = _rows_every(TIME_STEP, t)
+        robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
+        return self.nearest_of_runs(robot, bar, t[rows], within=within)[0]
+
+    def distances_along(
+        self, geometry: Geometry, q: Array, b: Array, t: Array, *, step: float
+    ) -> Array:
+        """(K,) [m] smallest distance every `step` seconds; FAR where nothing is closer."""
+        rows = _rows_every(step, t)
+        robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
+        instants = self.nearest_of_runs(robot, bar, t[:1], within=FAR)
+        return np.array([instant.distance for instant in instants])
+
+    def nearest_of_runs(
+        self, robot: Frames, bar: Frames, t: Array, *, within: float
+    ) -> list[Nearest]:
+        """The smallest distance along each of several motions of equal length, one after the other.
+
+        robot, bar : frames at N instants of all. t : (T,) [s] those of one motion.
+        """
+        half, centres, axes = self._placed(robot, bar)
+        bounds = self._lower_bounds(half, centres, axes).reshape(len(self.pairs), -1, t.size)
+        bodies, data = centres.shape[1], mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, data)  # places floor and boxes
+        closest = []
+        for run in range(bounds.shape[1]):
+            of_run, best = bounds[:, run], Nearest(within, "nothing", 0.0)
+            close = np.argwhere(of_run < within)
+            for pair, k in close[np.argsort(of_run[tuple(close.T)], kind="stable")]:
+                if of_run[pair, k] >= best.distance:
+                    break
+                i, j = self.pairs[pair]
+                instant = run * t.size + int(k)
+                self.model.geom_size[: bodies - 1, 1] = half[instant]
+                data.geom_xpos[:bodies], data.geom_xmat[:bodies] = centres[instant], axes[instant]
+                distance = float(mujoco.mj_geomDistance(self.model, data, i, j, FAR, None))
+                if distance < best.distance:
+                    best = Nearest(distance, f"{self.names[i]} and {self.names[j]}", float(t[k]))
+            closest.append(best)
+        return closest
+
+    def _lower_bounds(self, half: Array, centres: Array, axes: Array) -> Array:
+        """(pairs, N) [m] below the distances of all pairs at N instants; arguments as `_placed`.
+
+        For two capsules it is the distance itself. The plate stands in a capsule along its length;
+        a box that stands in the cell has its distance from a body's centre less the body's extent.
+        """
+        bodies, plate = centres.shape[1], self.model.geom_size[centres.shape[1] - 1]
+        radius = np.append(self.model.geom_size[: bodies - 1, 0], np.hypot(*plate[1:]))
+        axis = axes.reshape(*centres.shape, 3)[..., 2].copy()
+        axis[:, -1] = axes[:, -1].reshape(-1, 3, 3)[..., 0]  # of the plate
+        length = np.column_stack((half, np.full(len(half), plate[0])))
+        reach = axis * length[..., None]
+        pairs = np.array(self.pairs)
+        moving = pairs[:, 1] < bodies
+        bounds = np.empty((len(pairs), len(half)))
+        i, j = pairs[moving].T
+        middle, toward = (v.transpose(1, 2, 0) for v in (centres, reach))  # (bodies, 3, N)
+        ends = (v.swapaxes(0, 1) for v in (middle[i], toward[i], middle[j], toward[j]))
+        bounds[moving] = segment_distance(*ends) - (radius[i] + radius[j])[:, None]
+        for k in np.flatnonzero(~moving):
+            i, j = self.pairs[k]
+            if self.names[j] == "floor":
+                bounds[k] = centres[:, i, 2] - np.abs(reach[:, i, 2]) - radius[i] - self.floor
+                continue
+            beyond = np.abs(centres[:, i] - self.model.geom_pos[j]) - self.model.geom_size[j]
+            outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+            bounds[k] = outside + np.minimum(beyond.max(axis=1), 0.0) - length[:, i] - radius[i]
+        return bounds
+
+    def _placed(self, robot: Frames, bar: Frames) -> tuple[Array, Array, Array]:
+        """Half lengths (N, capsules) [m], centres (N, bodies, 3) [m] and axes (N, bodies, 9).
+
+        The bodies are the capsules, then the plate.
+        """
+        tool_x, tool_z = robot.x[-1], robot.z[-1]
+        reach = (tool_x * (robot.tip - robot.origin[-2])).sum(axis=0)
+        flange = robot.tip - tool_x * reach - self.tool_height * tool_z  # (3, N) [m] the bare one
+        ball, tip = bar.origin[0], bar.tip
+        along = (tip - ball) / np.linalg.norm(tip - ball, axis=0)
+        base = np.stack([ball[0], ball[1], np.full(ball.shape[1], self.floor)])
+        segments = self._row_segments if self.rows else self._arm_segments
+        pairs = (
+            *segments(robot, flange),
+            (ball + GIMBAL * along, tip - GIMBAL * along),
+            (base, ball - np.array([[0.0], [0.0], [GIMBAL]])),
+        )
+        ends = np.stack([np.stack(pair) for pair in pairs]).transpose(3, 0, 1, 2)
+        axis = ends[:, :, 1] - ends[:, :, 0]
+        length = np.linalg.norm(axis, axis=2)
+        z = axis / np.maximum(length, 1e-9)[:, :, None]
+        helper = np.where(np.abs(z[:, :, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+        x = np.cross(helper, z)
+        x /= np.linalg.norm(x, axis=2)[:, :, None]
+        axes = np.stack((x, np.cross(z, x), z), axis=3).reshape(*length.shape, 9)
+        plate = flange + 0.5 * reach * tool_x + self.plate_height * tool_z
+        plate_axes = robot.rotation().transpose(2, 0, 1).reshape(-1, 1, 9)
+        centres = np.concatenate((ends.mean(axis=2), plate.T[:, None]), axis=1)
+        return 0.5 * length, centres, np.concatenate((axes, plate_axes), axis=1)
+
+    def _row_segments(self, robot: Frames, flange: Array) -> list[tuple[Array, Array]]:
+        """Ends (3, N) [m] of the bodies along the rows; the last row ends at the bare flange."""
+        o, ends = robot.origin, []
+        for row, part in self.rows:
+            following = flange if row == len(robot.x_link) - 1 else o[row + 1]
+            corner = o[row] + robot.z[row] * (robot.z[row] * (following - o[row])).sum(axis=0)
+            ends.append((corner, following) if part else (o[row], corner))
+        return ends
+
+    def _arm_segments(self, robot: Frames, flange: Array) -> list[tuple[Array, Array]]:
+        """Ends (3, N) [m] of column, upper arm, forearm and wrist."""
+        o = robot.origin
+        fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
+        foot = np.broadcast_to(np.array([[0.0], [0.0], [self.floor]]), (3, o.shape[2]))
+        top = np.maximum(o[1][2] - self.radii["column"], self.floor)
+        return [
+            (foot, np.array([[0.0], [0.0], [1.0]]) * top),
+            (o[1], o[2]),
+            (o[2], o[4] - self.radii["forearm"] * fore),  # round end reaches the wrist's centre
+            (o[4], flange),
+        ]
+
+
+def _rows_every(step: float, t: Array) -> slice:
+    """Rows of times (N,) [s] about every `step` seconds."""
+    return slice(None, None, max(1, round(step / float(t[1] - t[0]))))
 
 
 def clearance(cell: Cell, around: PlanCell) -> Clearance:
@@ -143,169 +278,3 @@ def _compared(body: str, other: str) -> bool:
     if other in MOVING:
         return (body, other) not in NEIGHBOURS
     return body not in ON_FLOOR if other == "floor" else body != "column"
-
-
-def nearest(
-    of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, within: float = FAR
-) -> Nearest:
-    """The smallest distance along a motion, every TIME_STEP seconds.
-
-    q, b : (N, 6), (N, 5) [rad] joint angles at times t (N,) [s]. within : [m] beyond which
-    distances are not distinguished.
-    """
-    rows = _every(TIME_STEP, t)
-    robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
-    return nearest_of_runs(of, robot, bar, t[rows], within=within)[0]
-
-
-def nearest_of_runs(
-    of: Clearance, robot: Frames, bar: Frames, t: Array, *, within: float
-) -> list[Nearest]:
-    """The smallest distance along each of several motions of equal length, one after the other.
-
-    robot, bar : frames at N instants of all. t : (T,) [s] those of one motion.
-    """
-    placed = _placed(of, robot, bar)
-    bounds = _lower_bounds(of, *placed).reshape(len(of.pairs), -1, t.size)
-    distances = _exact(of, *placed)
-    out = []
-    for run in range(bounds.shape[1]):
-        of_run, best = bounds[:, run], Nearest(within, "nothing", 0.0)
-        close = np.argwhere(of_run < within)
-        for pair, k in close[np.argsort(of_run[tuple(close.T)], kind="stable")]:
-            if of_run[pair, k] >= best.distance:
-                break
-            distance = distances(of.pairs[pair], run * t.size + int(k))
-            if distance < best.distance:
-                i, j = of.pairs[pair]
-                best = Nearest(distance, f"{of.names[i]} and {of.names[j]}", float(t[k]))
-        out.append(best)
-    return out
-
-
-def distances_along(
-    of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, step: float
-) -> Array:
-    """(K,) [m] smallest distance every `step` seconds; FAR where nothing is closer."""
-    rows = _every(step, t)
-    robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
-    instants = nearest_of_runs(of, robot, bar, t[:1], within=FAR)
-    return np.array([instant.distance for instant in instants])
-
-
-def _every(step: float, t: Array) -> slice:
-    """Rows of times (N,) [s] about every `step` seconds."""
-    return slice(None, None, max(1, round(step / float(t[1] - t[0]))))
-
-
-def _exact(
-    of: Clearance, half: Array, centres: Array, turned: Array
-) -> Callable[[tuple[int, int], int], float]:
-    """MuJoCo's distance [m] of a pair of geoms at an instant; arguments as `_placed` gives."""
-    bodies = centres.shape[1]
-    data = mujoco.MjData(of.model)
-    mujoco.mj_kinematics(of.model, data)  # places floor and boxes
-
-    def distance(pair: tuple[int, int], k: int) -> float:
-        of.model.geom_size[: bodies - 1, 1] = half[k]
-        data.geom_xpos[:bodies], data.geom_xmat[:bodies] = centres[k], turned[k]
-        return float(mujoco.mj_geomDistance(of.model, data, *pair, FAR, None))
-
-    return distance
-
-
-def _lower_bounds(of: Clearance, half: Array, centres: Array, turned: Array) -> Array:
-    """(pairs, N) [m] below the distances of all pairs at N instants; arguments as `_placed` gives.
-
-    Of two capsules the distance itself. The plate stands in a capsule along its length, a box that
-    stands in the cell has its distance from a body's centre less the body's extent.
-    """
-    bodies, of_plate = centres.shape[1], of.model.geom_size[centres.shape[1] - 1]
-    radius = np.append(of.model.geom_size[: bodies - 1, 0], np.hypot(*of_plate[1:]))
-    axis = turned.reshape(*centres.shape, 3)[..., 2].copy()
-    axis[:, -1] = turned[:, -1].reshape(-1, 3, 3)[..., 0]  # of the plate
-    length = np.column_stack((half, np.full(len(half), of_plate[0])))
-    reach = axis * length[..., None]
-    pairs = np.array(of.pairs)
-    moving = pairs[:, 1] < bodies
-    out = np.empty((len(pairs), len(half)))
-    i, j = pairs[moving].T
-    at, toward = (values.transpose(1, 2, 0) for values in (centres, reach))  # (bodies, 3, N)
-    between = segment_distance(*(v.swapaxes(0, 1) for v in (at[i], toward[i], at[j], toward[j])))
-    out[moving] = between - (radius[i] + radius[j])[:, None]
-    for k in np.flatnonzero(~moving):
-        i, j = of.pairs[k]
-        if of.names[j] == "floor":
-            out[k] = centres[:, i, 2] - np.abs(reach[:, i, 2]) - radius[i] - of.floor
-            continue
-        beyond = np.abs(centres[:, i] - of.model.geom_pos[j]) - of.model.geom_size[j]
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        out[k] = outside + np.minimum(beyond.max(axis=1), 0.0) - length[:, i] - radius[i]
-    return out
-
-
-def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:
-    """(N, capsules, 2, 3) [m] ends of the capsules' axes."""
-    ball, tip = bar.origin[0], bar.tip
-    along = (tip - ball) / np.linalg.norm(tip - ball, axis=0)
-    base = np.stack([ball[0], ball[1], np.full(ball.shape[1], of.floor)])
-    ends: Sequence[tuple[Array, Array]] = (
-        *(_row_segments(of, robot) if of.rows else _arm_segments(of, robot)),
-        (ball + GIMBAL * along, tip - GIMBAL * along),
-        (base, ball - np.array([[0.0], [0.0], [GIMBAL]])),
-    )
-    return np.stack([np.stack(pair) for pair in ends]).transpose(3, 0, 1, 2)
-
-
-def _row_segments(of: Clearance, robot: Frames) -> list[tuple[Array, Array]]:
-    """Ends (3, N) [m] of the bodies along the rows; the last row ends at the bare flange."""
-    o, out = robot.origin, []
-    for row, part in of.rows:
-        last = row == len(robot.x_link) - 1
-        following = _flange(of, robot) if last else o[row + 1]
-        corner = o[row] + robot.z[row] * (robot.z[row] * (following - o[row])).sum(axis=0)
-        out.append((corner, following) if part else (o[row], corner))
-    return out
-
-
-def _arm_segments(of: Clearance, robot: Frames) -> list[tuple[Array, Array]]:
-    """Ends (3, N) [m] of column, upper arm, forearm and wrist."""
-    o = robot.origin
-    n = o.shape[2]
-    fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
-    foot = np.broadcast_to(np.array([[0.0], [0.0], [of.floor]]), (3, n))
-    top = np.maximum(o[1][2] - of.radii["column"], of.floor)
-    column_top = np.array([[0.0], [0.0], [1.0]]) * top
-    return [
-        (foot, column_top),
-        (o[1], o[2]),
-        (o[2], o[4] - of.radii["forearm"] * fore),  # its round end reaches the wrist's centre
-        (o[4], _flange(of, robot)),
-    ]
-
-
-def _flange(of: Clearance, robot: Frames) -> Array:
-    """(3, N) [m] centre of the bare flange."""
-    tool, x, z = robot.tip, robot.x[-1], robot.z[-1]
-    return np.asarray(tool - x * (x * (tool - robot.origin[-2])).sum(axis=0) - of.tool_height * z)
-
-
-def _placed(of: Clearance, robot: Frames, bar: Frames) -> tuple[Array, Array, Array]:
-    """Half lengths (N, capsules) [m], centres (N, bodies, 3) [m] and axes (N, bodies, 9).
-
-    The bodies are the capsules, then the plate.
-    """
-    ends = _segments(of, robot, bar)
-    axis = ends[:, :, 1] - ends[:, :, 0]
-    length = np.linalg.norm(axis, axis=2)
-    z = axis / np.maximum(length, 1e-9)[:, :, None]
-    helper = np.where(np.abs(z[:, :, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x, axis=2)[:, :, None]
-    turned = np.stack((x, np.cross(z, x), z), axis=3).reshape(*length.shape, 9)
-    tool_x, tool_z = robot.x[-1], robot.z[-1]
-    reach = (tool_x * (robot.tip - robot.origin[-2])).sum(axis=0)
-    plate = _flange(of, robot) + 0.5 * reach * tool_x + of.plate_height * tool_z
-    plate_axes = robot.rotation().transpose(2, 0, 1).reshape(-1, 1, 9)
-    centres = np.concatenate((ends.mean(axis=2), plate.T[:, None]), axis=1)
-    return 0.5 * length, centres, np.concatenate((turned, plate_axes), axis=1)

@@ -1,8 +1,8 @@
 """Objectives of many candidates at once, on a coarse grid of time: what a search compares.
 
-As planning.evaluation.objective, with numpy's calls shared by all candidates, samples STEP apart
-and the prediction of planning.coarse_crlb. Limits between two samples are exceeded by little, so a
-search looks closely at the few candidates that would be its best.
+The objectives are those of planning.evaluation.objective, with numpy's calls shared by all
+candidates, samples STEP apart and the prediction of planning.coarse_crlb. Between two samples a
+limit is exceeded by little, so a search looks closely at the few candidates that would be its best.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
 from planning.candidate import rounded, space_of
-from planning.clearance import TIME_STEP, nearest_of_runs
+from planning.clearance import TIME_STEP
 from planning.coarse_crlb import coarse_normals
 from planning.evaluation import (
     INFEASIBLE,
@@ -28,8 +28,8 @@ from planning.evaluation import (
     rms_of_normal,
     tensions_of,
 )
-from planning.force import Forces, predicted_forces
-from planning.limits import cones, measures
+from planning.force import predicted_forces
+from planning.limits import measures
 from planning.screen import UNREACHED, screen
 from planning.trajectory import Trajectory, trajectories_of_many
 from sim.path import Lissajous
@@ -44,27 +44,26 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     best : objective below which a candidate is looked at closely, until one of them violates no
         limit on the fine grid either.
     """
-    space, limits = space_of(evaluator.request), evaluator.limits
-    around = evaluator.request.cell
-    screened = screen(evaluator.cell, around, space, limits, genomes)
-    out = SCREENED_OUT + screened.excess
-    passed = np.flatnonzero(out <= SCREENED_OUT)
+    space = space_of(evaluator.request)
+    screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
+    values = SCREENED_OUT + screened.excess
+    passed = np.flatnonzero(values <= SCREENED_OUT)
     if not passed.size:
-        return out
+        return values
     shapes, positions = space.many(genomes[passed])
-    out[passed] = _of_screened(evaluator, shapes, positions, screened.allowed[passed])
-    for k in np.argsort(out, kind="stable"):
-        if out[k] >= best:
+    values[passed] = _of_screened(evaluator, shapes, positions, screened.allowed[passed])
+    for k in np.argsort(values, kind="stable"):
+        if values[k] >= best:
             break
         closely = check(evaluator, rounded(space.candidate(genomes[k])))
         if not closely.violations:
             break
-        out[k] = INFEASIBLE + closely.excess
-    return out
+        values[k] = INFEASIBLE + closely.excess
+    return values
 
 
 def sample(evaluator: Evaluator, *, seed: int) -> tuple[Array, Array, int]:
-    """Of BATCH uniform draws from the search space the KEPT best that pass the screen.
+    """The KEPT best of BATCH uniform draws from the search space that pass the screen.
 
     Returns their genomes (K, S) [-], best first, their coarse objectives (K,), and the draws.
     """
@@ -80,82 +79,61 @@ def _of_screened(
     evaluator: Evaluator, shapes: Lissajous, positions: Array, allowed: NDArray[np.bool_]
 ) -> Array:
     """(M,) coarse objectives of candidates that passed the screen."""
-    out = np.full(len(positions), INFEASIBLE + UNREACHED + UNEXAMINED)
-    timing = evaluator.request.timing
-    moving = trajectories_of_many(
-        evaluator.cell, shapes, positions, timing, allowed=allowed, step=STEP
+    values = np.full(len(positions), INFEASIBLE + UNREACHED + UNEXAMINED)
+    runs_of_all = trajectories_of_many(
+        evaluator.cell, shapes, positions, evaluator.request.timing, allowed=allowed, step=STEP
     )
-    if moving is None:
-        return out
-    trajectory, which = moving
-    excess = _of_motion(evaluator, trajectory)
-    np.minimum.at(out, which, INFEASIBLE + UNEXAMINED + excess)
+    if runs_of_all is None:
+        return values
+    trajectory, which = runs_of_all
+    # the space itself keeps to the cables
+    limits = measures(evaluator.cell, evaluator.limits, trajectory, evaluator.request.cell)
+    worst = (limit.excess.reshape(trajectory.runs, -1).max(axis=1) for limit in limits)
+    excess = np.asarray(np.sum([np.maximum(over, 0.0) for over in worst], axis=0))
+    np.minimum.at(values, which, INFEASIBLE + UNEXAMINED + excess)
     waiting = excess < NEARLY
     while waiting.any():  # one configuration after the other, of those that cannot be run yet
         runs = np.flatnonzero(waiting)
         runs = runs[np.unique(which[runs], return_index=True)[1]]
         some = trajectory.of_runs(runs, every=round(TIME_STEP / STEP))
-        values = _examined(evaluator, some, excess[runs], positions[which[runs]])
-        out[which[runs]] = np.minimum(out[which[runs]], values)
+        examined = _examined(evaluator, some, excess[runs], positions[which[runs]])
+        values[which[runs]] = np.minimum(values[which[runs]], examined)
         waiting[runs] = False
-        waiting &= out[which] >= INFEASIBLE
-    return out
+        waiting &= values[which] >= INFEASIBLE
+    return values
 
 
 def _examined(
     evaluator: Evaluator, trajectory: Trajectory, excess: Array, positions: Array
 ) -> Array:
-    """(R,) coarse objectives of runs; excess : (R,) over the limits of motion."""
-    forces = None
+    """(R,) coarse objectives of runs with their forces and clearances.
+
+    excess : (R,) over the limits of motion. positions : (R, 3) [m] of the ball-bar.
+    """
+    count, limits, forces = trajectory.runs, evaluator.limits, None
+    over = np.zeros(count)
     if evaluator.force_model is not None:
         forces = predicted_forces(evaluator.force_model, trajectory)
-    excess = excess + _of_surroundings(evaluator, trajectory, forces, positions)
-    out, runnable = INFEASIBLE + excess, np.flatnonzero(excess <= 0.0)
-    if runnable.size:
-        out[runnable] = _predicted(evaluator, trajectory, forces, runnable)
-    return out
-
-
-def _of_motion(evaluator: Evaluator, trajectory: Trajectory) -> Array:
-    """(R,) excess of each run over the limits of motion; the space itself keeps to the cables."""
-    every = measures(evaluator.cell, evaluator.limits, trajectory)
-    every += cones(evaluator.request.cell, trajectory)
-    worst = (m.excess.reshape(trajectory.runs, -1).max(axis=1) for m in every)
-    return np.asarray(np.sum([np.maximum(excess, 0.0) for excess in worst], axis=0))
-
-
-def _of_surroundings(
-    evaluator: Evaluator, trajectory: Trajectory, forces: Forces | None, positions: Array
-) -> Array:
-    """(R,) excess of each run over the limits of force and clearance.
-
-    positions : (R, 3) [m] of the ball-bar.
-    """
-    runs, limits = trajectory.runs, evaluator.limits
-    out = np.zeros(runs)
-    if forces is not None:
-        largest = np.abs(forces.tension).max(axis=0).reshape(runs, -1).max(axis=1)
-        out += np.maximum(np.log(largest / limits.force_N), 0.0)
-    bar, instants = bar_frames(trajectory.nominal, trajectory.b), trajectory.t.size // runs
-    closest = nearest_of_runs(
-        evaluator.clearance,
+        largest = np.abs(forces.tension).max(axis=0).reshape(count, -1).max(axis=1)
+        over += np.maximum(np.log(largest / limits.force_N), 0.0)
+    bar, instants = bar_frames(trajectory.nominal, trajectory.b), trajectory.t.size // count
+    closest = evaluator.clearance.nearest_of_runs(
         robot_frames(trajectory.nominal, trajectory.q),
         replace(bar, origin=bar.origin + np.repeat(positions, instants, axis=0).T),
         trajectory.t[:instants],
         within=limits.clearance_m,
     )
     distance = np.array([nearest.distance for nearest in closest])
-    return np.asarray(out + (limits.clearance_m - distance) / UNIT_CLEARANCE)
-
-
-def _predicted(
-    evaluator: Evaluator, trajectory: Trajectory, forces: Forces | None, runs: NDArray[np.intp]
-) -> Array:
-    """(K,) natural logarithm of the TCP sigma in um of some runs of a trajectory."""
-    some = trajectory.of_runs(runs)
-    samples = np.arange(trajectory.t.size).reshape(trajectory.runs, -1)[runs].ravel()
-    carried = None if forces is None else forces.carried.part(samples)
-    tension = tensions_of(trajectory, forces)[0, samples]
-    normals = coarse_normals(evaluator.coarse, some, carried, tension)
-    tcp = [rms_of_normal(evaluator, normal, evaluator.coarse.layout) for normal in normals]
-    return np.asarray(np.log(np.array(tcp) * 1e6))
+    excess = excess + (over + (limits.clearance_m - distance) / UNIT_CLEARANCE)
+    values, runnable = INFEASIBLE + excess, np.flatnonzero(excess <= 0.0)
+    if runnable.size:
+        samples = np.arange(trajectory.t.size).reshape(count, -1)[runnable].ravel()
+        normals = coarse_normals(
+            evaluator.coarse,
+            trajectory.of_runs(runnable),
+            None if forces is None else forces.carried.part(samples),
+            tensions_of(trajectory, forces)[0, samples],
+        )
+        tcp = [rms_of_normal(evaluator, normal, evaluator.coarse.layout) for normal in normals]
+        values[runnable] = np.log(np.array(tcp) * 1e6)
+    return values

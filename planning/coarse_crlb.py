@@ -1,6 +1,6 @@
 """Cramer-Rao prediction of many trajectories at once, coarse: what a search compares.
 
-As planning.crlb, with less work for each trajectory:
+The prediction is that of planning.crlb, with less work for each trajectory:
 
 - fewer samples, those of all trajectories in one pass;
 - linear about the nominal loop, which is closed: the corrections displace nothing;
@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
 from cell.arrays import Array
@@ -40,7 +39,7 @@ SAMPLES = 76
 
 @dataclass(frozen=True, eq=False)
 class CoarsePredictor:
-    """What does not depend on the trajectories."""
+    """The part of the predictions that does not depend on the trajectories."""
 
     on: Predictor
     layout: Unknowns  # without the tension
@@ -81,83 +80,58 @@ def coarse_predictor(on: Predictor, *, samples: int = SAMPLES) -> CoarsePredicto
 
 
 def coarse_normals(
-    of: CoarsePredictor, trajectory: Trajectory, carried: Loads | None, tension: Array
+    coarse: CoarsePredictor, trajectory: Trajectory, carried: Loads | None, tension: Array
 ) -> Iterator[Array]:
     """(P, P) information of each run of a trajectory.
 
     carried : loads along it, where they are known. tension : (N,) [N] of the rod.
     """
-    at = _sampled(of, trajectory)
-    model = _model(of, trajectory, tension, at)
-    point = _evaluated(of, model, trajectory, carried, at)
-    sources = point.noise_columns(excess_noise(of.on), model.backlash_uncertainty(of.x, point))
-    if of.on.masses is not None:
-        free = of.tension_sigma * model.tension_column(of.x, point)
+    on, x = coarse.on, coarse.x
+    length, step = trajectory.t.size // trajectory.runs, float(trajectory.t[1] - trajectory.t[0])
+    # the samples of the trajectory that are nearest the instants
+    of_run = np.unique(np.round(on.instants / step).astype(np.intp))
+    rows = (np.arange(trajectory.runs)[:, None] * length + of_run).ravel()
+    sampled = trajectory.part(rows, runs=trajectory.runs)
+    samples = replace(coarse.samples, times=sampled.t, tension=tension[rows])
+    model = Model(gearing(on.cell.robot), on.masses, on.corrections, coarse.layout, (samples,))
+    point = _closed(model, sampled, None if carried is None else carried.part(rows))
+    sources = point.noise_columns(excess_noise(on), model.backlash_uncertainty(x, point))
+    if on.masses is not None:
+        free = coarse.tension_sigma * model.tension_column(x, point)
         sources = np.concatenate((sources, free[None]))
     linear = NormalEquations(
-        x=of.x,
+        x=x,
         evaluations=(point,),
         weights=(whitening(covariance(sources), point.unmeasured_columns),),
         residuals=(),
-        normal=of.prior,
-        gradient=np.zeros_like(of.x),
+        normal=coarse.prior,
+        gradient=np.zeros_like(x),
         cost=0.0,
     )
     (block,) = jacobian(model, linear, 0, firsts=(0,))
     values = block.values.reshape(*block.values.shape[:2], trajectory.runs, -1)
-    rows = np.ix_(block.index, block.index)
     for run in range(trajectory.runs):
         half = dsyrk(1.0, values[:, :, run].reshape(block.index.size, -1).T, trans=1)
-        normal = of.prior.copy()
-        normal[rows] += half + np.triu(half, 1).T
+        normal = coarse.prior.copy()
+        normal[np.ix_(block.index, block.index)] += half + np.triu(half, 1).T
         yield normal
 
 
-def _sampled(of: CoarsePredictor, trajectory: Trajectory) -> NDArray[np.intp]:
-    """(R M,) indices of the samples: those of the trajectory that are nearest the instants."""
-    length = trajectory.t.size // trajectory.runs
-    step = float(trajectory.t[1] - trajectory.t[0])
-    of_run = np.unique(np.round(of.on.instants / step).astype(np.intp))
-    return (np.arange(trajectory.runs)[:, None] * length + of_run).ravel()
-
-
-def _model(
-    of: CoarsePredictor, trajectory: Trajectory, tension: Array, at: NDArray[np.intp]
-) -> Model:
-    samples = replace(of.samples, times=trajectory.t[at], tension=tension[at])
-    cell, corrections = of.on.cell, of.on.corrections
-    return Model(gearing(cell.robot), of.on.masses, corrections, of.layout, (samples,))
-
-
-def _evaluated(
-    of: CoarsePredictor,
-    model: Model,
-    trajectory: Trajectory,
-    carried: Loads | None,
-    at: NDArray[np.intp],
-) -> Evaluation:
-    """The nominal loop at samples `at` of a trajectory, closed."""
-    nominal, masses, (samples,) = trajectory.nominal, of.on.masses, model.recordings
-    q, b, speed, bend = (
-        values[at]
-        for values in (trajectory.q, trajectory.b, trajectory.speed, trajectory.acceleration)
-    )
-    closed = np.zeros((6, at.size))
-    closure = Closure(nominal, robot_frames(nominal, q), bar_frames(nominal, b), closed)
-    state, to_gear = None, model.gearing.to_gear
+def _closed(model: Model, trajectory: Trajectory, carried: Loads | None) -> Evaluation:
+    """The nominal loop at the samples of a trajectory, closed."""
+    nominal, q, b = trajectory.nominal, trajectory.q, trajectory.b
+    speed, bend = trajectory.speed, trajectory.acceleration
+    (samples,), to_gear, state = model.recordings, model.gearing.to_gear, None
+    error = np.zeros((6, trajectory.t.size))
     if model.corrections:
-        if carried is not None:
-            on_arm = carried.part(at)
-        elif masses is not None:
-            on_arm = loads(masses, nominal, q, b, speed, bend)
-        else:
-            on_arm = no_loads(q.shape[1], at.size)
+        if carried is None and model.masses is not None:
+            carried = loads(model.masses, nominal, q, b, speed, bend)
         state = State(
             t=samples.times,
             recording=0,
             gears=(q @ to_gear).T,
             bar=b.T + nominal.bar.theta[:, None],
-            loads=on_arm,
+            loads=carried or no_loads(q.shape[1], trajectory.t.size),
             tension=samples.tension,
             width=model.gearing.transition,
             gear_speed=(speed @ to_gear).T,
@@ -165,7 +139,7 @@ def _evaluated(
         )
     return _Planned(
         samples=samples,
-        closure=closure,
+        closure=Closure(nominal, robot_frames(nominal, q), bar_frames(nominal, b), error),
         ballbar=b,
         gearing=model.gearing,
         clock=Clock(0.0, 0.0),

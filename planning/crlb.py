@@ -49,7 +49,7 @@ SAMPLES = 240
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """What does not depend on the trajectory."""
+    """The part of a prediction that does not depend on the trajectory."""
 
     cell: Cell
     masses: MassModel | None  # None where no correction needs loads
@@ -98,7 +98,6 @@ class PathPrediction:
     model: Model
     normal: Array  # (P, P) information matrix
     points: tuple[Evaluation, ...]
-    geometry: Geometry
     unloaded: UnloadedRobot
     grid: Array
 
@@ -120,9 +119,9 @@ class PathPrediction:
     @cached_property
     def tcp_sigma(self) -> Array:
         """(G,) [m] of the unloaded robot's tool over the grid, base aligned."""
-        moved = moving(self.layout)
+        unknowns = moving(self.layout)
         moves = self.unloaded.jacobian(self.grid, self.layout.shared)
-        covariance = self.covariance[np.ix_(moved, moved)]
+        covariance = self.covariance[np.ix_(unknowns, unknowns)]
         return position_sigma(self.unloaded.tool(self.grid), moves, covariance)
 
 
@@ -218,7 +217,6 @@ def predict(
         model=model,
         normal=linear.normal + (before(on, layout) - np.diag(layout.sigma**-2.0)),
         points=linear.evaluations,
-        geometry=trajectory.nominal,
         unloaded=UnloadedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
         grid=on.grid,
     )
@@ -233,10 +231,8 @@ def before(on: Predictor, layout: Unknowns) -> Array:
 
 def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[PathPrediction, ...]:
     """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
-    out: list[PathPrediction] = []
-    for tension in tensions:
-        out.append(predict(on, trajectory, tension, out[0] if out else None))
-    return tuple(out)
+    first = predict(on, trajectory, tensions[0])
+    return (first, *(predict(on, trajectory, tension, first) for tension in tensions[1:]))
 
 
 def excess_noise(on: Predictor) -> ExcessNoise:

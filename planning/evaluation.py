@@ -7,6 +7,7 @@ errors: a report looks at several robots.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +23,8 @@ from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
 from ident.robot.unloaded_robot import UnloadedRobot
-from planning.candidate import PathCandidate, Space, space_of
-from planning.clearance import Clearance, clearance, nearest
+from planning.candidate import PathCandidate, space_of
+from planning.clearance import Clearance, clearance
 from planning.coarse_crlb import CoarsePredictor, coarse_predictor
 from planning.crlb import (
     PathPrediction,
@@ -36,9 +37,9 @@ from planning.crlb import (
 )
 from planning.force import ForceModel, Forces, force_model, predicted_forces
 from planning.known import Known
-from planning.limits import Violation, leaning, violations
+from planning.limits import Violation, violations
 from planning.request import PlanLimits, PlanRequest, tightened
-from planning.screen import UNREACHED, Screened, screen
+from planning.screen import UNREACHED, screen
 from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from sim.plant.description import servo_gains
@@ -104,16 +105,15 @@ def evaluators(request: PlanRequest, known: Known | None = None) -> dict[str, Ev
             keys = ("instrument", "ballbar") if request.telescoping else ("ballbar", "instrument")
             what = "has encoders" if request.telescoping else "measures its length"
             raise InputError(f"cell.{keys[0]} = {rod}: it {what}; name it as cell.{keys[1]}")
-    if chosen.instrument is None:
-        return {rod: evaluator_of(request, rod, cell, known) for rod, cell in cells.items()}
-    sigma = request.sensors.length_sigma_m or load_instrument(chosen.instrument).sigma_length
-    if sigma <= 0.0:
-        raise InputError(
-            f"cell.instrument = {chosen.instrument}: its file states no sigma_m of the length. "
-            "Give sensors.length_sigma_m"
-        )
-    sensors = request.sensors.model_copy(update={"length_sigma_m": sigma})
-    request = request.model_copy(update={"sensors": sensors})
+    if chosen.instrument is not None:
+        sigma = request.sensors.length_sigma_m or load_instrument(chosen.instrument).sigma_length
+        if sigma <= 0.0:
+            raise InputError(
+                f"cell.instrument = {chosen.instrument}: its file states no sigma_m of the length. "
+                "Give sensors.length_sigma_m"
+            )
+        sensors = request.sensors.model_copy(update={"length_sigma_m": sigma})
+        request = request.model_copy(update={"sensors": sensors})
     return {rod: evaluator_of(request, rod, cell, known) for rod, cell in cells.items()}
 
 
@@ -125,19 +125,31 @@ def evaluator_of(
     Raises InputError for an unknown servo, limits that the robot's structure does not have, or a
     robot whose file lacks what a path needs.
     """
-    _check_limits(request.limits, cell)
-    telescoping = cell.ballbar.stroke is not None
+    closed = has_closed_form(nominal_chain(cell.robot))
+    wrong, right = (OF_OTHER_ARMS, OF_CLOSED_FORM) if closed else (OF_CLOSED_FORM, OF_OTHER_ARMS)
+    if stated := [key for key in wrong if key in request.limits.model_fields_set]:
+        raise InputError(
+            f"limits.{stated[0]}: robot {cell.robot.name} is {'' if closed else 'not '}built as an "
+            "IRB 2400, parallel axes 2 and 3 and a spherical wrist; give "
+            f"limits.{', '.join(right)} instead"
+        )
     on = predictor(cell, request.sensors, request.timing, request.workspace, known=known)
+    forces = _force_model(request, rod, cell) if cell.ballbar.stroke is None else None
+    nominal = nominal_geometry(cell, np.zeros(3))  # the columns do not depend on the base pose
+    layout, x = planned_unknowns(on, nominal, ())
+    unloaded = UnloadedRobot(cell, nominal, on.corrections, x[layout.coefficients])
+    moves = unloaded.jacobian(on.grid, layout.shared)
+    columns = aligned_columns(unloaded.tool(on.grid), moves)
     return Evaluator(
         request=request,
         rod=rod,
         limits=tightened(request.limits),
         cell=cell,
         predictor=on,
-        force_model=None if telescoping else _force_model(request, rod, cell),
+        force_model=forces,
         stroke_model=stroke_model(cell, seed=request.seed),
         clearance=clearance(cell, request.cell),
-        gram=_gram(on),
+        gram=np.asarray(columns.T @ columns),
         coarse=coarse_predictor(on),
     )
 
@@ -163,18 +175,6 @@ def _force_model(request: PlanRequest, rod: str, cell: Cell) -> ForceModel:
     return force_model(cell, mass_model(cell), gains, seed=request.seed)
 
 
-def _check_limits(limits: PlanLimits, cell: Cell) -> None:
-    closed = has_closed_form(nominal_chain(cell.robot))
-    wrong, right = (OF_OTHER_ARMS, OF_CLOSED_FORM) if closed else (OF_CLOSED_FORM, OF_OTHER_ARMS)
-    stated = [key for key in wrong if key in limits.model_fields_set]
-    if stated:
-        built = f"{'' if closed else 'not '}built as an IRB 2400"
-        raise InputError(
-            f"limits.{stated[0]}: robot {cell.robot.name} is {built}, parallel axes 2 and 3 and a "
-            f"spherical wrist; give limits.{', '.join(right)} instead"
-        )
-
-
 def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOTS) -> float:
     """Objective of a genome (S,) [-]: natural logarithm of the TCP sigma in um.
 
@@ -182,16 +182,12 @@ def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOT
     with the violation.
     """
     space = space_of(evaluator.request)
-    off = float(_screened(evaluator, space, genome).excess[0])
-    if off > 0.0:
-        return SCREENED_OUT + off
+    cell, around = evaluator.cell, evaluator.request.cell
+    excess = float(screen(cell, around, space, evaluator.limits, genome[None]).excess[0])
+    if excess > 0.0:
+        return SCREENED_OUT + excess
     outcome = evaluate(evaluator, space.candidate(genome), robots=robots)
     return INFEASIBLE + outcome.excess if outcome.violations else float(np.log(outcome.tcp * 1e6))
-
-
-def _screened(evaluator: Evaluator, space: Space, genome: Array) -> Screened:
-    around = evaluator.request.cell
-    return screen(evaluator.cell, around, space, evaluator.limits, genome[None])
 
 
 def evaluate(evaluator: Evaluator, candidate: PathCandidate, *, robots: int = ROBOTS) -> Assessment:
@@ -218,18 +214,16 @@ def tensions_of(trajectory: Trajectory, forces: Forces | None) -> Array:
 
 def check(evaluator: Evaluator, candidate: PathCandidate) -> Assessment:
     """The arm configuration that violates least, without a prediction of its uncertainty."""
-    limits, best = evaluator.limits, None
-    for trajectory in trajectories(evaluator.cell, candidate, evaluator.request.timing):
-        violated, forces = violations(evaluator.cell, limits, trajectory), None
-        violated += leaning(evaluator.request.cell, trajectory)
+    cell, limits, around, best = evaluator.cell, evaluator.limits, evaluator.request.cell, None
+    for trajectory in trajectories(cell, candidate, evaluator.request.timing):
+        violated, forces = violations(cell, limits, trajectory, around), None
         # Forces and clearance count before the motion is feasible: a search would stop where it
         # becomes so.
         examined = sum(v.excess for v in violated) < NEARLY
         if examined:
             if evaluator.force_model is not None:
                 forces = predicted_forces(evaluator.force_model, trajectory)
-                violated += _too_strong(forces, limits.force_N, trajectory)
-            violated += _too_close(evaluator, trajectory)
+            violated += _violations_when_loaded(evaluator, trajectory, forces)
         violated.sort(key=lambda v: -v.excess)
         outcome = Assessment(candidate, tuple(violated), trajectory, forces, examined=examined)
         if not violated:
@@ -240,25 +234,23 @@ def check(evaluator: Evaluator, candidate: PathCandidate) -> Assessment:
     return best or Assessment(candidate, (unreached,), examined=False)
 
 
-def _too_strong(forces: Forces, limit: float, trajectory: Trajectory) -> list[Violation]:
-    if forces.largest <= limit:
-        return []
-    k = int(np.abs(forces.tension).max(axis=0).argmax())
-    text = f"{forces.largest:.0f} N in the rod at t = {trajectory.t[k]:.1f} s, limit {limit:g}"
-    return [Violation("force_N", float(np.log(forces.largest / limit)), text)]
-
-
-def _too_close(evaluator: Evaluator, trajectory: Trajectory) -> list[Violation]:
-    limit = evaluator.limits.clearance_m
+def _violations_when_loaded(
+    evaluator: Evaluator, trajectory: Trajectory, forces: Forces | None
+) -> Iterator[Violation]:
+    """Violations of the limits of force and clearance."""
+    limit, clear = evaluator.limits.force_N, evaluator.limits.clearance_m
+    if forces is not None and forces.largest > limit:
+        k = int(np.abs(forces.tension).max(axis=0).argmax())
+        text = f"{forces.largest:.0f} N in the rod at t = {trajectory.t[k]:.1f} s, limit {limit:g}"
+        yield Violation("force_N", float(np.log(forces.largest / limit)), text)
     motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
-    closest = nearest(evaluator.clearance, *motion, within=limit)
-    if closest.distance >= limit:
-        return []
-    text = (
-        f"{closest.pair} {closest.distance * 1e3:.0f} mm apart at t = {closest.t:.1f} s, "
-        f"limit {limit * 1e3:g}"
-    )
-    return [Violation("clearance_m", (limit - closest.distance) / UNIT_CLEARANCE, text)]
+    closest = evaluator.clearance.nearest(*motion, within=clear)
+    if closest.distance < clear:
+        text = (
+            f"{closest.pair} {closest.distance * 1e3:.0f} mm apart at t = {closest.t:.1f} s, "
+            f"limit {clear * 1e3:g}"
+        )
+        yield Violation("clearance_m", (clear - closest.distance) / UNIT_CLEARANCE, text)
 
 
 def tcp_rms(evaluator: Evaluator, prediction: PathPrediction) -> float:
@@ -267,28 +259,18 @@ def tcp_rms(evaluator: Evaluator, prediction: PathPrediction) -> float:
 
 
 def tcp_rms_before(evaluator: Evaluator) -> float:
-    """[m] likewise before any path: by the priors, and by what results say."""
+    """[m] the same before any path: by the priors, and by what results say."""
     on = evaluator.predictor
     layout, _ = planned_unknowns(on, nominal_geometry(on.cell, np.zeros(3)), ())
     return rms_of_normal(evaluator, before(on, layout), layout)
 
 
 def rms_of_normal(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
-    """[m] likewise of an information matrix (P, P)."""
-    moved, s = moving(layout), 1.0 / np.sqrt(np.diag(normal))
-    columns = np.zeros((s.size, moved.size))
-    columns[moved, np.arange(moved.size)] = s[moved]
+    """[m] root mean square of the predicted TCP sigma by an information matrix (P, P)."""
+    columns_of, s = moving(layout), 1.0 / np.sqrt(np.diag(normal))
+    columns = np.zeros((s.size, columns_of.size))
+    columns[columns_of, np.arange(columns_of.size)] = s[columns_of]
     factor = np.linalg.cholesky(normal * np.outer(s, s))
     # covariance = half' half
     half = solve_triangular(factor, columns, lower=True, check_finite=False)
     return float(np.sqrt(((half @ evaluator.gram) * half).sum() / len(evaluator.predictor.grid)))
-
-
-def _gram(on: Predictor) -> Array:
-    """(p, p) products of the unloaded robot's columns, which do not depend on the base pose."""
-    nominal = nominal_geometry(on.cell, np.zeros(3))
-    layout, x = planned_unknowns(on, nominal, ())
-    unloaded = UnloadedRobot(on.cell, nominal, on.corrections, x[layout.coefficients])
-    moves = unloaded.jacobian(on.grid, layout.shared)
-    columns = aligned_columns(unloaded.tool(on.grid), moves)
-    return np.asarray(columns.T @ columns)

@@ -21,7 +21,8 @@ from planning.stations import Aim, PoseSetup, Station, station_frames
 STEPS = 25  # Gauss-Newton steps towards a distance or a socket
 LONGEST_STEP = 0.3  # [rad] of an axis in one of them
 DAMPING = 1e-4  # [m^2] added to the squared lever: no axis runs away near a singular pose
-CLOSED = 1e-7  # [m] rest of the distance or position at which a pose counts as closed
+FADING = 0.05  # [m] of the error below which the damping fades
+CLOSED = 1e-7  # [m] error of the distance or position at which a pose counts as closed
 BATCH = 2000  # poses drawn at a time
 MOST_BATCHES = 60  # after which too few feasible poses are an error
 FIRST_BATCHES = 8  # without a feasible pose, after which none is expected
@@ -36,6 +37,7 @@ class Candidates:
 
     @property
     def size(self) -> int:
+        """Number K of the poses."""
         return len(self.axes)
 
     def part(self, selected: NDArray[np.intp] | NDArray[np.bool_]) -> Candidates:
@@ -53,50 +55,48 @@ def joined(parts: list[Candidates]) -> Candidates:
 
 @dataclass(eq=False)
 class Screen:
-    """Counts what every limit excluded, for the sentence of a request that allows too little."""
+    """Counts of what every limit excluded, for a request that allows too little."""
 
     drawn: int = 0
     excluded: dict[str, int] = field(default_factory=dict)
-    nearest: float = np.inf  # [m] smallest error of a drawn distance, or from a socket
+    nearest: float = np.inf  # [m] smallest error of a drawn distance, or distance from a socket
 
-    def keep(self, limit: str, good: NDArray[np.bool_]) -> None:
+    def count(self, limit: str, good: NDArray[np.bool_]) -> None:
         """Add the poses that a limit excluded."""
         self.excluded[limit] = self.excluded.get(limit, 0) + int((~good).sum())
 
     @property
     def sentence(self) -> str:
+        """What every limit excluded, as part of a sentence."""
         worst = max(self.excluded, key=lambda limit: self.excluded[limit])
-        each = ", ".join(f"{name} {count}" for name, count in self.excluded.items())
+        counts = ", ".join(f"{name} {count}" for name, count in self.excluded.items())
         nearest = ""
         if worst == "reach" and np.isfinite(self.nearest) and self.nearest > CLOSED:
             nearest = f"; the target comes no closer than {self.nearest * 1e3:.3g} mm"
-        return f"of {self.drawn} drawn, excluded: {each}; the most by {worst}{nearest}"
+        return f"of {self.drawn} drawn, excluded: {counts}; the most by {worst}{nearest}"
 
 
 def random_candidates(setup: PoseSetup, count: int, rng: np.random.Generator) -> Candidates:
     """Feasible poses, as many for each station. Raises InputError where there are too few."""
-    share = -(-count // len(setup.stations))
-    return joined([_of_station(setup, k, share, rng) for k in range(len(setup.stations))])
-
-
-def _of_station(setup: PoseSetup, index: int, count: int, rng: np.random.Generator) -> Candidates:
-    screen, parts, have = Screen(), list[Array](), 0
-    for batch in range(1, MOST_BATCHES + 1):
-        drawn = rng.uniform(setup.lower, setup.upper, (BATCH, setup.robot.joints))
-        axes = feasible(setup, index, drawn, rng, screen)[0]
-        parts.append(axes)
-        have += len(axes)
-        if have >= count or (batch >= FIRST_BATCHES and not have):
-            break
-    if have < min(count, setup.request.poses):
-        station = setup.stations[index]
-        raise InputError(
-            f"{setup.request.name}: only {have} poses of {setup.robot.name} can be measured from "
-            f"{station.seat} at {station.target}, fewer than the {setup.request.poses} of the plan "
-            f"({screen.sentence}). Move the seat, or widen that limit."
-        )
-    axes = np.concatenate(parts)[:count]
-    return Candidates(axes, np.full(len(axes), index, dtype=np.intp))
+    share, request = -(-count // len(setup.stations)), setup.request
+    parts = []
+    for index, station in enumerate(setup.stations):
+        screen, batches, total = Screen(), list[Array](), 0
+        for batch in range(1, MOST_BATCHES + 1):
+            drawn = rng.uniform(setup.lower, setup.upper, (BATCH, setup.robot.joints))
+            batches.append(feasible(setup, index, drawn, rng, screen)[0])
+            total += len(batches[-1])
+            if total >= share or (batch >= FIRST_BATCHES and not total):
+                break
+        if total < min(share, request.poses):
+            raise InputError(
+                f"{request.name}: only {total} poses of {setup.robot.name} can be measured from "
+                f"{station.seat} at {station.target}, fewer than the {request.poses} of the plan "
+                f"({screen.sentence}). Move the seat, or widen that limit."
+            )
+        axes = np.concatenate(batches)[:share]
+        parts.append(Candidates(axes, np.full(len(axes), index, dtype=np.intp)))
+    return joined(parts)
 
 
 def feasible(
@@ -107,25 +107,23 @@ def feasible(
     axes : (N, J) [rad] axis angles.
     Returns axis angles (K, J) [rad], and from which of the N each comes (K,).
     """
-    station = setup.stations[index]
+    station, limit = setup.stations[index], setup.request.limits.clearance_m
     screen.drawn += len(axes)
-    moved, distance = _closed(setup, station, axes, rng)
-    frames = station_frames(setup, station, moved)
+    axes, distance = _closed(setup, station, axes, rng)
+    frames = station_frames(setup, station, axes)
     if np.isfinite(distance).any():
         length = np.linalg.norm(frames.tip - station.origin[:, None], axis=0)
         screen.nearest = min(screen.nearest, float(np.abs(length - distance).min()))
-    masks = _masks(setup, station, moved, frames, distance)
     good = np.ones(len(axes), dtype=bool)
-    for limit, mask in masks.items():
-        screen.keep(limit, mask | ~good)
+    for name, mask in _masks(setup, station, axes, frames, distance).items():
+        screen.count(name, mask | ~good)
         good &= mask
-    rest = np.flatnonzero(good)
-    frames = station_frames(setup, station, moved[rest])
+    screened = np.flatnonzero(good)
+    frames = station_frames(setup, station, axes[screened])
     line = setup.instrument.measured != "socket"
-    apart = smallest_distance(setup, station, frames, line=line)
-    clear = apart >= setup.request.limits.clearance_m
-    screen.keep("clearance_m", clear)
-    return moved[rest[clear]], rest[clear]
+    clear = smallest_distance(setup, station, frames, line=line) >= limit
+    screen.count("clearance_m", clear)
+    return axes[screened[clear]], screened[clear]
 
 
 def _masks(
@@ -177,33 +175,24 @@ def _closed(
     open_ = np.arange(n)
     for _ in range(STEPS):
         frames = station_frames(setup, station, axes[open_])
-        error, rows = _closing(station, frames, distance[open_], measured == "socket")
+        rod = frames.tip - station.origin[:, None]
+        motion = joint_screws(frames)[:, :3]  # the last frame is that of the target
+        motion = motion[: frames.x_link.shape[0]]
+        if measured == "socket":
+            error, levers = -rod.T, motion.transpose(2, 1, 0)  # (N, E), (N, E, J)
+        else:
+            length = np.maximum(np.linalg.norm(rod, axis=0), np.finfo(float).tiny)
+            error = (distance[open_] - length)[:, None]
+            levers = np.einsum("in,jin->nj", rod / length, motion)[:, None]
         still = np.abs(error).max(axis=1) > 0.1 * CLOSED
-        open_, error, rows = open_[still], error[still], rows[still]
+        open_, error, levers = open_[still], error[still], levers[still]
         if not open_.size:
             break
-        levers = rows @ setup.robot.controller_to_joint.T
-        square = levers @ levers.transpose(0, 2, 1) + DAMPING * _far(error) * np.eye(error.shape[1])
+        levers = levers @ setup.robot.controller_to_joint.T
+        # the damping fades as the pose closes
+        damping = DAMPING * np.minimum(1.0, np.linalg.norm(error, axis=1) / FADING)[:, None, None]
+        square = levers @ levers.transpose(0, 2, 1) + damping * np.eye(error.shape[1])
         step = np.einsum("nej,ne->nj", levers, np.linalg.solve(square, error[:, :, None])[:, :, 0])
         step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
         axes[open_] = np.clip(axes[open_] + step, setup.lower, setup.upper)
     return axes, distance
-
-
-def _closing(
-    station: Station, frames: Frames, distance: Array, socket: bool
-) -> tuple[Array, Array]:
-    """What is left to the distance (N, 1) [m] or the socket (N, 3), and its levers (N, E, J)."""
-    rod = frames.tip - station.origin[:, None]
-    motion = joint_screws(frames)[:, :3]  # the last frame is that of the target
-    motion = motion[: frames.x_link.shape[0]]
-    if socket:
-        return -rod.T, motion.transpose(2, 1, 0)
-    length = np.maximum(np.linalg.norm(rod, axis=0), np.finfo(float).tiny)
-    along = np.einsum("in,jin->nj", rod / length, motion)
-    return (distance - length)[:, None], along[:, None]
-
-
-def _far(error: Array) -> Array:
-    """(N, 1, 1) share of the damping, which fades as the pose closes."""
-    return np.asarray(np.minimum(1.0, np.linalg.norm(error, axis=1) / 0.05)[:, None, None])

@@ -12,9 +12,8 @@ from cell.errors import InputError
 from planning.candidate import Space, folded, space_of
 from planning.coarse import BATCH
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, objective
-from planning.evolution import evolution
 from planning.screen import screen, tally
-from planning.search import RatedCandidate, free_numbers
+from planning.search import RatedCandidate, evolution, free_numbers
 
 SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
@@ -45,9 +44,12 @@ def first_path(
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
         start = genomes[int(screened.excess.argmin())]
         if evaluator.force_model is None:
-            start, least = _best(evaluator, genomes[screened.excess <= 0.0][:TRIED], start)
-            if least < INFEASIBLE:
-                return RatedCandidate(rod, start, least), tried
+            passed = genomes[screened.excess <= 0.0][:TRIED]
+            values = [objective(evaluator, genome) for genome in passed]
+            if values:
+                start = passed[int(np.argmin(values))]
+                if min(values) < INFEASIBLE:
+                    return RatedCandidate(rod, start, min(values)), tried
         genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
         if least < INFEASIBLE:
             return RatedCandidate(rod, genome, least), tried
@@ -61,15 +63,6 @@ def first_path(
         "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that "
         "stands in the way."
     )
-
-
-def _best(evaluator: Evaluator, genomes: Array, otherwise: Array) -> tuple[Array, float]:
-    """The best of genomes (M, S) [-] and its objective; `otherwise` and infinity of none."""
-    values = [objective(evaluator, genome) for genome in genomes]
-    if not values:
-        return otherwise, np.inf
-    k = int(np.argmin(values))
-    return genomes[k], values[k]
 
 
 def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tuple[Array, float]:

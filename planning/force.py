@@ -48,7 +48,7 @@ class Forces:
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """What does not depend on the trajectory."""
+    """The part of a prediction that does not depend on the trajectory."""
 
     cell: Cell
     masses: MassModel
@@ -71,12 +71,12 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     gap = _gaps(model, geometry, robot, bar, wrench, first=trajectory.first)
     per_newton = carried.gear_per_newton
     weight = joint_torques(robot, carried_bodies(cell), q, gravity=cell.robot.gravity)
-    gear, servo = (
-        1.0 / cell.robot.required("gears").stiffness[:, None],
-        1.0 / model.gains.kp[:, None],
-    )
+    gears = cell.robot.required("gears")
+    gear, servo = 1.0 / gears.stiffness[:, None], 1.0 / model.gains.kp[:, None]
     compliance = 1.0 / cell.ballbar.axial_stiffness + (per_newton**2 * (gear + servo)).sum(axis=0)
-    friction = _friction(cell, (trajectory.speed @ cell.robot.joint_to_gear).T)
+    speed = (trajectory.speed @ cell.robot.joint_to_gear).T
+    coulomb = gears.coulomb[:, None] * np.tanh(speed / CREEP)
+    friction = coulomb + gears.viscous[:, None] * speed
     uncompensated = carried.gear - cell.robot.gear_to_joint @ weight + friction
     sag = (per_newton * (carried.gear * gear + uncompensated * servo)).sum(axis=0)
     return Forces(carried, np.asarray((gap - sag) / compliance))
@@ -99,18 +99,11 @@ def _gaps(
     levers = []
     for parameter in map(parameter_named, THESIS_3_1):
         away = 1.0 if parameter.side == "robot" else -1.0  # the tool moves out, or the rod's end
-        moved = parameter_screw(geometry, robot, bar, parameter)
-        levers.append(away * (wrench * moved).sum(axis=0))
+        motion = parameter_screw(geometry, robot, bar, parameter)
+        levers.append(away * (wrench * motion).sum(axis=0))
     gap = model.errors.T @ np.stack(levers)
     rod = bar.z[2]
     return np.asarray(gap - gap[:, first] * (rod * rod[:, first]).sum(axis=0))
-
-
-def _friction(cell: Cell, speed: Array) -> Array:
-    """(6, N) [N m] Coulomb and viscous friction of the gears at speeds (6, N) [rad/s]."""
-    gears = cell.robot.required("gears")
-    coulomb = gears.coulomb[:, None] * np.tanh(speed / CREEP)
-    return np.asarray(coulomb + gears.viscous[:, None] * speed)
 
 
 def load_reversals(forces: Forces, width: Array) -> Array:
@@ -122,8 +115,8 @@ def load_reversals(forces: Forces, width: Array) -> Array:
     # (DRAWS, 6, N)
     load = forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton
     side = np.where(load > width[:, None], 1, np.where(load < -width[:, None], -1, 0))
-    out = np.zeros(side.shape[:2])
+    reversals = np.zeros(side.shape[:2])
     for k, gear in np.ndindex(side.shape[:2]):
         flanks = side[k, gear][side[k, gear] != 0]
-        out[k, gear] = np.count_nonzero(np.diff(flanks))
-    return out
+        reversals[k, gear] = np.count_nonzero(np.diff(flanks))
+    return reversals

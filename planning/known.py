@@ -1,4 +1,4 @@
-"""What results say of a machine before the next path: information that a prediction starts from.
+"""Information of results about a machine, from which the prediction of the next path starts.
 
 The information of a result is the inverse of its stated covariance. It holds the priors of the
 identification once; so does that of every other result of the machine, and they count once:
@@ -29,7 +29,7 @@ EXACT_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Stated:
-    """What one result says of the machine's unknowns."""
+    """Covariance of the machine's unknowns that one result states."""
 
     names: tuple[str, ...]
     covariance: Array  # (U, U) [SI]
@@ -37,7 +37,7 @@ class Stated:
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What results of one machine say of its unknowns; passes between processes."""
+    """Information of the results of one machine; passes between processes."""
 
     results: tuple[Stated, ...]
     corrections: dict[str, tuple[str, ...]]  # names of the coefficients of each
@@ -58,22 +58,22 @@ class Known:
         table, first = parameter_table(cell.robot), layout.shared.size
         identified = layout.sigma.copy()  # priors that the results hold already
         identified[:first] = priors(cell, table, layout.shared)
-        out = np.diag(layout.sigma**-2.0)
+        normal = np.diag(layout.sigma**-2.0)
         named: set[str] = set()
         for k, result in enumerate(self.results):
-            own = [n for n in result.names if n in layout.names]
-            at = np.array([layout.names.index(name) for name in own])
-            stated = [result.names.index(name) for name in own]
+            shared = [n for n in result.names if n in layout.names]
+            rows = np.array([layout.names.index(name) for name in shared])
+            stated = [result.names.index(name) for name in shared]
             information = inverse(result.covariance[np.ix_(stated, stated)])
-            added = information - np.diag(identified[at] ** -2.0)
+            added = information - np.diag(identified[rows] ** -2.0)
             units = np.sqrt(np.diag(information))
-            out[np.ix_(at, at)] += added if k == 0 else _positive(added, units)
-            named |= set(own)
+            normal[np.ix_(rows, rows)] += added if k == 0 else _positive(added, units)
+            named |= set(shared)
         for i in range(first):
             on_robot = table.parameters[layout.shared[i]].side == "robot"
             if on_robot and layout.names[i] not in named:
-                out[i, i] = (EXACT_SHARE * layout.sigma[i]) ** -2.0
-        return out
+                normal[i, i] = (EXACT_SHARE * layout.sigma[i]) ** -2.0
+        return normal
 
 
 def _positive(information: Array, units: Array) -> Array:
@@ -83,7 +83,7 @@ def _positive(information: Array, units: Array) -> Array:
 
 
 def known_of(machines: Sequence[Machine]) -> Known:
-    """What some results of one robot, ball-bar and plate say of it."""
+    """The information of some results of one robot, ball-bar and plate."""
     corrections = [c for m in machines for c in m.robot.corrections]
     return Known(
         results=tuple(Stated(m.names, m.covariance) for m in machines),

@@ -22,7 +22,8 @@ from planning.request import Cup, PlanCell, PlanLimits
 from planning.trajectory import Trajectory
 
 UNIT_ANGLE = np.radians(30.0)  # [rad] a gross violation of an angle; only guides a search
-UNIT_SINGULAR = 0.15  # [-] likewise of a singular value, of which 0.05 is some 10 deg
+UNIT_SINGULAR = 0.15  # [-] a gross violation of a singular value, of which 0.05 is some 10 deg
+UNIT_LENGTH = 0.3  # [m] a gross violation of the distance from axis 1
 BAR_SINGULAR = (("b2", 1), ("b4", 3))
 
 
@@ -43,37 +44,51 @@ class LimitExcess:
     excess: Array  # (N,) zero or less where the limit is kept; 1 is gross
     text: Callable[[int], str]  # what was reached at a sample, and the limit
 
-    def worst(self, t: Array) -> Violation:
-        """The largest excess of one trajectory at times t (N,) [s]."""
-        k = int(self.excess.argmax())
-        return Violation(self.limit, float(self.excess[k]), f"{self.text(k)} (t = {t[k]:.1f} s)")
 
-
-def violations(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
+def violations(
+    cell: Cell, limits: PlanLimits, trajectory: Trajectory, around: PlanCell | None = None
+) -> list[Violation]:
     """All limits of motion that a trajectory violates, worst first.
 
-    planning.evaluation adds those of force, clearance and cups.
+    around : states the cups of a telescoping bar. planning.evaluation adds force and clearance.
     """
-    every = [m.worst(trajectory.t) for m in measures(cell, limits, trajectory)]
-    every += _cables(limits, trajectory) if cell.ballbar.stroke is None else []
-    return sorted((v for v in every if v.excess > 0.0), key=lambda v: -v.excess)
+    worst = []
+    for measure in measures(cell, limits, trajectory, around):
+        k = int(measure.excess.argmax())
+        text = f"{measure.text(k)} (t = {trajectory.t[k]:.1f} s)"
+        worst.append(Violation(measure.limit, float(measure.excess[k]), text))
+    if cell.ballbar.stroke is None:
+        allowed = 2.0 * np.pi * limits.cable_turns
+        swept = np.ptp(trajectory.b, axis=0)
+        worst += [
+            Violation(
+                "cable_turns",
+                float(swept[j] - allowed) / UNIT_ANGLE,
+                f"b{j + 1} sweeps {np.degrees(swept[j]):.0f} deg, "
+                f"its cable allows {np.degrees(allowed):.0f}",
+            )
+            for j in range(BAR_ROWS)
+        ]
+    return sorted((v for v in worst if v.excess > 0.0), key=lambda v: -v.excess)
 
 
-def measures(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
-    """Every limit of motion sample by sample, but the range of the cables, which is of a whole
-    run.
-    """
-    out = [*_axis_ranges(cell, limits, trajectory), *_axis_rates(cell, limits, trajectory)]
+def measures(
+    cell: Cell, limits: PlanLimits, trajectory: Trajectory, around: PlanCell | None = None
+) -> list[LimitExcess]:
+    """Every limit of motion sample by sample, but the range of the cables over a whole run."""
+    excesses = [*_axis_ranges(cell, limits, trajectory), *_rates(cell, limits, trajectory)]
     if has_closed_form(trajectory.nominal.robot):
         wrist = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")
-        out += [*_singular_angle(*wrist, trajectory), *_reach(limits, trajectory)]
+        excesses += [*_singular_angle(*wrist, trajectory), *_reach(limits, trajectory)]
     else:
-        out += _singular_value(limits, trajectory)
+        excesses += _singular_value(limits, trajectory)
     if cell.ballbar.stroke is None:
         for name, j in BAR_SINGULAR:
             angle = (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
-            out += _singular_angle(*angle, trajectory)
-    return out
+            excesses += _singular_angle(*angle, trajectory)
+    if around is not None:
+        excesses += [_leaning(*lean) for lean in leans(around, trajectory.nominal, trajectory.b)]
+    return excesses
 
 
 def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
@@ -95,16 +110,36 @@ def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list
     return [of_axis(axis) for axis in range(cell.robot.joints)]
 
 
-def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
+def _rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
+    """Speeds and accelerations of the axes, and the speed of the tool."""
     to_axis = cell.robot.joint_to_axis
     allowed = limits.axis_speed_share * cell.robot.axis_speed_max
     fastest = np.full(cell.robot.joints, limits.axis_acceleration_deg_per_s2)  # [deg/s^2]
-    speed = np.abs(trajectory.speed @ to_axis) / allowed
-    acceleration = np.abs(trajectory.acceleration @ to_axis) / np.radians(fastest)
     limit = limits.tcp_speed_m_per_s
+
+    def of_axes(key: str, ratio: Array, unit: str, top: Array) -> LimitExcess:
+        """Excess of rates (N, J) over their limits; ratio : to those, which are top (J,) [unit]."""
+
+        def text(k: int) -> str:
+            axis = int(ratio[k].argmax())
+            rate = ratio[k, axis] * top[axis]
+            return f"axis {axis + 1} at {rate:.0f} {unit}, limit {top[axis]:.0f}"
+
+        return LimitExcess(key, ratio.max(axis=1) - 1.0, text)
+
     return [
-        _rate("axis_speed_share", speed, "deg/s", np.degrees(allowed)),
-        _rate("axis_acceleration_deg_per_s2", acceleration, "deg/s^2", fastest),
+        of_axes(
+            "axis_speed_share",
+            np.abs(trajectory.speed @ to_axis) / allowed,
+            "deg/s",
+            np.degrees(allowed),
+        ),
+        of_axes(
+            "axis_acceleration_deg_per_s2",
+            np.abs(trajectory.acceleration @ to_axis) / np.radians(fastest),
+            "deg/s^2",
+            fastest,
+        ),
         LimitExcess(
             "tcp_speed_m_per_s",
             trajectory.tip_speed / limit - 1.0,
@@ -113,21 +148,11 @@ def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[
     ]
 
 
-def _rate(key: str, ratio: Array, unit: str, top: Array) -> LimitExcess:
-    """Of rates over their limits, `ratio` (N, J) [-]; top : (J,) [unit] the limits."""
-
-    def text(k: int) -> str:
-        axis = int(ratio[k].argmax())
-        return f"axis {axis + 1} at {ratio[k, axis] * top[axis]:.0f} {unit}, limit {top[axis]:.0f}"
-
-    return LimitExcess(key, ratio.max(axis=1) - 1.0, text)
-
-
 def _singular_angle(
     name: str, angle: Array, margin: float, key: str, trajectory: Trajectory
 ) -> list[LimitExcess]:
-    """Of a margin [deg] of an angle (N,) [rad] that is singular at half turns."""
-    away, side = from_singular(angle), np.sin(angle)
+    """Excess over a margin [deg] of an angle (N,) [rad] that is singular at half turns."""
+    away = from_singular(angle)
     return [
         LimitExcess(
             key,
@@ -136,22 +161,21 @@ def _singular_angle(
                 f"{name} {np.degrees(away[k]):.0f} deg from its singularity, limit {margin:g}"
             ),
         ),
-        _crossed(key, side, trajectory, f"{name} passes its singularity"),
+        _crossed(key, np.sin(angle), trajectory, f"{name} passes its singularity"),
     ]
 
 
 def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> LimitExcess:
-    """Of a quantity (N,) that must keep the sign with which each run begins."""
-    return LimitExcess(
-        key, np.where(side * side[trajectory.first] < 0.0, 1.0, -1.0), lambda _: text
-    )
+    """Excess of a quantity (N,) that must keep the sign with which each run begins."""
+    crossed = side * side[trajectory.first] < 0.0
+    return LimitExcess(key, np.where(crossed, 1.0, -1.0), lambda _: text)
 
 
 def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
-    """Of an arm of any structure, whose singular postures have no angle of their own."""
+    """Excess of an arm of any structure, whose singular postures have no angle of their own."""
     chain, key, limit = trajectory.nominal.robot, "singular_value", limits.singular_value
     value = dexterity(chain, trajectory.q)
-    out = [
+    excesses = [
         LimitExcess(
             key,
             (limit - value) / UNIT_SINGULAR,
@@ -160,30 +184,19 @@ def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExc
     ]
     if chain.rows == 6:
         side = np.linalg.det(scaled_jacobian(chain, forward(chain, trajectory.q)))
-        out.append(_crossed(key, side, trajectory, "the arm passes a singular posture"))
-    return out
+        excesses.append(_crossed(key, side, trajectory, "the arm passes a singular posture"))
+    return excesses
 
 
-def leaning(around: PlanCell, trajectory: Trajectory) -> list[Violation]:
-    """Violations of the cones of a telescoping bar's two cups."""
-    every = [m.worst(trajectory.t) for m in cones(around, trajectory)]
-    return [v for v in every if v.excess > 0.0]
-
-
-def cones(around: PlanCell, trajectory: Trajectory) -> list[LimitExcess]:
-    """The cones of a telescoping bar's two cups, sample by sample."""
-
-    def of_cup(key: str, cup: Cup, angle: Array) -> LimitExcess:
-        return LimitExcess(
-            f"{key}.cone_deg",
-            (angle - np.radians(cup.cone_deg)) / UNIT_ANGLE,
-            lambda k: (
-                f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}, "
-                f"cone {cup.cone_deg:g}"
-            ),
-        )
-
-    return [of_cup(*lean) for lean in leans(around, trajectory.nominal, trajectory.b)]
+def _leaning(key: str, cup: Cup, angle: Array) -> LimitExcess:
+    """Excess of the rod's angle (N,) [rad] over the cone of a telescoping bar's cup."""
+    return LimitExcess(
+        f"{key}.cone_deg",
+        (angle - np.radians(cup.cone_deg)) / UNIT_ANGLE,
+        lambda k: (
+            f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}, cone {cup.cone_deg:g}"
+        ),
+    )
 
 
 def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup, Array]]:
@@ -193,12 +206,12 @@ def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup
     frames = bar_frames(geometry, b)
     rod = frames.z[2]
     seen = -np.einsum("ijn,in->jn", frames.rotation(), rod)  # from the target, in its frame
-    out = []
+    angles = []
     for key, cup, direction in (("seat", around.seat, rod), ("target", around.target, seen)):
         if cup is not None:
             axis = np.array(cup.axis) / np.linalg.norm(cup.axis)
-            out.append((key, cup, np.arccos(np.clip(axis @ direction, -1.0, 1.0))))
-    return out
+            angles.append((key, cup, np.arccos(np.clip(axis @ direction, -1.0, 1.0))))
+    return angles
 
 
 def from_singular(angle: Array) -> Array:
@@ -217,7 +230,7 @@ def _reach(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
         ),
         LimitExcess(
             "shoulder_margin_m",
-            (length - shoulder) / 0.3,
+            (length - shoulder) / UNIT_LENGTH,
             lambda k: f"wrist {shoulder[k]:.2f} m from axis 1, limit {length:g}",
         ),
     ]
@@ -236,17 +249,3 @@ def arm_margins(geometry: Geometry, q: Array) -> tuple[Array, Array]:
     cosine = (upper * fore).sum(axis=0) / lengths
     bend = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
     return np.asarray(bend), np.hypot(wrist[0], wrist[1])
-
-
-def _cables(limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
-    allowed = 2.0 * np.pi * limits.cable_turns
-    swept = np.ptp(trajectory.b, axis=0)
-    return [
-        Violation(
-            "cable_turns",
-            float(swept[j] - allowed) / UNIT_ANGLE,
-            f"b{j + 1} sweeps {np.degrees(swept[j]):.0f} deg, "
-            f"its cable allows {np.degrees(allowed):.0f}",
-        )
-        for j in range(BAR_ROWS)
-    ]

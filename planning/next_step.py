@@ -13,20 +13,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.descriptions import Cell
 from cell.statistics import rms
 from ident.complete_fit import DEVIATION, WANDERING, needs_loads, wanders
 from ident.corrections import correction_of_result
-from ident.corrections.base import Correction
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.estimator.samples import DWELL_KEPT
 from ident.estimator.unknowns import TENSION_PRIOR
 from ident.loads.gear_loads import mass_model
-from ident.result import CorrectionEstimate, RobotEstimate
+from ident.result import RobotEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import TcpUncertainty, tcp_uncertainty
 from planning.candidate import PathCandidate
@@ -82,6 +79,11 @@ def recorded_sensors(
     )
 
 
+def _size(values: Array) -> float:
+    """Root mean square, kept from zero, which no prior may be."""
+    return max(1e-12, rms(values))
+
+
 def predicted(
     robot: RobotEstimate, excess: ExcessNoise, recordings: Sequence[RecordedPassage]
 ) -> TcpUncertainty:
@@ -100,49 +102,31 @@ def next_steps(
     paths : by name; of those that the robot can run at the ball-bar's present place the best one
         is among the steps.
     """
-    steps = [
-        NextStep(key, value, _together(_predictions(robot, excess, changed)))
-        for key, value, changed in _changes(robot.cell, recordings)
-    ]
     present = _predictions(robot, excess, recordings)
+    fitted = {joint for r in recordings for joint in r.sensors.encoders}
+    missing = " ".join(f"b{joint}" for joint in EVERY_ENCODER if joint not in fitted)
+    changes: list[tuple[str, str, dict[str, object]]] = []
+    if missing:
+        changes.append((ENCODERS, missing, {"encoders": EVERY_ENCODER}))
+    if robot.cell.ballbar.length_tolerance > ROD_SIGMA:
+        changes.append(("rod_sigma", f"{ROD_SIGMA * 1e6:g} um", {"rod_sigma_m": ROD_SIGMA}))
+    steps = []
+    for key, value, sensors in changes:
+        changed = [replace(r, sensors=r.sensors.model_copy(update=sensors)) for r in recordings]
+        steps.append(NextStep(key, value, _together(_predictions(robot, excess, changed))))
     steps.append(NextStep(REPEAT, "", _together([*present, *present])))
     others = [
         NextStep(PATH, name, _together([*present, *_predictions(robot, excess, [other])]))
-        for name, other in _others(robot, recordings[0], paths)
+        for name, other in _other_paths(robot, recordings[0], paths)
     ]
-    if others:
-        steps.append(min(others, key=_size_of))
-    return sorted(steps, key=_size_of)
+
+    def size(step: NextStep) -> float:
+        return float(step.predicted.sigma.mean())
+
+    return sorted([*steps, *([min(others, key=size)] if others else [])], key=size)
 
 
-def _size_of(step: NextStep) -> float:
-    return float(step.predicted.sigma.mean())
-
-
-def _size(values: Array) -> float:
-    """Root mean square, kept from zero, which no prior may be."""
-    return max(1e-12, rms(values))
-
-
-def _changes(
-    cell: Cell, recordings: Sequence[RecordedPassage]
-) -> Iterator[tuple[str, str, list[RecordedPassage]]]:
-    """Key, value and the recordings with each change of the sensors."""
-    used = {joint for r in recordings for joint in r.sensors.encoders}
-    missing = [joint for joint in EVERY_ENCODER if joint not in used]
-    if missing:
-        value = " ".join(f"b{joint}" for joint in missing)
-        yield ENCODERS, value, [_with(r, encoders=EVERY_ENCODER) for r in recordings]
-    if cell.ballbar.length_tolerance > ROD_SIGMA:
-        changed = [_with(r, rod_sigma_m=ROD_SIGMA) for r in recordings]
-        yield "rod_sigma", f"{ROD_SIGMA * 1e6:g} um", changed
-
-
-def _with(recorded: RecordedPassage, **sensors: object) -> RecordedPassage:
-    return replace(recorded, sensors=recorded.sensors.model_copy(update=sensors))
-
-
-def _others(
+def _other_paths(
     robot: RobotEstimate, recorded: RecordedPassage, paths: Mapping[str, Lissajous]
 ) -> Iterator[tuple[str, RecordedPassage]]:
     """Recordings of other paths from where the ball-bar stands, of those that can be run."""
@@ -158,48 +142,36 @@ def _others(
 def _predictions(
     robot: RobotEstimate, excess: ExcessNoise, recordings: Sequence[RecordedPassage]
 ) -> list[PathPrediction]:
-    corrections = tuple(_corrections(robot))
-    return [
-        predict(_predictor(robot.cell, corrections, excess, r), r.passage, r.tension)
-        for r in recordings
-    ]
-
-
-def _predictor(
-    cell: Cell, corrections: tuple[Correction, ...], excess: ExcessNoise, recorded: RecordedPassage
-) -> Predictor:
-    knots = DEVIATION.get(recorded.force_source, TENSION_PRIOR)
-    if recorded.force_source == "none":  # as likely as it turned out, as in the fit
-        knots = _size(recorded.tension)
-    return Predictor(
-        cell=cell,
-        masses=mass_model(cell) if needs_loads(corrections) else None,
-        sensors=recorded.sensors,
-        timing=_timing(recorded),
-        corrections=corrections,
-        grid=accuracy_grid(cell.robot)[:POSES],
-        excess=excess,
-        exact_scale=False,
-        tension_sigma=WANDERING if wanders(corrections) else knots,
+    """The prediction of each recording, with the corrections that belong to the machine."""
+    cell = robot.cell
+    corrections = tuple(
+        correction_of_result(c.name, [k.name for k in c.coefficients], cell, robot.encoders)
+        for c in robot.corrections
+        if not any("@" in k.name for k in c.coefficients)  # belongs to one recording
     )
-
-
-def _timing(recorded: RecordedPassage) -> PlanTiming:
-    """Of which the samples lie between the ends of the passage."""
-    first, last = float(recorded.passage.t[0]), float(recorded.passage.t[-1])
-    return PlanTiming.model_construct(duration_s=first + last, dwell_s=first + DWELL_KEPT, stops=0)
-
-
-def _corrections(robot: RobotEstimate) -> Iterator[Correction]:
-    """Those that belong to the machine, and not to one recording."""
-    for estimate in robot.corrections:
-        if not _of_recordings(estimate):
-            names = [c.name for c in estimate.coefficients]
-            yield correction_of_result(estimate.name, names, robot.cell, robot.encoders)
-
-
-def _of_recordings(correction: CorrectionEstimate) -> bool:
-    return any("@" in c.name for c in correction.coefficients)
+    predictions = []
+    for recorded in recordings:
+        knots = DEVIATION.get(recorded.force_source, TENSION_PRIOR)
+        if recorded.force_source == "none":  # as likely as it turned out, as in the fit
+            knots = _size(recorded.tension)
+        # the samples lie between the ends of the passage
+        first, last = float(recorded.passage.t[0]), float(recorded.passage.t[-1])
+        timing = PlanTiming.model_construct(
+            duration_s=first + last, dwell_s=first + DWELL_KEPT, stops=0
+        )
+        on = Predictor(
+            cell=cell,
+            masses=mass_model(cell) if needs_loads(corrections) else None,
+            sensors=recorded.sensors,
+            timing=timing,
+            corrections=corrections,
+            grid=accuracy_grid(cell.robot)[:POSES],
+            excess=excess,
+            exact_scale=False,
+            tension_sigma=WANDERING if wanders(corrections) else knots,
+        )
+        predictions.append(predict(on, recorded.passage, recorded.tension))
+    return predictions
 
 
 def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
@@ -209,21 +181,15 @@ def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
     prior = np.diag(first.layout.sigma[machine] ** -2.0)
     normal = prior.copy()
     for prediction in predictions:
-        normal += _of_machine(prediction.normal, machine) - prior
-    moved = moving(first.layout)
+        whole = prediction.normal
+        recording = np.setdiff1d(np.arange(len(whole)), machine)  # eliminated as unknown
+        mixed = whole[np.ix_(machine, recording)]
+        eliminated = mixed @ np.linalg.solve(whole[np.ix_(recording, recording)], mixed.T)
+        normal += whole[np.ix_(machine, machine)] - eliminated - prior
+    unknowns = moving(first.layout)
     return tcp_uncertainty(
         first.unloaded.tool(first.grid),
         first.unloaded.jacobian(first.grid, first.layout.shared),
-        inverse(normal)[np.ix_(moved, moved)],
-        [first.layout.names[i] for i in moved],
-    )
-
-
-def _of_machine(normal: Array, machine: NDArray[np.intp]) -> Array:
-    """Information (K, K) about the machine, whatever belongs to the recording unknown."""
-    own = np.setdiff1d(np.arange(len(normal)), machine)
-    mixed = normal[np.ix_(machine, own)]
-    return np.asarray(
-        normal[np.ix_(machine, machine)]
-        - mixed @ np.linalg.solve(normal[np.ix_(own, own)], mixed.T)
+        inverse(normal)[np.ix_(unknowns, unknowns)],
+        [first.layout.names[i] for i in unknowns],
     )

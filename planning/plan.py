@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +30,9 @@ from planning.first import first_path
 from planning.force import Forces, load_reversals
 from planning.known import Known
 from planning.request import PlanRequest
-from planning.search import RatedCandidate, SearchProgress, ranked, search
+from planning.search import RatedCandidate, SearchProgress, evaluating_processes, ranked, search
 from planning.stroke import Lengths, predicted_lengths
 from planning.trajectory import Trajectory
-from planning.workers import evaluating_processes
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, lissajous
 
@@ -53,9 +52,9 @@ class PathPlan:
     forces: Forces | None  # None where nothing holds the rod's length
     lengths: Lengths | None  # of a bar that measures its length
     predictions: tuple[PathPrediction, ...]  # of each robot of planning.force
-    evaluated: int
-    seconds: float
-    stopped: bool = False
+    evaluated: int = 0  # candidates of the search
+    seconds: float = 0.0  # that the search took
+    stopped: bool = False  # by Ctrl-C
 
     @property
     def request(self) -> PlanRequest:
@@ -79,7 +78,7 @@ class PathPlan:
 
     @property
     def tcp_before(self) -> float | None:
-        """[m] what `tcp` is before the path by the results of the machine; None without any."""
+        """[m] `tcp` before the path, by the results of the machine; None without any."""
         known = self.evaluator.predictor.known
         return None if known is None else tcp_rms_before(self.evaluator)
 
@@ -139,8 +138,8 @@ def plans(
 
     Raises InputError where no path can be run.
     """
-    given = evaluators(request, known)
-    first, tried = first_path(given)
+    of_rods = evaluators(request, known)
+    first, tried = first_path(of_rods)
     progress = SearchProgress()
     progress.add(first)
     show(progress)
@@ -160,9 +159,8 @@ def plans(
     took = since()
     for start in best:
         candidate = rounded(space_of(request).candidate(start.genome))
-        yield assess(
-            given[start.rod],
-            candidate,
+        yield replace(
+            assess(of_rods[start.rod], candidate),
             evaluated=tried + progress.evaluated,
             seconds=took,
             stopped=progress.stopped,
@@ -197,14 +195,7 @@ def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
     return lissajous(content), content.ballbar_position_m
 
 
-def assess(
-    evaluator: Evaluator,
-    candidate: PathCandidate,
-    *,
-    evaluated: int = 0,
-    seconds: float = 0.0,
-    stopped: bool = False,
-) -> PathPlan:
+def assess(evaluator: Evaluator, candidate: PathCandidate) -> PathPlan:
     """The plan of a candidate, with all predictions. Raises InputError where it cannot be run."""
     outcome = evaluate(evaluator, candidate)
     trajectory, forces, model = outcome.trajectory, outcome.forces, evaluator.stroke_model
@@ -220,7 +211,4 @@ def assess(
         forces=forces,
         lengths=None if model is None else predicted_lengths(model, trajectory),
         predictions=predictions(evaluator.predictor, trajectory, tensions_of(trajectory, forces)),
-        evaluated=evaluated,
-        seconds=seconds,
-        stopped=stopped,
     )

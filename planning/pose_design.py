@@ -5,6 +5,10 @@ workspace (Atkinson, Donev & Tobias 2007, ch. 10-12). A pose with rows A changes
 `trace((I +- A C A')^-1 A C R R' C A')`, C = N^-1. The greedy start is D-optimal, `log det N`:
 before seats and targets are determined no single pose lowers the TCP error. What a model leaves
 unexplained is the same when a pose is repeated, so poses stay APART.
+
+The candidates are a few thousand points of a space of six dimensions; between them better poses
+lie. Each round of the refinement draws some neighbours of every pose, screens them like candidates,
+and takes the best one where it lowers the objective. The changes shrink from round to round.
 """
 
 from __future__ import annotations
@@ -17,9 +21,14 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from ident.estimator.gauss_newton import inverse
+from planning.feasible_poses import Candidates, Screen, feasible, joined
+from planning.pose_information import Information
 
 APART = np.radians(10.0)  # [rad] of at least one axis, between any two poses
 SWEEPS = 1  # of exchanges; further ones gain less than the refinement of the angles
+NEIGHBOURS = 24  # of each pose in a round
+ROUNDS = 20
+FIRST, LAST = 0.5, 0.03  # [rad] standard deviation of the changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +49,6 @@ class Design:
         """[m^2] mean square TCP error after the selected poses."""
         return float(np.trace(self.root.T @ inverse(self.normal(selected)) @ self.root))
 
-    def allowed(self, selected: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """(K,) candidates that are far enough from all selected ones."""
-        out = np.ones(len(self.axes), dtype=bool)
-        for k in selected:
-            out &= np.abs(self.axes - self.axes[k]).max(axis=1) >= APART
-        return out
-
 
 def decrease(rows: Array, covariance: Array, root: Array, sign: float = 1.0) -> Array:
     """(K,) [m^2] decrease of the objective by each pose added; with sign -1, increase if removed.
@@ -61,6 +63,14 @@ def decrease(rows: Array, covariance: Array, root: Array, sign: float = 1.0) -> 
     return np.asarray(np.trace(np.linalg.solve(inner, square), axis1=1, axis2=2))
 
 
+def _apart(axes: Array, selected: Array) -> NDArray[np.bool_]:
+    """(K,) whether axis angles (K, J) are far enough from all selected ones (S, J) [rad]."""
+    apart = np.ones(len(axes), dtype=bool)
+    for angles in selected:
+        apart &= np.abs(axes - angles).max(axis=1) >= APART
+    return apart
+
+
 def greedy(design: Design, count: int) -> NDArray[np.intp]:
     """(count,) candidates, each the one that raises the determinant most."""
     selected = np.zeros(0, dtype=np.intp)
@@ -71,7 +81,7 @@ def greedy(design: Design, count: int) -> NDArray[np.intp]:
         gain = np.linalg.slogdet(np.eye(spread.shape[1]) + spread)[1]
         best = int(np.where(allowed, gain, -np.inf).argmax())
         selected = np.append(selected, best)
-        allowed &= np.abs(design.axes - design.axes[best]).max(axis=1) >= APART
+        allowed &= _apart(design.axes, design.axes[best : best + 1])
     return selected
 
 
@@ -80,7 +90,7 @@ def exchanged(
 ) -> NDArray[np.intp]:
     """The selected poses, each in turn exchanged for the candidate that gains most.
 
-    going : asked before every exchange whether to go on.
+    going : called before every exchange; whether to go on.
     """
     selected = selected.copy()
     for _ in range(SWEEPS):
@@ -89,11 +99,53 @@ def exchanged(
         for place in np.argsort(loss):  # first what is missed least
             if not going():
                 return selected
-            selected[place] = _best(design, np.delete(selected, place))
+            others = np.delete(selected, place)
+            gain = decrease(design.rows, inverse(design.normal(others)), design.root)
+            allowed = _apart(design.axes, design.axes[others])
+            selected[place] = int(np.where(allowed, gain, -np.inf).argmax())
     return selected
 
 
-def _best(design: Design, others: NDArray[np.intp]) -> int:
-    """The candidate that gains most beside the others."""
-    gain = decrease(design.rows, inverse(design.normal(others)), design.root)
-    return int(np.where(design.allowed(others), gain, -np.inf).argmax())
+def refined(
+    information: Information,
+    poses: Candidates,
+    rng: np.random.Generator,
+    going: Callable[[], bool] = lambda: True,
+) -> Candidates:
+    """The poses with their angles improved; going : called before every round; whether to go on."""
+    axes, rows = poses.axes.copy(), information.rows(poses)
+    for scale in np.geomspace(FIRST, LAST, ROUNDS):
+        if not going():
+            break
+        drawn, owner = _neighbours(information, Candidates(axes, poses.station), scale, rng)
+        if not drawn.size:
+            continue
+        drawn_rows = information.rows(drawn)
+        for place in range(poses.size):
+            mine = np.flatnonzero(owner == place)
+            if not mine.size:
+                continue
+            others = np.arange(poses.size) != place
+            flat = rows[others].reshape(-1, rows.shape[2])
+            covariance = inverse(information.prior + flat.T @ flat)
+            tried = np.concatenate((rows[place][None], drawn_rows[mine]))
+            gain = decrease(tried, covariance, information.root)
+            gain[1:][~_apart(drawn.axes[mine], axes[others])] = -np.inf
+            if best := int(gain.argmax()):
+                axes[place], rows[place] = drawn.axes[mine[best - 1]], tried[best]
+    return Candidates(axes, poses.station)
+
+
+def _neighbours(
+    information: Information, poses: Candidates, scale: float, rng: np.random.Generator
+) -> tuple[Candidates, NDArray[np.intp]]:
+    """Feasible poses near those selected, and of which of them each is a neighbour."""
+    setup, parts, owners = information.setup, list[Candidates](), list[NDArray[np.intp]]()
+    for k in np.unique(poses.station):
+        owner = np.repeat(np.flatnonzero(poses.station == k), NEIGHBOURS)
+        changed = poses.axes[owner] + scale * rng.standard_normal((owner.size, setup.robot.joints))
+        changed = np.clip(changed, setup.lower, setup.upper)
+        axes, source = feasible(setup, int(k), changed, rng, Screen())
+        parts.append(Candidates(axes, np.full(len(axes), k, dtype=np.intp)))
+        owners.append(owner[source])
+    return joined(parts), np.concatenate(owners)

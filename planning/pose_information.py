@@ -1,4 +1,4 @@
-"""What poses tell of a robot: whitened rows at the nominal robot, and the predicted TCP error.
+"""Information of poses about a robot: whitened rows at the nominal robot, predicted TCP error.
 
 The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
 sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors
@@ -53,19 +53,19 @@ class Information:
 
     def rows(self, poses: Candidates) -> Array:
         """(K, E, P) whitened rows of poses, per standard deviation of each prior."""
-        layout, out = self.layout, np.zeros((0, 0, 0))
+        layout, all_rows = self.layout, np.zeros((0, 0, 0))
         for k in np.unique(poses.station):
-            own = np.flatnonzero(poses.station == k)
-            group = expected_group(self.setup, self.setup.stations[k], poses.axes[own])
+            of_station = np.flatnonzero(poses.station == k)
+            group = expected_group(self.setup, self.setup.stations[k], poses.axes[of_station])
             model = self._model((group,))
             (point,) = model.at_rest(layout.mean)
             weights = model.weights(layout.mean, point, self._excess)
             jacobian = whole_jacobian(model, layout.mean, 0, point, weights)
             rows = jacobian.transpose(2, 1, 0) * layout.sigma
-            if not out.size:
-                out = np.empty((poses.size, *rows.shape[1:]))
-            out[own] = rows
-        return out
+            if not all_rows.size:
+                all_rows = np.empty((poses.size, *rows.shape[1:]))
+            all_rows[of_station] = rows
+        return all_rows
 
     @cached_property
     def prior(self) -> Array:
@@ -97,7 +97,7 @@ class Information:
         return position_sigma(positions, moves, self.covariance(rows))
 
     def catalogue_sigma(self) -> Array:
-        """(G,) [m] likewise of the nominal robot, its target known exactly."""
+        """(G,) [m] standard deviation of the nominal robot, its target known exactly."""
         positions, moves = self._tool
         machine = self.layout.machine
         variance = np.diag(self.layout.sigma[machine] ** 2)
@@ -107,13 +107,27 @@ class Information:
     def _tool(self) -> tuple[Array, Array]:
         """(G, 3) [m] the first target over the grid; (P, 3, G) its change per unknown."""
         layout, setup = self.layout, self.setup
-        target = setup.stations[0].target
-        arm = _nominal_arm(setup, layout, self.corrections)
-        each = arm.jacobian(self.grid)
-        machine, first = layout.machine, layout.targets[target].start
+        station = setup.stations[0]
+        arm = IdentifiedArm(
+            robot=setup.robot,
+            chain=setup.chain,
+            corrections=self.corrections,
+            values=layout.mean[layout.coefficients],
+            target=Placement(np.eye(3), station.point),
+            seat=Placement(np.eye(3), station.origin),
+            seat_turns=False,
+            parameters=layout.parameters,
+            covariance=np.zeros((layout.count, layout.count)),
+            discrepancy=0.0,
+            factor=1.0,
+            lower=np.full(setup.robot.joints, -np.inf),
+            upper=np.full(setup.robot.joints, np.inf),
+        )
+        columns = arm.jacobian(self.grid)
+        machine, first = layout.machine, layout.targets[station.target].start
         count = machine.size
         moves = np.zeros((layout.count, 3, len(self.grid)))
-        moves[machine], moves[first : first + 3] = each[:count], each[count : count + 3]
+        moves[machine], moves[first : first + 3] = columns[:count], columns[count : count + 3]
         return arm.tool(self.grid), moves
 
     @property
@@ -155,7 +169,7 @@ def smooth_joint_errors(robot: Robot) -> Correction:
 
 
 def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
-    """What the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
+    """The values that the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
     frames = station_frames(setup, station, axes)
     rod = frames.tip - station.origin[:, None]
     measured = setup.instrument.measured
@@ -176,26 +190,4 @@ def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup
         sigma=setup.instrument.sigma(values),
         rows=np.arange(1, len(axes) + 1),
         file="plan",
-    )
-
-
-def _nominal_arm(
-    setup: PoseSetup, layout: Unknowns, corrections: tuple[Correction, ...]
-) -> IdentifiedArm:
-    """The nominal robot in the form that has the derivatives of a target."""
-    station = setup.stations[0]
-    return IdentifiedArm(
-        robot=setup.robot,
-        chain=setup.chain,
-        corrections=corrections,
-        values=layout.mean[layout.coefficients],
-        target=Placement(np.eye(3), station.point),
-        seat=Placement(np.eye(3), station.origin),
-        seat_turns=False,
-        parameters=layout.parameters,
-        covariance=np.zeros((layout.count, layout.count)),
-        discrepancy=0.0,
-        factor=1.0,
-        lower=np.full(setup.robot.joints, -np.inf),
-        upper=np.full(setup.robot.joints, np.inf),
     )

@@ -1,4 +1,4 @@
-"""A plan of still poses: candidates, selection, order, and the prediction beside random poses."""
+"""A plan of still poses: candidates, selection, order, and the prediction against random poses."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ import numpy as np
 
 from cell.arrays import Array
 from planning.feasible_poses import Candidates, random_candidates
-from planning.pose_design import Design, exchanged, greedy
+from planning.pose_design import Design, exchanged, greedy, refined
 from planning.pose_information import Information, information_of
-from planning.pose_refine import refined
 from planning.route import Route, route_of
 from planning.stations import PoseSetup
 
 RANDOM_SETS = 10  # of as many candidates, with which the plan is compared
-
-Show = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +31,7 @@ class PosePlan:
 
     @property
     def poses(self) -> Candidates:
+        """The poses in the order of their measurement."""
         return self.route.poses
 
     @property
@@ -52,7 +50,11 @@ class PosePlan:
 
 
 def pose_plan(
-    setup: PoseSetup, *, seconds: float, since: Callable[[], float], show: Show = lambda _: None
+    setup: PoseSetup,
+    *,
+    seconds: float,
+    since: Callable[[], float],
+    show: Callable[[str], None] = lambda _: None,
 ) -> PosePlan:
     """The poses that determine the robot best.
 

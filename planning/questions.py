@@ -7,7 +7,7 @@ in docs/planning.md).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -33,52 +33,24 @@ class Question:
     values: tuple[float | tuple[int, ...], ...]
 
 
-Change = Callable[["PlanRequest", Cell, float], tuple["PlanRequest", Cell]]
-
-
-def _sensor(name: str) -> Change:
-    def change(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-        sensors = request.sensors.model_copy(update={name: value})
-        return request.model_copy(update={"sensors": sensors}), cell
-
-    return change
-
-
-def _duration(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-    timing = request.timing.model_copy(update={"duration_s": value})
-    return request.model_copy(update={"timing": timing}), cell
-
-
-def _rod_length(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-    return request, replace(cell, ballbar=_longer(cell.ballbar, value))
-
-
-def _plate_length(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-    return request, replace(cell, plate=_other_plate(cell.plate, value, THICKNESS))
-
-
-def _plate_thickness(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-    return request, replace(cell, plate=_other_plate(cell.plate, cell.plate.length, value))
-
-
 class Property(NamedTuple):
     """One property of the rig that can be changed."""
 
     unit: str
     smallest: float
     largest: float
-    change: Change
+    sensor: str = ""  # key of the request's sensors, where it is one
 
 
 CHANGES = {
-    "encoder": Property("rad", 1e-8, 1e-2, _sensor("encoder_sigma_rad")),
-    "plate_length": Property("m", 0.05, 1.0, _plate_length),
-    "plate_thickness": Property("m", 0.005, 0.2, _plate_thickness),
-    "rod_length": Property("m", 0.2, 3.0, _rod_length),
-    "rate": Property("Hz", 1.0, 1e5, _sensor("ballbar_rate_hz")),
-    "duration": Property("s", 20.0, 3600.0, _duration),
-    "length": Property("m", 1e-9, 1e-2, _sensor("length_sigma_m")),
-    "rod_sigma": Property("m", 1e-7, 1e-2, _sensor("rod_sigma_m")),
+    "encoder": Property("rad", 1e-8, 1e-2, "encoder_sigma_rad"),
+    "plate_length": Property("m", 0.05, 1.0),
+    "plate_thickness": Property("m", 0.005, 0.2),
+    "rod_length": Property("m", 0.2, 3.0),
+    "rate": Property("Hz", 1.0, 1e5, "ballbar_rate_hz"),
+    "duration": Property("s", 20.0, 3600.0),
+    "length": Property("m", 1e-9, 1e-2, "length_sigma_m"),
+    "rod_sigma": Property("m", 1e-7, 1e-2, "rod_sigma_m"),
 }
 ENCODERS = "encoders"
 # What matters to one kind of instrument alone; nothing bends a plate that carries no force.
@@ -127,7 +99,25 @@ def check_questions(request: PlanRequest, questions: Sequence[Question]) -> None
             raise InputError(f"--what-if {item.key}: belongs to {kind}; the plan is for {other}")
 
 
-def _longer(bar: BallBar, length: float) -> BallBar:
+def changed(
+    request: PlanRequest, cell: Cell, key: str, value: float | tuple[int, ...]
+) -> tuple[PlanRequest, Cell]:
+    """The request and the cell with one property changed."""
+    sensor = "encoders" if key == ENCODERS else CHANGES[key].sensor
+    if sensor:
+        sensors = request.sensors.model_copy(update={sensor: value})
+        return request.model_copy(update={"sensors": sensors}), cell
+    assert isinstance(value, float)
+    if key == "duration":
+        timing = request.timing.model_copy(update={"duration_s": value})
+        return request.model_copy(update={"timing": timing}), cell
+    if key == "rod_length":
+        return request, replace(cell, ballbar=_with_rod(cell.ballbar, value))
+    length, thickness = (value, THICKNESS) if key == "plate_length" else (cell.plate.length, value)
+    return request, replace(cell, plate=_other_plate(cell.plate, length, thickness))
+
+
+def _with_rod(bar: BallBar, length: float) -> BallBar:
     """The ball-bar with another rod, which moves tube and universal joint outwards."""
     d, more = bar.d.copy(), length - bar.length
     d[2] = length

@@ -40,7 +40,7 @@ class Cup(Strict):
 
 
 class PlanCell(Strict):
-    """What stands in the cell, and the region of the ball-bar."""
+    """The parts of the cell, and the region of the ball-bar."""
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     ballbar: str | None = Field(
@@ -220,28 +220,26 @@ OF_BALLBARS = {
     "limits": ("ballbar_margin_deg", "cable_turns", "force_N"),
 }
 
-# Reserve for the motion under soft servo: added to margins, factor on rates and forces; measured by
-# planning.verify.
-RESERVE_DEG, RESERVE_M, RESERVE_RATE, RESERVE_FORCE = 1.0, 0.01, 0.9, 0.8
-RESERVE_SINGULAR = 0.005
+# Reserves for the motion under soft servo, measured by planning.verify: added to margins, and
+# factors on rates and force.
+RESERVES = {
+    **dict.fromkeys(
+        ("axis_margin_deg", "wrist_margin_deg", "elbow_margin_deg", "ballbar_margin_deg"), 1.0
+    ),
+    **dict.fromkeys(("clearance_m", "shoulder_margin_m"), 0.01),
+    "singular_value": 0.005,
+}
+FACTORS = {
+    **dict.fromkeys(("axis_speed_share", "tcp_speed_m_per_s", "cable_turns"), 0.9),
+    **{"axis_acceleration_deg_per_s2": 0.9, "force_N": 0.8},
+}
 
 
 def tightened(limits: PlanLimits) -> PlanLimits:
     """Limits that a plan keeps so that the run under soft servo keeps the given ones."""
-    changed = {
-        f"{name}_margin_deg": getattr(limits, f"{name}_margin_deg") + RESERVE_DEG
-        for name in ("axis", "wrist", "elbow", "ballbar")
-    }
-    changed |= {
-        name: getattr(limits, name) + RESERVE_M for name in ("clearance_m", "shoulder_margin_m")
-    }
-    changed |= {
-        name: getattr(limits, name) * RESERVE_RATE
-        for name in ("axis_speed_share", "tcp_speed_m_per_s", "cable_turns")
-    }
-    changed["singular_value"] = limits.singular_value + RESERVE_SINGULAR
-    changed["axis_acceleration_deg_per_s2"] = limits.axis_acceleration_deg_per_s2 * RESERVE_RATE
-    return limits.model_copy(update=changed | {"force_N": limits.force_N * RESERVE_FORCE})
+    reserved = {key: getattr(limits, key) + reserve for key, reserve in RESERVES.items()}
+    reserved |= {key: getattr(limits, key) * factor for key, factor in FACTORS.items()}
+    return limits.model_copy(update=reserved)
 
 
 class PlanRequest(Strict):
@@ -276,16 +274,16 @@ class PlanRequest(Strict):
                 message = "belongs to an instrument that measures its length (cell.instrument)"
                 raise wrong_key("sensors", "length_sigma_m", message=message)
             return self
-        given: list[tuple[str, ...]] = [("servo",)] if "servo" in self.model_fields_set else []
+        wrong: list[tuple[str, ...]] = [("servo",)] if "servo" in self.model_fields_set else []
         for part, keys in OF_BALLBARS.items():
             stated = getattr(self, part).model_fields_set
-            given += [(part, key) for key in keys if key in stated]
-        if given:
+            wrong += [(part, key) for key in keys if key in stated]
+        if wrong:
             message = (
                 "belongs to a ball-bar with encoders (cell.ballbar); a telescoping bar has no "
                 "encoders, cables or force in the rod. Leave it out"
             )
-            raise wrong_key(*given[0], message=message)
+            raise wrong_key(*wrong[0], message=message)
         return self
 
     @property

@@ -9,15 +9,15 @@ angles. One that comes too close is avoided in the order, or led over two interm
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.chain import Frames
 from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates
-from planning.stations import PoseSetup, station_frames
+from planning.stations import PoseSetup, Station, station_frames
 
 STEP = np.radians(5.0)  # [rad] of the fastest axis between the poses of a move that are checked
 UNKNOWN_SPEED = 1.0  # [rad/s] of an axis whose file states none; only compares moves
@@ -38,57 +38,27 @@ class Route:
     seconds: float  # of all moves at the axes' top speeds
 
 
-@dataclass(frozen=True, eq=False)
-class _Moves:
-    """Which moves of one station are clear, as far as they were checked."""
-
-    setup: PoseSetup
-    station: int
-    axes: Array  # (n, J) [rad]
-    time: Array  # (n, n) [s], blocked ones with their penalty
-
-    def check(self, order: NDArray[np.intp]) -> bool:
-        """Check the moves of an order; whether one more is blocked. Changes the times in place."""
-        pairs = [(int(a), int(b)) for a, b in pairwise(order)]
-        pairs = [(a, b) for a, b in pairs if self.time[a, b] < BLOCKED]
-        if not pairs:
-            return False
-        clear = clear_moves(
-            self.setup,
-            self.station,
-            self.axes[[a for a, _ in pairs]],
-            self.axes[[b for _, b in pairs]],
-        )
-        for (a, b), good in zip(pairs, clear, strict=True):
-            if not good:
-                self.time[a, b] = self.time[b, a] = self.time[a, b] + BLOCKED
-        return not clear.all()
-
-
 def route_of(setup: PoseSetup, poses: Candidates, rng: np.random.Generator) -> Route:
     """The poses in a short order; rng : draws intermediate poses."""
-    order = _order(setup, poses)
-    ordered = poses.part(order)
+    ordered = poses.part(_order(setup, poses))
     axes, station = ordered.axes, ordered.station
     passing: dict[int, Array] = {}
     blocked: list[int] = []
     released: list[int] = []
-    for k in range(1, poses.size):
-        if station[k] != station[k - 1]:
-            continue  # a person moves the instrument, and the robot to where it begins
-        if not in_stroke(setup, int(station[k]), axes[k - 1], axes[k]):
-            released.append(k)
-        if clear_moves(setup, int(station[k]), axes[k - 1 : k], axes[k : k + 1])[0]:
-            continue
-        middle = _intermediate(setup, int(station[k]), axes[k - 1], axes[k], rng)
-        if middle is None:
-            blocked.append(k)
-        else:
-            passing[k] = middle
     seconds = 0.0
     for k in range(1, poses.size):
-        middle = passing.get(k)
-        stops = axes[k - 1 : k + 1] if middle is None else np.vstack((axes[k - 1], middle, axes[k]))
+        stops = axes[k - 1 : k + 1]
+        if station[k] == station[k - 1]:  # else a person moves instrument and robot
+            move = (setup, int(station[k]), stops[:1], stops[1:])
+            if not in_stroke(*move):
+                released.append(k)
+            if not clear_moves(*move)[0]:
+                middle = _intermediate(setup, int(station[k]), stops[0], stops[1], rng)
+                if middle is None:
+                    blocked.append(k)
+                else:
+                    passing[k] = middle
+                    stops = np.vstack((stops[0], middle, stops[1]))
         seconds += float(_times(setup, stops[:-1], stops[1:]).sum())
     return Route(ordered, passing, tuple(blocked), tuple(released), seconds)
 
@@ -99,32 +69,38 @@ def clear_moves(setup: PoseSetup, station: int, begin: Array, end: Array) -> NDA
     A rod is on the target where the move does not leave its stroke; beams may be interrupted.
     """
     place = setup.stations[station]
-    counts = np.ceil(np.abs(end - begin).max(axis=1) / STEP).astype(int) + 1
-    owner = np.repeat(np.arange(len(begin)), counts)
-    share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])[:, None]
-    axes = begin[owner] + share * (end - begin)[owner]
-    frames = station_frames(setup, place, axes)
+    owner, frames = _along(setup, place, begin, end)
     apart = smallest_distance(setup, place, frames, line=False)
     if setup.instrument.measured == "length":
-        length = np.linalg.norm(frames.tip - place.origin[:, None], axis=0)
-        outside = (length < setup.instrument.lower) | (length > setup.instrument.upper)
-        left = np.bincount(owner, outside, len(begin)) > 0
+        leaving = np.bincount(owner, _outside(setup, place, frames), len(begin)) > 0
         rod = smallest_distance(setup, place, frames, line=True)
-        apart = np.where(left[owner], apart, rod)
+        apart = np.where(leaving[owner], apart, rod)
     close = apart < setup.request.limits.clearance_m
     return np.asarray(np.bincount(owner, close, len(begin)) == 0)
 
 
 def in_stroke(setup: PoseSetup, station: int, begin: Array, end: Array) -> bool:
-    """Whether a length instrument may stay on the target during a move (J,) [rad] to (J,)."""
-    if setup.instrument.measured != "length":
-        return True
+    """Whether a length instrument may stay on the target during moves from begin to end (M, J)."""
     place = setup.stations[station]
-    count = int(np.ceil(np.abs(end - begin).max() / STEP)) + 1
-    axes = begin + np.linspace(0.0, 1.0, count)[:, None] * (end - begin)
-    tip = station_frames(setup, place, axes).tip
-    length = np.linalg.norm(tip - place.origin[:, None], axis=0)
-    return bool(((length >= setup.instrument.lower) & (length <= setup.instrument.upper)).all())
+    return setup.instrument.measured != "length" or not bool(
+        _outside(setup, place, _along(setup, place, begin, end)[1]).any()
+    )
+
+
+def _along(
+    setup: PoseSetup, station: Station, begin: Array, end: Array
+) -> tuple[NDArray[np.intp], Frames]:
+    """Frames (N) along M moves between axis angles (M, J) [rad], and the move (N,) of each."""
+    counts = np.ceil(np.abs(end - begin).max(axis=1) / STEP).astype(int) + 1
+    owner = np.repeat(np.arange(len(begin)), counts)
+    share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])[:, None]
+    return owner, station_frames(setup, station, begin[owner] + share * (end - begin)[owner])
+
+
+def _outside(setup: PoseSetup, station: Station, frames: Frames) -> NDArray[np.bool_]:
+    """(N,) whether the target is out of the instrument's stroke."""
+    length = np.linalg.norm(frames.tip - station.origin[:, None], axis=0)
+    return np.asarray((length < setup.instrument.lower) | (length > setup.instrument.upper))
 
 
 def two_opt(time: Array, order: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -155,29 +131,37 @@ def two_opt(time: Array, order: NDArray[np.intp]) -> NDArray[np.intp]:
 
 def nearest_neighbours(time: Array, first: int) -> NDArray[np.intp]:
     """(n,) an order that goes on to the nearest pose each time; time : (n, n) [s]."""
-    order, rest = [first], set(range(len(time))) - {first}
-    while rest:
-        order.append(min(rest, key=lambda k: time[order[-1], k]))
-        rest.remove(order[-1])
+    order, remaining = [first], set(range(len(time))) - {first}
+    while remaining:
+        order.append(min(remaining, key=lambda k: time[order[-1], k]))
+        remaining.remove(order[-1])
     return np.array(order, dtype=np.intp)
 
 
 def _order(setup: PoseSetup, poses: Candidates) -> NDArray[np.intp]:
     """Station by station, each order avoiding moves that come too close."""
-    out = []
+    orders = []
     middle = 0.5 * (setup.lower + setup.upper)
     for station in np.unique(poses.station):
-        own = np.flatnonzero(poses.station == station)
-        axes = poses.axes[own]
-        time = _times(setup, axes[:, None], axes[None])
-        moves = _Moves(setup, int(station), axes, time)
+        of_station = np.flatnonzero(poses.station == station)
+        axes = poses.axes[of_station]
+        time = _times(setup, axes[:, None], axes[None])  # (n, n), blocked moves with their penalty
         order = nearest_neighbours(time, int(_times(setup, axes, middle).argmin()))
         for _ in range(ROUNDS):
             order = two_opt(time, order)
-            if not moves.check(order):
+            begin, end = order[:-1], order[1:]
+            open_ = time[begin, end] < BLOCKED
+            begin, end = begin[open_], end[open_]
+            if not begin.size:
                 break
-        out.append(own[order])
-    return np.concatenate(out)
+            clear = clear_moves(setup, int(station), axes[begin], axes[end])
+            if clear.all():
+                break
+            begin, end = begin[~clear], end[~clear]
+            time[begin, end] += BLOCKED
+            time[end, begin] = time[begin, end]
+        orders.append(of_station[order])
+    return np.concatenate(orders)
 
 
 def _intermediate(

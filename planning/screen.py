@@ -54,7 +54,7 @@ def screen(
     shapes, positions = space.many(genomes)
     nominal = nominal_geometry(cell, np.zeros(3))
     screened = _screened_arm(cell, nominal, limits, shapes, positions)
-    b = angles_of(shapes, _phases(PHASES)).reshape(-1, BAR_ROWS)
+    b = angles_of(shapes, np.arange(PHASES) / PHASES).reshape(-1, BAR_ROWS)
     for key, cup, angle in leans(around, nominal, b):
         over = angle.reshape(-1, PHASES).max(axis=1) - np.radians(cup.cone_deg)
         total = np.maximum(screened.excess, 0.0) + np.maximum(over, 0.0)
@@ -97,15 +97,11 @@ def _screened_arm(
     return Screened(np.asarray(excess), np.array(REASONS)[which], (total <= 0.0).T)
 
 
-def _phases(count: int) -> Array:
-    return np.arange(count) / count
-
-
 def _poses(
     nominal: Geometry, shapes: Lissajous, positions: Array, phases: int, share: float = 1.0
 ) -> Array:
     """(M S, 4, 4) tool frames of M shapes at S phases, their motion scaled by a share of 1."""
-    b = angles_of(shapes, _phases(phases), share)
+    b = angles_of(shapes, np.arange(phases) / phases, share)
     poses = bar_frames(nominal, b.reshape(-1, BAR_ROWS)).poses()
     poses[:, :3, 3] += np.repeat(positions, phases, axis=0)
     return poses
@@ -122,16 +118,16 @@ def _screened_by_leading(
     begin = np.repeat(starts[branch, which], LED_PHASES, axis=0)
     q = led(chain, begin, lambda w: _poses(nominal, some, positions[which], LED_PHASES, w))
     lost = np.asarray(np.isnan(q).any(axis=1))
-    far = dexterity(chain, np.where(lost[:, None], begin, q)).reshape(-1, LED_PHASES)
-    turned = np.where(lost[:, None], begin, q).reshape(-1, LED_PHASES, chain.rows)
-    axes = joints_to_axes(robot, in_range(robot, turned))
+    joints = np.where(lost[:, None], begin, q)
+    axes = joints_to_axes(robot, in_range(robot, joints.reshape(-1, LED_PHASES, chain.rows)))
     margin = np.radians(limits.axis_margin_deg)
     over = np.maximum(robot.axis_lower + margin - axes, axes - robot.axis_upper + margin)
+    far = dexterity(chain, joints).reshape(-1, LED_PHASES)
     singular = (limits.singular_value - far) * UNIT_ANGLE / UNIT_SINGULAR
     worst = np.column_stack((over.max(axis=1), singular.max(axis=1)))  # (K, J + 1)
     unreached = lost.reshape(-1, LED_PHASES).mean(axis=1)
     outside = np.maximum(worst, 0.0).sum(axis=1)
-    each = np.where(
+    excesses = np.where(
         unreached > 0.0,
         UNREACHED * (0.1 + unreached),
         np.where(outside > 0.0, outside, worst.max(axis=1)),
@@ -140,8 +136,8 @@ def _screened_by_leading(
     names = np.array(["out of reach", *ranges, "near a singular posture"])
     reason = names[np.where(unreached > 0.0, 0, 1 + worst.argmax(axis=1))]
     excess, why = np.full(m, 1.1 * UNREACHED), np.full(m, names[0], dtype=names.dtype)
-    for k in np.argsort(-each):  # the best configuration comes last
-        excess[which[k]], why[which[k]] = each[k], reason[k]
+    for k in np.argsort(-excesses):  # the best configuration comes last
+        excess[which[k]], why[which[k]] = excesses[k], reason[k]
     return Screened(excess, why, np.ones((m, 4), dtype=np.bool_))
 
 

@@ -3,28 +3,32 @@
 CMA-ES (Hansen, arXiv:1604.00772; library `cma`) varies centres, amplitudes, phases and position;
 each island keeps the cycles and the rod that it began with. How far an island descends shows only
 on the way, so several set out and the better half continues (successive halving; Jamieson &
-Talwalkar, arXiv:1502.07943).
+Talwalkar, arXiv:1502.07943). Processes evaluate the candidates; each builds its evaluators once.
 """
 
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from itertools import count, repeat
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.geometry import BAR_ROWS
+from cell.processes import process_pool
 from planning.candidate import Space, folded, space_of
-from planning.evaluation import INFEASIBLE
-from planning.evolution import evolution
+from planning.coarse import objectives, sample
+from planning.evaluation import INFEASIBLE, Evaluator, evaluators, objective
 from planning.force import DRAWS as ROBOTS
+from planning.known import Known
 from planning.request import PlanRequest
-from planning.workers import worker_objective, worker_objectives, worker_sample
 
 RANDOM_SHARE = 0.2  # of the time, at most, for random candidates
 DRAWS = 128  # batches of random candidates: enough for the starts of a race
@@ -37,7 +41,10 @@ CHUNK = 24  # candidates that a process evaluates at a time, at most; of six, ea
 INCUMBENTS = 24  # the last of them are evaluated in full, with all robots
 STEP = 0.01  # of the natural logarithm of the TCP sigma
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
+SPREAD = 0.08  # first step size of CMA-ES, relative to the range of each number
 CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)  # of a genome
+
+_evaluators: dict[str, Evaluator] = {}  # of a worker process, by rod
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +60,7 @@ class RatedCandidate:
 class SearchProgress:
     """Progress of a search, updated while it runs."""
 
-    incumbents: list[RatedCandidate] = field(
-        default_factory=list
-    )  # each was the best when it was found
+    incumbents: list[RatedCandidate] = field(default_factory=list)  # each was the best at its time
     evaluated: int = 0
     feasible: int = 0
     stopped: bool = False
@@ -75,10 +80,27 @@ class SearchProgress:
         """[m] predicted TCP sigma of the best so far."""
         return float(np.exp(self.least)) * 1e-6
 
-    def add(self, start: RatedCandidate) -> None:
+    def add(self, candidate: RatedCandidate) -> None:
+        """Counts a candidate that can be run, and takes it where it is the best so far."""
         self.feasible += 1
-        if self.best is None or start.objective < self.best.objective:
-            self.incumbents.append(start)
+        if self.best is None or candidate.objective < self.best.objective:
+            self.incumbents.append(candidate)
+
+
+def evaluating_processes(
+    request: PlanRequest, processes: int, known: Known | None = None
+) -> AbstractContextManager[ProcessPoolExecutor]:
+    """A pool in which `in_worker` runs; known : from results of the machine."""
+    return process_pool(processes, _build, request, known)
+
+
+def _build(request: PlanRequest, known: Known | None) -> None:
+    _evaluators.update(evaluators(request, known))
+
+
+def in_worker(function: Callable[..., Any], rod: str, *arguments: Any, **options: Any) -> Any:
+    """Result of a function of the rod's evaluator, in a worker."""
+    return function(_evaluators[rod], *arguments, **options)
 
 
 def search(
@@ -116,16 +138,16 @@ def ranked(incumbents: list[RatedCandidate], pool: ProcessPoolExecutor) -> list[
     Those that follow one another differ by STEP or more.
     """
     last = incumbents[-INCUMBENTS:]
-    futures = [pool.submit(worker_objective, s.rod, s.genome, ROBOTS) for s in last]
+    futures = [pool.submit(in_worker, objective, s.rod, s.genome, robots=ROBOTS) for s in last]
     evaluated = [
         replace(start, objective=future.result())
         for start, future in zip(last, futures, strict=True)
     ]
-    apart: list[RatedCandidate] = []
+    distinct: list[RatedCandidate] = []
     for start in sorted(evaluated, key=lambda s: s.objective):
-        if not apart or start.objective > apart[-1].objective + STEP:
-            apart.append(start)
-    return apart
+        if not distinct or start.objective > distinct[-1].objective + STEP:
+            distinct.append(start)
+    return distinct
 
 
 class _Search:
@@ -143,15 +165,16 @@ class _Search:
     def evaluated(self, starts: list[RatedCandidate]) -> list[RatedCandidate]:
         """Candidates that can be run, with the objectives that the search compares."""
         futures = [
-            self._pool.submit(worker_objectives, s.rod, s.genome[None], np.inf) for s in starts
+            self._pool.submit(in_worker, objectives, s.rod, s.genome[None], best=np.inf)
+            for s in starts
         ]
-        out = [
+        rated = [
             replace(start, objective=float(future.result()[0]))
             for start, future in zip(starts, futures, strict=True)
         ]
-        for start in out:
+        for start in rated:
             self.progress.add(start)
-        return out
+        return rated
 
     def draw(self, until: float) -> list[RatedCandidate]:
         """The best of DRAWS batches of random candidates, drawn until a monotonic time [s]."""
@@ -160,12 +183,11 @@ class _Search:
         seed = self._request.seed + 1  # the first feasible path was drawn with the seed itself
         for begin in range(0, DRAWS, AHEAD):
             jobs = [(rods[k % len(rods)], seed + k) for k in range(begin, begin + AHEAD)]
-            futures = [self._pool.submit(worker_sample, *job) for job in jobs]
+            futures = [self._pool.submit(in_worker, sample, rod, seed=k) for rod, k in jobs]
             for (rod, _), future in zip(jobs, futures, strict=True):
-                genomes, objectives, tried = future.result()
+                genomes, values, tried = future.result()
                 self.progress.evaluated += tried
-                drawn = map(RatedCandidate, repeat(rod), genomes, objectives.tolist())
-                starts += drawn
+                starts += map(RatedCandidate, repeat(rod), genomes, values.tolist())
             self._show(self.progress)
             if time.monotonic() > until:
                 break
@@ -202,7 +224,7 @@ class _Search:
 
     def _advance(self, islands: list[Island]) -> None:
         """One generation of all islands: those of one rod are evaluated together."""
-        best = self.progress.least
+        progress, best = self.progress, self.progress.least
         of_rods: dict[str, list[Island]] = {}
         for island in islands:
             of_rods.setdefault(island.rod, []).append(island)
@@ -210,23 +232,20 @@ class _Search:
         for rod, together in of_rods.items():
             genomes = np.concatenate([island.ask() for island in together])
             chunks = np.array_split(genomes, max(2, -(-len(genomes) // CHUNK)))
-            jobs = [self._pool.submit(worker_objectives, rod, chunk, best) for chunk in chunks]
+            jobs = [self._pool.submit(in_worker, objectives, rod, c, best=best) for c in chunks]
             pending.append((rod, together, chunks, jobs))
         for rod, together, chunks, jobs in pending:
             values = [job.result() for job in jobs]
             for chunk, of_chunk in zip(chunks, values, strict=True):
-                self._take(rod, chunk, of_chunk)
+                progress.evaluated += len(of_chunk)
+                # what was evaluated together, the least first, which was looked at closely
+                for k in np.argsort(of_chunk, kind="stable"):
+                    if of_chunk[k] < INFEASIBLE:
+                        progress.add(RatedCandidate(rod, folded(chunk[k]), float(of_chunk[k])))
             ends = np.cumsum([island.size for island in together])
-            own = np.split(np.concatenate(values), ends[:-1])
-            for island, of_island in zip(together, own, strict=True):
+            parts = np.split(np.concatenate(values), ends[:-1])
+            for island, of_island in zip(together, parts, strict=True):
                 island.tell(of_island)
-
-    def _take(self, rod: str, genomes: Array, values: Array) -> None:
-        """Takes over what was evaluated together, the least first, which was looked at closely."""
-        self.progress.evaluated += len(values)
-        for k in np.argsort(values, kind="stable"):
-            if values[k] < INFEASIBLE:
-                self.progress.add(RatedCandidate(rod, folded(genomes[k]), float(values[k])))
 
 
 def _distinct_first(starts: list[RatedCandidate]) -> list[RatedCandidate]:
@@ -244,14 +263,23 @@ def _distinct_first(starts: list[RatedCandidate]) -> list[RatedCandidate]:
 def neighbours(space: Space, start: RatedCandidate) -> list[RatedCandidate]:
     """A start, and those that differ from it by one cycle of one angle."""
     step = 1.0 / space.cycles
-    out = [start]
+    starts = [start]
     for k in range(*CYCLES.indices(start.genome.size)):
         for changed in (start.genome[k] - step, start.genome[k] + step):
             if 0.0 < changed < 1.0:
                 genome = start.genome.copy()
                 genome[k] = changed
-                out.append(replace(start, genome=genome, objective=INFEASIBLE))
-    return out
+                starts.append(replace(start, genome=genome, objective=INFEASIBLE))
+    return starts
+
+
+def evolution(start: Array, *, seed: int) -> Any:
+    """A `cma.CMAEvolutionStrategy` that begins at `start` (K,) [-] and prints nothing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # cma looks for plotting when it is imported
+        # imported here, since loading it takes long and only a search needs it
+        from cma import CMAEvolutionStrategy  # noqa: PLC0415
+    return CMAEvolutionStrategy(start, SPREAD, {"seed": seed + 1, "verbose": -9, "verb_log": 0})
 
 
 class Island:
@@ -277,13 +305,13 @@ class Island:
         """Take over the objectives (size,) of the generation."""
         self._search.tell(self._points, values.tolist())
         least = float(values.min())
-        gained = least < self._lowest - GAIN
-        self._stalled = 0 if gained else self._stalled + 1
+        self._stalled = 0 if least < self._lowest - GAIN else self._stalled + 1
         self._lowest = min(self._lowest, least)
         self.best = min(self.best, self._lowest)
 
     @property
     def done(self) -> bool:
+        """Whether the island gains no more."""
         return self._stalled >= STALLED or bool(self._search.stop())
 
 

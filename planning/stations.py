@@ -82,7 +82,18 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
         robot=robot,
         chain=nominal_chain(robot),
         instrument=instrument,
-        stations=tuple(_station(s, t) for s in request.seats for t in request.targets),
+        stations=tuple(
+            Station(
+                seat=seat.name,
+                target=target.name,
+                origin=np.array(seat.position_m),
+                point=np.array(target.position_m),
+                seat_aim=_aim(seat),
+                target_aim=_aim(target),
+            )
+            for seat in request.seats
+            for target in request.targets
+        ),
         distances=known_distances(
             request.distances, instrument, (seat.name for seat in request.seats)
         ),
@@ -108,17 +119,12 @@ def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
     wide = upper - lower > TURN
     lower = np.where(wide, np.maximum(lower, -0.5 * TURN), lower)
     upper = np.where(wide, np.minimum(upper, 0.5 * TURN), upper)
-    for key, values in (
-        ("axis_lower_deg", limits.axis_lower_deg),
-        ("axis_upper_deg", limits.axis_upper_deg),
-    ):
-        if values is None:
-            continue
-        check_axes(f"limits.{key}", values, robot)
-        if key == "axis_lower_deg":
-            lower = np.maximum(robot.axis_lower + margin, np.radians(values))
-        else:
-            upper = np.minimum(robot.axis_upper - margin, np.radians(values))
+    if limits.axis_lower_deg is not None:
+        check_axes("limits.axis_lower_deg", limits.axis_lower_deg, robot)
+        lower = np.maximum(robot.axis_lower + margin, np.radians(limits.axis_lower_deg))
+    if limits.axis_upper_deg is not None:
+        check_axes("limits.axis_upper_deg", limits.axis_upper_deg, robot)
+        upper = np.minimum(robot.axis_upper - margin, np.radians(limits.axis_upper_deg))
     empty = np.flatnonzero(lower >= upper)
     if empty.size:
         axis = int(empty[0])
@@ -128,17 +134,6 @@ def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
             "axis_lower_deg and axis_upper_deg, or reduce axis_margin_deg."
         )
     return lower, upper
-
-
-def _station(seat: SeatEntry, target: TargetEntry) -> Station:
-    return Station(
-        seat=seat.name,
-        target=target.name,
-        origin=np.array(seat.position_m),
-        point=np.array(target.position_m),
-        seat_aim=_aim(seat),
-        target_aim=_aim(target),
-    )
 
 
 def _aim(part: SeatEntry | TargetEntry) -> Aim | None:

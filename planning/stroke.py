@@ -22,7 +22,7 @@ from planning.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class StrokeModel:
-    """What does not depend on the trajectory."""
+    """The part of a prediction that does not depend on the trajectory."""
 
     names: tuple[str, ...]  # parameters of the robot that deviate
     errors: Array  # (P, DRAWS) [m, rad]

@@ -1,7 +1,7 @@
 """Axis targets of a trajectory, for a controller that moves linearly between them in axis angles.
 
 They are so close that the tool leaves the sphere by at most SAG between two of them, which the soft
-servo takes up with a few newtons.
+servo absorbs with a few newtons.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ def targets_of(cell: Cell, trajectory: Trajectory, timing: PlanTiming) -> Target
     """The fewest evenly spaced targets that keep SAG, or as many as SPACINGS allows."""
     spline = CubicSpline(trajectory.t, trajectory.q)
     for spacing in SPACINGS:
-        t = _times(timing, spacing)
+        # evenly spaced within each piece of motion, with its ends
+        ends = _piece_ends(timing)
+        spaced = [np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ends]
+        t = np.concatenate(spaced)
         sag = _sag(trajectory, np.asarray(spline(t)))
         if sag <= SAG:
             break
@@ -46,13 +49,6 @@ def targets_of(cell: Cell, trajectory: Trajectory, timing: PlanTiming) -> Target
     reached = t[targets]
     reached[0] = 0.0  # the run begins with the first dwell
     return Targets(reached, np.asarray(axes), dwells, sag)
-
-
-def _times(timing: PlanTiming, spacing: float) -> Array:
-    """(K,) [s] times, evenly spaced within each piece of motion, with its ends."""
-    ends = _piece_ends(timing)
-    pieces = [np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ends]
-    return np.concatenate(pieces)
 
 
 def _piece_ends(timing: PlanTiming) -> list[tuple[float, float]]:
@@ -80,5 +76,5 @@ def _dwells(t: Array, timing: PlanTiming) -> tuple[NDArray[np.bool_], Array]:
 def _sag(trajectory: Trajectory, q: Array) -> float:
     """[m] largest distance of the tool from the sphere half way between targets q (K, J) [rad]."""
     between = 0.5 * (q[1:] + q[:-1])
-    out = robot_frames(trajectory.nominal, between).tip.T - trajectory.nominal.origin
-    return float(np.abs(np.linalg.norm(out, axis=1) - trajectory.nominal["bd3"]).max())
+    rod = robot_frames(trajectory.nominal, between).tip.T - trajectory.nominal.origin
+    return float(np.abs(np.linalg.norm(rod, axis=1) - trajectory.nominal["bd3"]).max())

@@ -37,7 +37,7 @@ class Trajectory(Passage):
     """One candidate over time, in one configuration of the arm; or several of equal duration.
 
     The samples of several runs follow one another, N in all. `nominal` then has the ball-bar at
-    its base's origin, and whoever needs the place of each adds it.
+    its base's origin; the position of each is to be added where it matters.
     """
 
     speed: Array  # (N, J) [rad/s]
@@ -54,12 +54,13 @@ class Trajectory(Passage):
 
     def of_runs(self, some: NDArray[np.intp], *, every: int = 1) -> Trajectory:
         """Some of the runs, in this order, and of their samples the first and every so many."""
-        at = np.arange(self.t.size).reshape(self.runs, -1)[some, ::every].ravel()
-        parts = {name: getattr(self, name)[at] for name in _SAMPLED}
-        return replace(self, runs=some.size, **parts)
+        rows = np.arange(self.t.size).reshape(self.runs, -1)[some, ::every].ravel()
+        return self.part(rows, runs=some.size)
 
-
-_SAMPLED = ("t", "b", "q", "speed", "acceleration", "tip", "tip_speed")
+    def part(self, rows: NDArray[np.intp], *, runs: int) -> Trajectory:
+        """The samples of some rows, as many of each run."""
+        sampled = ("t", "b", "q", "speed", "acceleration", "tip", "tip_speed")
+        return replace(self, runs=runs, **{name: getattr(self, name)[rows] for name in sampled})
 
 
 def trajectories(
@@ -70,8 +71,7 @@ def trajectories(
     step : [s] of the grid.
     """
     nominal = nominal_geometry(cell, candidate.position)
-    t = _grid(timing, step)
-    phase = _phase(t, timing)
+    t, phase = _times(timing, step)
     b = candidate.shape.angles(phase)
     tip = tool_poses(nominal, candidate.shape, phase)[:, :3, 3]
     unique = has_closed_form(nominal.robot)
@@ -97,36 +97,34 @@ def trajectories_of_many(
     the other. step : [s] of the grid.
     """
     nominal = nominal_geometry(cell, np.zeros(3))
-    t, closed = _grid(timing, step), has_closed_form(nominal.robot)
-    phase, m = _phase(t, timing), len(positions)
+    (t, phase), m = _times(timing, step), len(positions)
     b = angles_of(shapes, phase).reshape(-1, BAR_ROWS)
     poses = bar_frames(nominal, b).poses()
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
-    if closed:
-        every = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
+    if has_closed_form(nominal.robot):
+        branches = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
         counted = np.flatnonzero(allowed.T)
-        reached = counted[~np.isnan(every[counted]).any(axis=(1, 2))]
+        reached = counted[~np.isnan(branches[counted]).any(axis=(1, 2))]
         which = reached % m
-        q = centred(cell, np.unwrap(every[reached], axis=1))
+        q = centred(cell, np.unwrap(branches[reached], axis=1))
     else:
         led = [
-            branches_along(cell.robot, nominal_geometry(cell, at), shape_of(shapes, k), phase)
-            for k, at in enumerate(positions)
+            branches_along(cell.robot, nominal_geometry(cell, position), shape_of(shapes, k), phase)
+            for k, position in enumerate(positions)
         ]
-        which = np.repeat(np.arange(m), [len(branches) for branches in led])
-        q = np.array([in_range(cell.robot, branch) for branches in led for branch in branches])
+        which = np.repeat(np.arange(m), [len(of_candidate) for of_candidate in led])
+        q = np.array([in_range(cell.robot, angles) for of_one in led for angles in of_one])
     if not which.size:
         return None
-    at = (which[:, None] * t.size + np.arange(t.size)).ravel()
-    return _moving(nominal, t, b[at], q, poses[at, :3, 3], runs=which.size), which
+    rows = (which[:, None] * t.size + np.arange(t.size)).ravel()
+    return _moving(nominal, t, b[rows], q, poses[rows, :3, 3], runs=which.size), which
 
 
-def _grid(timing: PlanTiming, step: float) -> Array:
-    return np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
-
-
-def _phase(t: Array, timing: PlanTiming) -> Array:
-    return phase_over_time(t, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops)
+def _times(timing: PlanTiming, step: float) -> tuple[Array, Array]:
+    """Times (T,) [s] of the grid, and the phases (T,) of the path there."""
+    t = np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
+    phase = phase_over_time(t, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops)
+    return t, phase
 
 
 def _moving(
@@ -158,7 +156,7 @@ def centred(cell: Cell, q: Array) -> Array:
     """
     axes = joints_to_axes(cell.robot, q.reshape(-1, q.shape[-1])).reshape(q.shape)
     centre = 0.5 * (cell.robot.axis_lower + cell.robot.axis_upper)
-    off = 0.5 * (axes.max(axis=-2) + axes.min(axis=-2)) - centre
-    turns = 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+    beyond = 0.5 * (axes.max(axis=-2) + axes.min(axis=-2)) - centre
+    turns = 2.0 * np.pi * np.round(beyond / (2.0 * np.pi))
     turns[..., :3] = 0.0  # the arm's angles are unique
     return np.asarray(q - (turns @ cell.robot.controller_to_joint)[..., None, :])

@@ -17,7 +17,7 @@ from cell.geometry import Geometry, bar_frames, nominal_chain, nominal_geometry,
 from cell.numerical_inverse import dexterity
 from cell.robot_angles import joints_to_axes
 from planning.candidate import PathCandidate
-from planning.clearance import Clearance, distances_along
+from planning.clearance import Clearance
 from planning.limits import arm_margins, from_singular
 from planning.request import PlanLimits, PlanRequest
 from sim.errors.plant_errors import (
@@ -119,47 +119,47 @@ def set_without_strain(true: Geometry, q: Array) -> Geometry:
 
     q : (1, 6) [rad] first target, at which the base is set with the robot at rest.
     """
-    tool = robot_frames(true, q).tip[:, 0]
-    out = tool - true.origin
-    moved = true.origin + out * (1.0 - true["bd3"] / np.linalg.norm(out))
-    return true.replaced({f"o{axis}": float(v) for axis, v in zip("xyz", moved, strict=True)})
+    rod = robot_frames(true, q).tip[:, 0] - true.origin
+    origin = true.origin + rod * (1.0 - true["bd3"] / np.linalg.norm(rod))
+    return true.replaced({f"o{axis}": float(v) for axis, v in zip("xyz", origin, strict=True)})
 
 
 def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:
     """Every limit at every millisecond of a run, distances every CLEARANCE_STEP."""
-    axes, rates, accelerations = _axis_motion(cell, motion)
+    axes = joints_to_axes(cell.robot, motion.q)
+    rates = _rate(axes, motion.t)
     inside = np.minimum(axes - cell.robot.axis_lower, cell.robot.axis_upper - axes).min(axis=1)
     fastest = (np.abs(rates) / cell.robot.axis_speed_max).max(axis=1)
-    singular = np.minimum(from_singular(motion.b[:, 1]), from_singular(motion.b[:, 3]))
+    hardest = np.degrees(np.abs(_rate(rates, motion.t))).max(axis=1)
     tip = bar_frames(motion.geometry, motion.b).tip
     speed = np.linalg.norm(_rate(tip.T, motion.t), axis=1)
+    singular = np.minimum(from_singular(motion.b[:, 1]), from_singular(motion.b[:, 3]))
     swept = np.degrees(np.ptp(motion.b, axis=0)).max(keepdims=True)
-    hardest = np.degrees(np.abs(accelerations)).max(axis=1)
     acceleration = limits.axis_acceleration_deg_per_s2
+    distances = around.distances_along(
+        motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
+    )
+    if has_closed_form(nominal_chain(cell.robot)):
+        elbow, shoulder = arm_margins(motion.geometry, motion.q)
+        wrist = np.degrees(from_singular(motion.q[:, 4]))
+        arm = [
+            _at_least("wrist_margin_deg", wrist, limits.wrist_margin_deg, "deg"),
+            _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
+            _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
+        ]
+    else:
+        value = dexterity(motion.geometry.robot, motion.q[::EVERY])
+        arm = [_at_least("singular_value", value, limits.singular_value, "")]
     return [
         _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
         _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
         _at_most("axis_acceleration_deg_per_s2", hardest, acceleration, "deg/s^2"),
         _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
-        *_arm(cell, limits, motion),
+        *arm,
         _at_least("ballbar_margin_deg", np.degrees(singular), limits.ballbar_margin_deg, "deg"),
         _at_most("cable_turns", swept / 360.0, limits.cable_turns, "turns"),
         _at_most("force_N", np.abs(motion.rod_force), limits.force_N, "N"),
-        _clearance(limits, around, motion),
-    ]
-
-
-def _arm(cell: Cell, limits: PlanLimits, motion: Motion) -> list[Check]:
-    """Distances from the singular postures of the arm."""
-    if not has_closed_form(nominal_chain(cell.robot)):
-        value = dexterity(motion.geometry.robot, motion.q[::EVERY])
-        return [_at_least("singular_value", value, limits.singular_value, "")]
-    elbow, shoulder = arm_margins(motion.geometry, motion.q)
-    wrist = np.degrees(from_singular(motion.q[:, 4]))
-    return [
-        _at_least("wrist_margin_deg", wrist, limits.wrist_margin_deg, "deg"),
-        _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
-        _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
+        _at_least("clearance_m", distances, limits.clearance_m, "m"),
     ]
 
 
@@ -168,19 +168,12 @@ def violations_in(run: list[Check]) -> int:
     return sum(check.instants for check in run)
 
 
-def _axis_motion(cell: Cell, motion: Motion) -> tuple[Array, Array, Array]:
-    """Axis angles, speeds and accelerations (K, 6) [rad, rad/s, rad/s^2]."""
-    axes = joints_to_axes(cell.robot, motion.q)
-    rates = _rate(axes, motion.t)
-    return axes, rates, _rate(rates, motion.t)
-
-
 def _rate(values: Array, t: Array) -> Array:
     """Central differences (K, n) over RATE_STEP of values (K, n) at times t (K,) [s]."""
     half = max(1, round(0.5 * RATE_STEP / float(t[1] - t[0])))
-    out = np.zeros_like(values)
-    out[half:-half] = (values[2 * half :] - values[: -2 * half]) / (2 * half * float(t[1] - t[0]))
-    return out
+    rates = np.zeros_like(values)
+    rates[half:-half] = (values[2 * half :] - values[: -2 * half]) / (2 * half * float(t[1] - t[0]))
+    return rates
 
 
 def _at_least(limit: str, values: Array, allowed: float, unit: str) -> Check:
@@ -191,10 +184,3 @@ def _at_least(limit: str, values: Array, allowed: float, unit: str) -> Check:
 def _at_most(limit: str, values: Array, allowed: float, unit: str) -> Check:
     above = int(np.count_nonzero(values > allowed))
     return Check(limit, float(values.max()), allowed, unit, above, values.size)
-
-
-def _clearance(limits: PlanLimits, around: Clearance, motion: Motion) -> Check:
-    distances = distances_along(
-        around, motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
-    )
-    return _at_least("clearance_m", distances, limits.clearance_m, "m")

@@ -16,7 +16,7 @@ from planning.candidate import PathCandidate, genome_of, space_of
 from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
 from planning.first import descent
 from planning.plan import PathPlan
-from planning.questions import CHANGES, Question
+from planning.questions import Question, changed
 from planning.workspace import Region
 
 ROOM = 0.3  # [m] by which the ball-bar may move when a path is adapted
@@ -41,31 +41,23 @@ class Answer:
 
 def answers(plan: PathPlan, questions: Sequence[Question]) -> Iterator[Answer]:
     """The answer for each value of each question, in their order."""
-    request, cell = plan.request, plan.evaluator.cell
+    known, candidate = plan.evaluator.predictor.known, plan.evaluation.candidate
     for item in questions:
         for value in item.values:
-            changed, other = request, cell
+            request, cell = changed(plan.request, plan.evaluator.cell, item.key, value)
+            evaluator = evaluator_of(request, plan.rod, cell, known)
             if isinstance(value, tuple):
-                sensors = request.sensors.model_copy(update={"encoders": value})
-                changed = request.model_copy(update={"sensors": sensors})
-                shown = " ".join(f"b{j}" for j in value)
+                text = " ".join(f"b{joint}" for joint in value)
             else:
-                changed, other = CHANGES[item.key].change(request, cell, value)
-                shown = f"{value:g} {item.unit}"
-            evaluator = evaluator_of(changed, plan.rod, other, plan.evaluator.predictor.known)
-            yield _answer(item.key, shown, evaluator, plan.evaluation.candidate)
-
-
-def _answer(key: str, shown: str, evaluator: Evaluator, candidate: PathCandidate) -> Answer:
-    scale, note = scale_error(evaluator.cell, evaluator.predictor.grid), ""
-    outcome = evaluate(evaluator, candidate)
-    if outcome.violations:
-        first = outcome.violations[0].sentence
-        adapted = _adapted(evaluator, candidate)
-        if adapted is None:
-            return Answer(key, shown, None, scale, f"no path: {first}")
-        outcome, note = evaluate(evaluator, adapted), "path adapted"
-    return Answer(key, shown, outcome.tcp, scale, note)
+                text = f"{value:g} {item.unit}"
+            outcome, note = evaluate(evaluator, candidate), ""
+            tcp: float | None = outcome.tcp
+            if outcome.violations:
+                adapted = _adapted(evaluator, candidate)
+                tcp, note = None, f"no path: {outcome.violations[0].sentence}"
+                if adapted is not None:
+                    tcp, note = evaluate(evaluator, adapted).tcp, "path adapted"
+            yield Answer(item.key, text, tcp, scale_error(cell, evaluator.predictor.grid), note)
 
 
 def _adapted(evaluator: Evaluator, candidate: PathCandidate) -> PathCandidate | None:

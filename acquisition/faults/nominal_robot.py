@@ -6,21 +6,25 @@ or angles turned about other axes. A little wrong is the identifier's matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.faults.robot_angles import Reading
+from acquisition.faults.table_angles import fits
 from acquisition.measured_values import rotation
-from acquisition.report import Finding, finding
+from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import LogError
+from cell.file_units import METRES, RADIANS, AngleUnit, LogLengthUnit
 from cell.instrument import Instrument
-from cell.pose_file import AngleUnit, ValueColumns
+from cell.pose_file import ValueColumns
 from cell.rigid_fit import nominal_frames, rigid_fit
 
 FEWEST = 10  # poses: fewer lie on many robots
@@ -30,7 +34,7 @@ _TOOL = 0.5  # [m] no target is further from the flange
 _MOVED = 0.1  # of the reach: spread of the nominal flange that must show in the positions
 _BETTER = 5.0  # times smaller residual of a mirrored frame
 _FITS = 0.05  # of the reach: a nominal robot within it is the right one
-_SEAT_FITS = 0.03  # of the reach: likewise of a few points, carried on to the others
+_SEAT_FITS = 0.03  # of the reach: the same of a few points, carried on to the others
 _TRIALS, _FEW = 150, 5  # of two equal parts, five points are of one in a sixteenth of the trials
 _MOST = 0.9  # of the points of each seat that have to fit
 _TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the rotations
@@ -70,15 +74,13 @@ def check_positions(
 
     Raises LogError for points in another unit and for a left-handed frame.
     """
-    chosen, every = judged(len(q)), points
-    frames, points = nominal_frames(robot, q[chosen]), points[chosen]
-    spread, moved = spread_of(points), spread_of(frames.tip.T)
-    length = reach(robot)
+    chosen, length = judged(len(q)), reach(robot)
+    frames, few = nominal_frames(robot, q[chosen]), points[chosen]
+    spread, moved = spread_of(few), spread_of(frames.tip.T)
     far = spread > _LARGE * length + 2.0 * _TOOL
-    near_by = spread < _SMALL * length and moved > _MOVED * length
     if far:
-        _refuse_two_seats(robot, rows, q, every)
-    if far or near_by:
+        _refuse_two_seats(robot, rows, q, points)
+    if far or (spread < _SMALL * length and moved > _MOVED * length):
         what = "more than the robot reaches" if far else "though its flange moves"
         raise LogError(
             f"{rows.file}: the measured points spread over {spread:.4g} m as {unit}, {what} "
@@ -87,12 +89,13 @@ def check_positions(
         )
     if chosen.size < FEWEST:
         return ()
-    within = _off_middle(points) < 2.0 * (length + _TOOL)
-    frames, points = nominal_frames(robot, q[chosen][within]), points[within]
-    findings = _off_nominal(robot, rows, frames, points)
+    limit = 2.0 * (length + _TOOL)
+    within = _off_middle(few) < limit
+    findings = _off_nominal(robot, rows, nominal_frames(robot, q[chosen][within]), few[within])
     if findings:
-        _refuse_two_seats(robot, rows, q, every)
-    return (*_out_of_reach(robot, rows, every), *findings)
+        _refuse_two_seats(robot, rows, q, points)
+    sentence = "the point lies further from the others than the robot reaches."
+    return (*rows.remark("point out of reach", sentence, _off_middle(points) >= limit), *findings)
 
 
 def _refuse_two_seats(robot: Robot, rows: PoseRows, q: Array, points: Array) -> None:
@@ -147,16 +150,6 @@ def _lines(lines: NDArray[np.int64]) -> str:
     return f"lines {', '.join(map(str, ordered[:4]))}, ... ({ordered.size} of those judged)"
 
 
-def _out_of_reach(robot: Robot, rows: PoseRows, points: Array) -> tuple[Finding, ...]:
-    """A finding about points (N, 3) [m] that no pose of the robot reaches beside the others."""
-    far = np.flatnonzero(_off_middle(points) >= 2.0 * (reach(robot) + _TOOL))
-    if not far.size:
-        return ()
-    sentence = "the point lies further from the others than the robot reaches."
-    lines = rows.line[far]
-    return (finding("point out of reach", "warning", rows.file, sentence, lines=lines),)
-
-
 def _off_nominal(
     robot: Robot, rows: PoseRows, frames: Frames, points: Array
 ) -> tuple[Finding, ...]:
@@ -164,33 +157,44 @@ def _off_nominal(
 
     Raises LogError if they are their mirror image.
     """
-    length, direct = reach(robot), rigid_fit(frames, points).rms
-    if direct > _FITS * length:
-        mirror = rigid_fit(frames, points, mirrored=True).rms
-        if mirror * _BETTER < direct and mirror < _FITS * length:
-            raise LogError(
-                f"{rows.file}: the measured points fit {robot.name} only as their mirror image "
-                f"({mirror * 1e3:.3g} mm against {direct * 1e3:.3g} mm): the frame is left-handed. "
-                "Is an axis missing its sign, or are two columns swapped? Correct the columns."
-            )
-        sentence = (
-            f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: "
-            "another robot, another order of the joints, or angles of another kind?"
+    limit, direct = _FITS * reach(robot), rigid_fit(frames, points).rms
+    if direct <= limit:
+        return ()
+    mirror = rigid_fit(frames, points, mirrored=True).rms
+    if mirror * _BETTER < direct and mirror < limit:
+        raise LogError(
+            f"{rows.file}: the measured points fit {robot.name} only as their mirror image "
+            f"({mirror * 1e3:.3g} mm against {direct * 1e3:.3g} mm): the frame is left-handed. "
+            "Is an axis missing its sign, or are two columns swapped? Correct the columns."
         )
-        return (finding("far from the nominal robot", "warning", rows.file, sentence, count=1),)
-    return ()
-
-
-def better_as_rad(robot: Robot, as_deg: Array, as_rad: Array, points: Array) -> bool:
-    """Whether joint angles read as rad put the robot nearer to points (N, 3) [m] than as degrees.
-
-    as_deg, as_rad : (N, J) [rad].
-    """
-    chosen = judged(len(points))
-    degrees, radians = (
-        rigid_fit(nominal_frames(robot, q[chosen]), points[chosen]).rms for q in (as_deg, as_rad)
+    sentence = (
+        f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: "
+        "another robot, another order of the joints, or angles of another kind?"
     )
-    return radians < degrees
+    return rows.remark("far from the nominal robot", sentence)
+
+
+def refuse_radians(
+    robot: Robot, rows: PoseRows, reading: Reading, logged: Array, values: Array
+) -> None:
+    """Raises LogError if logged angles (N, J), read as degrees, are radians by all that shows.
+
+    values : (N, M) [m, rad]. Their positions, if there are any, have to fit the robot better so.
+    """
+    largest, as_rad = float(np.abs(logged).max()), replace(reading, unit="rad")
+    if reading == as_rad or largest > 2.0 * np.pi or not fits(robot, as_rad, logged):
+        return
+    if values.shape[1] >= 3:
+        chosen = judged(len(values))
+        degrees, radians = (
+            rigid_fit(nominal_frames(robot, q[chosen]), values[chosen, :3]).rms
+            for q in (reading.joints(robot, logged), as_rad.joints(robot, logged))
+        )
+    if values.shape[1] < 3 or radians < degrees:
+        raise LogError(
+            f"{rows.file}: no joint angle exceeds {largest:.4g}, so that as degrees the robot "
+            "would hardly move. Radians? Write `unit: rad` under joints in poses.yaml."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,18 +221,17 @@ class Orientations:
 
         None if none fits.
         """
-        units: tuple[tuple[AngleUnit, float], ...] = (("rad", 1.0), ("deg", np.pi / 180.0))
         errors = {
             (name, unit): self.error(name, raw, scale)
             for name in (_QUATERNIONS if raw.shape[1] == 4 else _CONVENTIONS)
-            for unit, scale in units
+            for unit, scale in RADIANS.items()
         }
         (name, unit), least = min(errors.items(), key=lambda item: item[1])
         return (name, unit, least) if least < _TURN_OFF else None
 
 
 def orientations(robot: Robot, q: Array, points: Array) -> Orientations | None:
-    """What the flange's rotations should be at q (N, J) [rad], by the measured points (N, 3) [m].
+    """Expected rotations of the flange at q (N, J) [rad], by the measured points (N, 3) [m].
 
     None if the points are few, on a line, or not those of the robot.
     """
@@ -271,7 +274,7 @@ def check_rotations(
         f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of the flange of the "
         f"catalogue robot {robot.name}: another convention, or another robot?"
     )
-    return (finding("rotations off the nominal robot", "warning", rows.file, sentence, count=1),)
+    return rows.remark("rotations off the nominal robot", sentence)
 
 
 def check_lengths(
@@ -288,19 +291,15 @@ def check_lengths(
             f"{rows.file}: lengths of {middle:.4g} m (median, read as {unit}); {instrument.name} "
             f"measures {lower:g} to {upper:g} m. {_other_unit(middle, instrument.nominal, unit)}"
         )
-    outside = np.flatnonzero(((values < lower) | (values > upper)).any(axis=1))
-    if not outside.size:
-        return ()
+    outside = np.asarray(((values < lower) | (values > upper)).any(axis=1))
     sentence = f"outside the range of {instrument.name}, {lower:g} to {upper:g} m."
-    lines = rows.line[outside]
-    return (finding("length outside the range", "warning", rows.file, sentence, lines=lines),)
+    return rows.remark("length outside the range", sentence, outside)
 
 
 def _other_unit(measured: float, expected: float, unit: str) -> str:
     """Advice for lengths `measured` [m] that should be about `expected` [m]."""
-    metres = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
-    here = metres.get(unit, {"cm": 1e-2, "inch": 0.0254}.get(unit, 1.0))
-    for name, scale in metres.items():
-        if name != unit and 0.2 < measured / here * scale / max(expected, 1e-9) < 5.0:
+    for name in get_args(LogLengthUnit):
+        scale = measured / METRES[unit] * METRES[name]
+        if name != unit and 0.2 < scale / max(expected, 1e-9) < 5.0:
             return f"In {name}? Write `unit: {name}` under values in poses.yaml."
     return "Correct the unit under values in poses.yaml, or name the columns that were measured."

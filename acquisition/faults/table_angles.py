@@ -1,123 +1,149 @@
-"""Joint angles of still poses, and the checks that the columns hold what poses.yaml declares."""
+"""Joint angles of a table of still poses: against the robot's limits, and by what they show.
+
+What contradicts the declared unit or kind is refused; rounded angles, axes that stand and repeated
+poses are findings.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from acquisition.report import Finding, finding
+import numpy as np
+from scipy.spatial import cKDTree
+
+from acquisition.faults.other_angles import FAR
+from acquisition.faults.robot_angles import Reading, excess
+from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError
-from cell.pose_file import AngleUnit, JointColumns
-from cell.robot_angles import controller_to_joints, joints_to_axes
+from cell.file_units import RADIANS, AngleUnit
+from cell.pose_file import JointColumns
+from cell.robot_angles import joints_to_axes
 
 MOST_TURNS = 4.0 * np.pi  # [rad] no axis of a robot turns further
-FAR = 0.2  # of an axis's range beyond its limits: no offset is as large, a wrong unit is
-BEYOND = np.deg2rad(1.0)  # [rad] beyond a limit: reported
+_BEYOND = np.deg2rad(1.0)  # [rad] beyond a limit: reported
 _MANY = 0.01  # of the poses: a bad number makes few, a wrong unit many
-
-
-def joint_angles(robot: Robot, declared: JointColumns, logged: Array, unit: AngleUnit) -> Array:
-    """(N, J) [rad] DH joint angles of logged angles (N, J) in `unit`."""
-    angles = np.deg2rad(logged) if unit == "deg" else logged
-    return controller_to_joints(robot, angles) if declared.angles == "axes" else angles
+# Steps of angles as a table has them; the coarsest on which all lie is reported.
+_GRIDS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1, 0.05, 0.01)
+_GRIDS_RAD = (0.1, 0.01, 0.001)
+_ON_GRID = 1e-6  # of a step: rounding of decimal numbers
+_FEWEST = 5  # different angles of an axis, below which a grid is a coincidence
+_STANDS = 1e-6  # [rad] an axis that turns by less stands
+# [rad] between joint angles of one pose, to which a robot came back: repeatability and noise of its
+# encoders. A UR10 lists such poses 0.05 to 0.2 mrad apart.
+_SAME = 3.0e-4
 
 
 def refuse_other_unit(
-    robot: Robot, declared: JointColumns, rows: PoseRows, logged: Array, unit: AngleUnit
+    robot: Robot, declared: JointColumns, reading: Reading, rows: PoseRows, logged: Array
 ) -> None:
     """Raises LogError if logged angles (N, J) cannot be the robot's in the declared unit.
 
     Rows with NaN are not judged.
     """
-    judged = np.flatnonzero(np.isfinite(logged).all(axis=1))
-    if not judged.size:
+    complete = np.flatnonzero(np.isfinite(logged).all(axis=1))
+    if not complete.size:
         return
-    angles = logged[judged]
-    largest = float(np.abs(angles).max())
-    q = joint_angles(robot, declared, angles, unit)
-    axes = joints_to_axes(robot, q)
-    far = _excess(robot, axes) > FAR
-    too_far = far.any(axis=1).sum() > max(1.0, _MANY * judged.size)
-    turned = largest > (MOST_TURNS if unit == "rad" else np.rad2deg(MOST_TURNS))
-    if not (turned or too_far):
+    angles, unit = logged[complete], reading.unit
+    axes = joints_to_axes(robot, reading.joints(robot, angles))
+    far = excess(robot, axes) > FAR
+    most = MOST_TURNS if unit == "rad" else np.rad2deg(MOST_TURNS)
+    turned = float(np.abs(angles).max()) > most
+    if not turned and far.any(axis=1).sum() <= max(1.0, _MANY * complete.size):
         return
     place = np.unravel_index(int(np.abs(angles).argmax()), angles.shape)
     row, axis = map(int, place if turned else np.argwhere(far)[0])
-    raise LogError(
-        f"{rows.location(int(judged[row]))}: {_column(declared, axis)}: {angles[row, axis]:.6g} "
-        f"read as {unit} puts {_beyond(robot, axes[row], axis)}. "
-        f"{_remedy(robot, declared, angles, unit)}"
-    )
-
-
-def _column(declared: JointColumns, axis: int) -> str:
-    columns = declared.columns
-    return f"column {columns[axis]}" if len(columns) > axis else f"angle {axis + 1}"
-
-
-def _beyond(robot: Robot, axes: Array, axis: int) -> str:
-    """Where an axis of axes (J,) [rad] would stand, beside its limits."""
+    named = axis < len(declared.columns)
+    column = f"column {declared.columns[axis]}" if named else f"angle {axis + 1}"
     lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
-    return (
-        f"axis {axis + 1} of {robot.name} at {np.rad2deg(axes[axis]):.5g} deg, far beyond its "
-        f"limits {lower:.4g} to {upper:.4g} deg"
-    )
-
-
-def _remedy(robot: Robot, declared: JointColumns, angles: Array, unit: AngleUnit) -> str:
-    """Other readings of angles (N, J) in `unit` that fit the robot, or what else to look at."""
     others = [
         words
-        for words, other, kind in (
-            ("`unit: deg`", "deg", declared.angles),
-            ("`unit: rad`", "rad", declared.angles),
-            ("`angles: joints`", unit, "joints"),
-            ("`angles: axes`", unit, "axes"),
+        for words, other in (
+            ("`unit: deg`", Reading(reading.kind, "deg")),
+            ("`unit: rad`", Reading(reading.kind, "rad")),
+            ("`angles: joints`", Reading("joints", unit)),
+            ("`angles: axes`", Reading("axes", unit)),
         )
-        if (other, kind) != (unit, declared.angles)
-        and _fits(robot, declared.model_copy(update={"angles": kind}), angles, other)
+        if other != reading and fits(robot, other, angles)
     ]
-    if not others:
-        return (
-            "Name the columns that hold the robot's angles, in the order of its axes, and the "
-            "right robot."
-        )
-    return (
-        f"With {' or '.join(others)} all angles stay within the limits: write so under joints in "
-        "poses.yaml."
+    remedy = (
+        "Name the columns that hold the robot's angles, in the order of its axes, and the right "
+        "robot."
+    )
+    if others:
+        remedy = f"With {' or '.join(others)} all angles stay within the limits: write so under"
+        remedy += " joints in poses.yaml."
+    raise LogError(
+        f"{rows.location(int(complete[row]))}: {column}: {angles[row, axis]:.6g} read as {unit} "
+        f"puts axis {axis + 1} of {robot.name} at {np.rad2deg(axes[row, axis]):.5g} deg, far "
+        f"beyond its limits {lower:.4g} to {upper:.4g} deg. {remedy}"
     )
 
 
-def _fits(robot: Robot, declared: JointColumns, angles: Array, unit: str) -> bool:
-    q = joint_angles(robot, declared, angles, "deg" if unit == "deg" else "rad")
-    return not (_excess(robot, joints_to_axes(robot, q)) > FAR).any()
-
-
-def may_be_rad(robot: Robot, declared: JointColumns, logged: Array) -> bool:
-    """Whether logged angles (N, J) [rad or deg] fit the robot as rad, and none exceeds a turn."""
-    small = float(np.abs(logged).max()) <= 2.0 * np.pi
-    return small and _fits(robot, declared, logged, "rad")
+def fits(robot: Robot, reading: Reading, logged: Array) -> bool:
+    """Whether logged angles (N, J), read so, keep every axis about within its limits."""
+    return not (excess(robot, joints_to_axes(robot, reading.joints(robot, logged))) > FAR).any()
 
 
 def limit_findings(robot: Robot, rows: PoseRows, q: Array) -> tuple[Finding, ...]:
-    """Poses whose joint angles q (N, J) [rad] put an axis beyond its limits by more than BEYOND."""
+    """Poses whose joint angles q (N, J) [rad] put an axis beyond its limits by more than 1 deg."""
     axes = joints_to_axes(robot, q)
     over = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
-    beyond = np.flatnonzero((over > BEYOND).any(axis=1))
-    if not beyond.size:
-        return ()
     axis = int(over.max(axis=0).argmax())
     sentence = (
         f"axis {axis + 1} of {robot.name} lies up to {np.rad2deg(over[:, axis].max()):.3g} deg "
         "beyond its limits."
     )
-    lines = rows.line[beyond]
-    return (finding("beyond axis limits", "warning", rows.file, sentence, lines=lines),)
+    return rows.remark("beyond axis limits", sentence, (over > _BEYOND).any(axis=1))
 
 
-def _excess(robot: Robot, axes: Array) -> Array:
-    """(N, J) how far axis angles (N, J) [rad] lie beyond their limits, as a share of the range."""
-    over = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
-    return np.asarray(over / (robot.axis_upper - robot.axis_lower))
+def angle_findings(rows: PoseRows, logged: Array, unit: AngleUnit) -> tuple[Finding, ...]:
+    """Findings about logged angles (N, J) in `unit`: axes on a grid, axes that never move."""
+    findings = list[Finding]()
+    still = np.ptp(logged, axis=0) * RADIANS[unit] < _STANDS
+    if still.all() and len(logged) > 1:
+        sentence = "no axis moves over the whole table. Are these the columns of the angles?"
+        findings += rows.remark("joints stand still", sentence)
+    elif still.any() and len(logged) > 1:
+        axes = _axes(np.flatnonzero(still).tolist())
+        findings += rows.remark("axis stands still", f"{axes} never moves.")
+    steps: dict[tuple[float, AngleUnit], list[int]] = {}
+    for axis in np.flatnonzero(~still).tolist():
+        if (step := _grid(logged[:, axis], unit)) is not None:
+            steps.setdefault(step, []).append(axis)
+    for (size, of_unit), rounded in steps.items():
+        sentence = f"all angles of {_axes(rounded)} are whole multiples of {size:g} {of_unit}."
+        findings += rows.remark("angles on a grid", sentence)
+    return tuple(findings)
+
+
+def repeated(rows: PoseRows, q: Array) -> tuple[Finding, ...]:
+    """A finding about poses of q (N, J) [rad] that the table has before."""
+    again = np.zeros(len(q), dtype=bool)
+    again[cKDTree(q).query_pairs(_SAME, output_type="ndarray").max(axis=1)] = True
+    sentence = "the joint angles of a row before; keep such rows on one side of a split."
+    return rows.remark("repeated pose", sentence, again)
+
+
+def _grid(angles: Array, unit: AngleUnit) -> tuple[float, AngleUnit] | None:
+    """Step and its unit of the coarsest grid on which angles (N,) in `unit` lie."""
+    if np.unique(angles).size < _FEWEST:
+        return None
+    degrees = angles if unit == "deg" else np.rad2deg(angles)
+    # Numbers of a file in rad have some six digits, so that a grid of degrees is there to 1e-4 deg.
+    blur = 0.0 if unit == "deg" else 1e-4
+    for step in _GRIDS_DEG if unit == "deg" else _GRIDS_DEG[:5]:
+        off = np.abs(degrees - step * np.rint(degrees / step))
+        if (off <= _ON_GRID * step + blur).all():
+            return step, "deg"
+    for step in _GRIDS_RAD if unit == "rad" else ():
+        if (np.abs(angles - step * np.rint(angles / step)) <= _ON_GRID * step).all():
+            return step, "rad"
+    return None
+
+
+def _axes(axes: Sequence[int]) -> str:
+    numbers = [str(axis + 1) for axis in axes]
+    return f"axis {numbers[0]}" if len(numbers) == 1 else f"axes {', '.join(numbers)}"

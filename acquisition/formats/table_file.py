@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -87,20 +86,3 @@ def _header_in(comment: str, row: str) -> str | None:
         if len(cells) > 1 and len(titles) == len(cells) and any(map(is_number, cells)):
             return None if any(map(is_number, titles)) else names
     return None
-
-
-def first_separator(line: str, positions: Sequence[int]) -> str | None:
-    """The separator with which a line has numbers at field positions (from 0), empty ones aside.
-
-    None if it is no row of such a table.
-    """
-    best, most = None, 0
-    for separator in SEPARATORS:
-        cells = split_fields(line, separator)
-        if len(cells) <= max(positions):
-            continue
-        wanted = [cells[i] for i in positions if cells[i]]
-        numbers = sum(map(is_number, wanted))
-        if wanted and numbers == len(wanted) and numbers > most:
-            best, most = separator, numbers
-    return best

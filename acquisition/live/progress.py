@@ -18,7 +18,7 @@ from cell.logs import SourceName
 _RATE_POLLS = 20  # polls over which the rate is taken: two seconds
 
 
-class State(Enum):
+class RecorderState(Enum):
     """Where a recorder stands; the value is what the terminal shows."""
 
     WAIT = "waiting"
@@ -34,7 +34,7 @@ class Progress:
     """What a recorder has done so far."""
 
     name: SourceName
-    state: State = State.WAIT
+    state: RecorderState = RecorderState.WAIT
     reason: str = ""  # why it waits
     segments: int = 0
     records: int = 0

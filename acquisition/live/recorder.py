@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from acquisition.live.folder import RecordingFolder, SegmentFile
-from acquisition.live.progress import Progress, State, Tally
+from acquisition.live.progress import Progress, RecorderState, Tally
 from acquisition.live.source import Batch, DeviceSilentError, Source
 from cell.errors import FailureError
 
@@ -66,15 +66,15 @@ class Recorder:
         An error is stored in `failure`, and stops the other recorders too.
         """
         step = {
-            State.WAIT: self._wait,
-            State.OPEN: self._open,
-            State.RECORD: self._record,
-            State.FLUSH: self._flush,
-            State.CLOSE: self._close,
+            RecorderState.WAIT: self._wait,
+            RecorderState.OPEN: self._open,
+            RecorderState.RECORD: self._record,
+            RecorderState.FLUSH: self._flush,
+            RecorderState.CLOSE: self._close,
         }
-        state = State.WAIT
+        state = RecorderState.WAIT
         try:
-            while state is not State.END:
+            while state is not RecorderState.END:
                 self._tally.show(state=state)
                 state = step[state]()
         except OSError as error:
@@ -90,9 +90,9 @@ class Recorder:
             if self.failure is not None:
                 self._stop.set()
                 self._source.disconnect()
-            self._tally.show(state=State.END)
+            self._tally.show(state=RecorderState.END)
 
-    def _wait(self) -> State:
+    def _wait(self) -> RecorderState:
         """Waits until there are records, or the recorder is stopped."""
         while not self._stop.is_set():
             try:
@@ -101,7 +101,7 @@ class Recorder:
                     self._batch = self._source.poll()
                     if self._batch.records:
                         self._tally.show(reason="")
-                        return State.OPEN
+                        return RecorderState.OPEN
                     self._tally.count(self._batch)
                     self._tally.show(reason=self._source.quiet)
                     self._stop.wait(POLL)
@@ -110,24 +110,24 @@ class Recorder:
                 self._tally.show(reason=str(error))
                 self._stop.wait(RETRY)
         self._source.disconnect()
-        return State.END
+        return RecorderState.END
 
-    def _open(self) -> State:
+    def _open(self) -> RecorderState:
         path = self._folder.next_file(self._source.name, self._source.file_suffix)
         self._file, self._declared = SegmentFile(path, self._source.file_start()), False
         self._tally.new_segment()
         self._tally.show(segments=self.progress.segments + 1, channels=self._source.channels)
-        return State.FLUSH
+        return RecorderState.FLUSH
 
-    def _record(self) -> State:
+    def _record(self) -> RecorderState:
         try:
             self._batch = self._source.poll()
         except DeviceSilentError as error:
             self._tally.note(str(error))
-            return State.CLOSE
-        return State.FLUSH
+            return RecorderState.CLOSE
+        return RecorderState.FLUSH
 
-    def _flush(self) -> State:
+    def _flush(self) -> RecorderState:
         batch, file = self._batch, self._file
         if batch is None or file is None:
             raise RuntimeError("FLUSH follows OPEN and a poll")
@@ -147,16 +147,16 @@ class Recorder:
         if batch.ends:
             self._tally.note(batch.ends)
         if batch.ends or stopping:
-            return State.CLOSE
+            return RecorderState.CLOSE
         self._stop.wait(max(0.0, polled + POLL - time.monotonic()))
-        return State.RECORD  # also when stopped meanwhile: one last poll
+        return RecorderState.RECORD  # also when stopped meanwhile: one last poll
 
-    def _close(self) -> State:
+    def _close(self) -> RecorderState:
         self._close_file()
         if self._stop.is_set():
             self._source.disconnect()
-            return State.END
-        return State.WAIT
+            return RecorderState.END
+        return RecorderState.WAIT
 
     def _declare(self, file: SegmentFile) -> None:
         if not self._declared:

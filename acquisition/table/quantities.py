@@ -15,24 +15,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.table_file import FileKind, first_separator
-from acquisition.report import Finding
+from acquisition.formats.table_file import FileKind
+from acquisition.report import Finding, Severity, finding
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE, Kind, Layout, Remedies
 from acquisition.table.table import Form, text_table
 from acquisition.table.text import LogText
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
+from cell.file_units import METRES, RADIANS
 from cell.selectors import by_position, checked, find
 
 _BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
 _BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S{1,8})\s*")  # `A1 / °`, `A1 in °`
-_UNITS = {  # as headers write them; the sign of degrees, and two that look like it
-    "m": "m", "cm": "cm", "mm": "mm", "um": "um", "µm": "um", "μm": "um",
-    "in": "inch", "inch": "inch", "rad": "rad", "deg": "deg", "°": "deg", "º": "deg", "˚": "deg",
-    "degree": "deg", "degrees": "deg",
+_SPELLINGS = {  # of units beside their own names: the sign of degrees, and two that look like it
+    **{"µm": "um", "μm": "um", "in": "inch", "°": "deg", "º": "deg", "˚": "deg"},
+    **{"degree": "deg", "degrees": "deg"},
     "Grad": "deg",  # German; `grad` may be a hundredth of a right angle
-}  # fmt: skip
+}
 _TERMS = re.compile(r"(.+?) ([+-]) (.+)")
 _MISSING = {"", "nan", "-nan", "n/a", "na", "#n/a", "null", "none", "-", "--"}
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})*[.,]\d+")
@@ -48,19 +48,11 @@ REMEDIES = Remedies(
 
 
 @dataclass(frozen=True)
-class Term:
-    """A column with the sign with which it enters a number."""
-
-    sign: float
-    selector: str
-
-
-@dataclass(frozen=True)
 class Quantity:
     """One number of each pose: a column, or the difference or sum of two."""
 
     written: str  # as poses.yaml has it
-    terms: tuple[Term, ...]
+    terms: tuple[tuple[float, str], ...]  # sign and selector of each column
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,21 +70,37 @@ class PoseRows:
     def size(self) -> int:
         return int(self.line.size)
 
-    def location(self, row: int) -> str:
+    def location(self, row: int | np.integer) -> str:
         return f"{self.file}:{self.line[row]}"
+
+    def remark(
+        self,
+        kind: str,
+        sentence: str,
+        chosen: NDArray[np.bool_] | None = None,
+        severity: Severity = "warning",
+    ) -> tuple[Finding, ...]:
+        """A finding about the chosen rows (N,), none if there are none; else about the file."""
+        if chosen is None:
+            return (finding(kind, severity, self.file, sentence, count=1),)
+        lines = self.line[chosen]
+        return (finding(kind, severity, self.file, sentence, lines=lines),) if lines.size else ()
 
     def take(self, chosen: NDArray[np.bool_]) -> PoseRows:
         """The chosen rows (N,)."""
         cells = {name: values[chosen] for name, values in self.cells.items()}
         return replace(self, line=self.line[chosen], cells=cells)
 
-    def numbers(self, quantity: Quantity) -> Array:
-        """(N,) the quantity in the unit of its columns; NaN where a field is empty.
+    def numbers(self, quantities: Sequence[Quantity]) -> Array:
+        """(N, C) quantities in the units of their columns; NaN where a field is empty.
 
         Raises LogError for what is no number, and for infinities.
         """
-        terms = [term.sign * self._column(term.selector) for term in quantity.terms]
-        return np.asarray(np.sum(terms, axis=0))
+        values = np.zeros((self.size, len(quantities)))
+        for k, quantity in enumerate(quantities):
+            terms = [sign * self._column(selector) for sign, selector in quantity.terms]
+            values[:, k] = np.sum(terms, axis=0)
+        return values
 
     def text(self, selector: str) -> list[str]:
         return [str(cell).strip() for cell in self.cells[selector]]
@@ -101,10 +109,8 @@ class PoseRows:
         cells = self.cells[selector]
         if cells.dtype.kind in "if":
             return cells.astype(np.float64)
-        values = np.empty(self.size)
-        for row, cell in enumerate(cells):
-            values[row] = self._number(row, selector, cell)
-        return values
+        numbers = (self._number(row, selector, cell) for row, cell in enumerate(cells))
+        return np.fromiter(numbers, dtype=np.float64, count=self.size)
 
     def _number(self, row: int, selector: str, cell: str) -> float:
         if cell.lower() in _MISSING:
@@ -144,11 +150,21 @@ def header_names(text: LogText) -> set[str]:
 
 
 def quantities(columns: Iterable[int | str], names: Collection[str]) -> tuple[Quantity, ...]:
-    """What columns of poses.yaml mean in a file with these names.
+    """The quantities that columns of poses.yaml mean in a file with these names.
 
     Raises DescriptionError for a selector that cannot be one.
     """
-    return tuple(_quantity(column, names) for column in columns)
+    meanings = list[Quantity]()
+    for column in columns:
+        written, whole = str(column), selector(column, names)
+        parts = _TERMS.fullmatch(written)
+        if parts is None or whole in names:
+            meanings.append(Quantity(written, ((1.0, whole),)))
+            continue
+        first, second = (selector(name.strip(), names) for name in (parts[1], parts[3]))
+        sign = 1.0 if parts[2] == "+" else -1.0
+        meanings.append(Quantity(written, ((1.0, first), (sign, second))))
+    return tuple(meanings)
 
 
 def selector(column: int | str, names: Collection[str]) -> str:
@@ -164,8 +180,8 @@ def selector(column: int | str, names: Collection[str]) -> str:
         raise DescriptionError(f"poses.yaml: column {column!r}: {error}.") from None
     if column in names:
         return column
-    alike = [name for name in names if name != (bare := split_unit(name)[0]) and bare == column]
-    return alike[0] if len(alike) == 1 else column
+    matching = [name for name in names if name != column == split_unit(name)[0]]
+    return matching[0] if len(matching) == 1 else column
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
@@ -173,22 +189,19 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
     The unit stands in brackets, or behind a slash or `in`: `A1 [°]`, `X (mm)`, `A1 / °`, `X in mm`.
     """
-    if named := _BRACKETS.fullmatch(name):
-        return named[1], _known(named[2])
-    if (named := _BEHIND.fullmatch(name)) and (unit := _known(named[2])):
-        return named[1], unit
+    for pattern in (_BRACKETS, _BEHIND):
+        if named := pattern.fullmatch(name):
+            spelt = {**_SPELLINGS, **{unit: unit for unit in (*METRES, *RADIANS)}}
+            unit = spelt.get(named[2]) or spelt.get(named[2].lower())
+            if unit or pattern is _BRACKETS:
+                return named[1], unit
     return name, None
-
-
-def _known(unit: str) -> str | None:
-    return _UNITS.get(unit) or _UNITS.get(unit.lower())
 
 
 def unit_stated(quantity: Quantity) -> str | None:
     """The unit that the header states behind the names; None if it states none."""
-    names = [term.selector for term in quantity.terms]
-    each = zip(names, map(split_unit, names), strict=True)
-    units = {unit for name, (bare, unit) in each if bare != name}
+    names = [name for _, name in quantity.terms]
+    units = {unit for name in names for bare, unit in [split_unit(name)] if bare != name}
     return units.pop() if len(units) == 1 else None
 
 
@@ -206,56 +219,36 @@ def read_rows(
         headerless=counted,
         remedies=REMEDIES,
     )
-    _refuse_unnamed(text, layout, counted=counted)
-    table, form = text_table(_with_counted_header(text, numbers) if counted else text, layout)
-    skipped = ("column not used", "preamble")  # as usual in a table of poses
-    return PoseRows(
-        file=text.file,
-        kind=kind,
-        line=table.line,
-        cells=table.columns,
-        form=form,
-        findings=tuple(entry for entry in table.findings if entry.kind not in skipped),
-    )
-
-
-def _refuse_unnamed(text: LogText, layout: Layout, *, counted: bool) -> None:
-    """Raises LogError for columns by name in a file that begins with a row of numbers."""
     if counted:
-        return
-    first = text.lines[0]
-    names = header_names(text)
-    if any(find(name, list(names)) for name in layout.required):
-        return
-    rows = [split_fields(first, s) for s in SEPARATORS]
-    if any(len(cells) > 1 and all(map(is_number, cells)) for cells in rows):
-        raise LogError(
-            f"{text.file}:{text.number[0]}: the first line holds numbers, not column names, but "
-            f"poses.yaml names {', '.join(layout.required)}. {REMEDIES.headerless}"
-        )
+        text = _with_counted_header(text, [int(selector[1:]) - 1 for selector in numbers])
+    elif not any(find(name, list(header_names(text))) for name in selectors):
+        rows = [split_fields(text.lines[0], separator) for separator in SEPARATORS]
+        if any(len(cells) > 1 and all(map(is_number, cells)) for cells in rows):
+            raise LogError(
+                f"{text.file}:{text.number[0]}: the first line holds numbers, not column names, "
+                f"but poses.yaml names {', '.join(layout.required)}. {REMEDIES.headerless}"
+            )
+    table, form = text_table(text, layout)
+    skipped = ("column not used", "preamble")  # as usual in a table of poses
+    findings = tuple(entry for entry in table.findings if entry.kind not in skipped)
+    return PoseRows(text.file, kind, table.line, table.columns, form, findings)
 
 
-def _with_counted_header(text: LogText, numbers: Sequence[str]) -> LogText:
+def _with_counted_header(text: LogText, positions: Sequence[int]) -> LogText:
     """A text without header, below names that count its columns.
 
-    Its first row may have names or empty fields among the numbers, as a header has.
+    positions : from 0, of the fields that hold numbers in the first row, unless they are empty; the
+    others may be names, as in a header.
     """
-    positions = [int(selector[1:]) - 1 for selector in numbers]
-    separator = first_separator(text.lines[0], positions)
-    if separator is None or all(map(is_number, split_fields(text.lines[0], separator))):
+    most, count, best = 0, 0, ""
+    for separator in SEPARATORS:
+        cells = split_fields(text.lines[0], separator)
+        if len(cells) <= max(positions):
+            continue
+        filled = [cells[i] for i in positions if cells[i]]
+        if len(filled) > most and all(map(is_number, filled)):
+            most, count, best = len(filled), len(cells), separator
+    if not most or all(map(is_number, split_fields(text.lines[0], best))):
         return text
-    count = len(split_fields(text.lines[0], separator))
-    header = separator.join(f"column-{k + 1}" for k in range(count))
-    number = np.concatenate(([0], text.number))
-    return replace(text, lines=[header, *text.lines], number=number)
-
-
-def _quantity(column: int | str, names: Collection[str]) -> Quantity:
-    written = str(column)
-    whole = selector(column, names)
-    terms = _TERMS.fullmatch(written)
-    if terms is None or whole in names:
-        return Quantity(written, (Term(1.0, whole),))
-    second = 1.0 if terms[2] == "+" else -1.0
-    first, other = (selector(name.strip(), names) for name in (terms[1], terms[3]))
-    return Quantity(written, (Term(1.0, first), Term(second, other)))
+    header = best.join(f"column-{k + 1}" for k in range(count))
+    return replace(text, lines=[header, *text.lines], number=np.concatenate(([0], text.number)))

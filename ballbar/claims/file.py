@@ -86,7 +86,7 @@ class Claim(Strict):
         return self
 
 
-class Plot(Strict):
+class CurvesPlot(Strict):
     """Curves over a varied value: the median, and a band from the smallest to the largest.
 
     Solid with the core set, dashed with all parameters. The distance has the largest error beside
@@ -149,7 +149,7 @@ class PlatePlot(Strict):
     title: Line
 
 
-AnyPlot = Plot | Ranking | IdentifiedPlot | GroupedBars | PlatePlot
+AnyPlot = CurvesPlot | Ranking | IdentifiedPlot | GroupedBars | PlatePlot
 
 
 class Quick(Strict):

@@ -141,7 +141,7 @@ class AmongLargest(Strict):
         return self
 
 
-class Difference(Strict):
+class TableDifference(Strict):
     """One entry of a printed table that differs from ours."""
 
     entry: str = Field(description="Row of the table: a cost, or the parameter left out.")
@@ -156,7 +156,7 @@ class EqualTable(Strict):
     kind: Literal["equal_table"]
     what: str
     table: TableName
-    exceptions: list[Difference] = Field([])
+    exceptions: list[TableDifference] = Field([])
     reason: str
 
 

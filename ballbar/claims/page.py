@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from ballbar.claims.checks import Outcome
-from ballbar.claims.kinds import Difference, EqualTable
-from ballbar.claims.run import FAILS, RESTS_ON, Judged, Verdict
+from ballbar.claims.checks import CheckOutcome
+from ballbar.claims.kinds import EqualTable
+from ballbar.claims.run import FAILS, RESTS_ON, ClaimVerdict, Judged
 from cell.foreign_text import markdown
 from ident.thesis.names import ParameterSet
 
@@ -70,9 +70,11 @@ def page_text(
     lines += ["", "| claim | thesis | verdict | with all parameters |", "|---|---|---|---|"]
     for result in judged:
         title = markdown(result.topic.file.title)
+        plain = "".join(c for c in title.lower() if c.isalnum() or c in " -_")
+        anchor = plain.replace(" ", "-")  # as forges form it from the heading
         for v in result.verdicts:
             words = f"{v.word} | {v.comes_out('all') if 'all' in v.outcomes else ''}"
-            link = f"[{title}](#{_anchor(title)}): {v.claim.name}"
+            link = f"[{title}](#{anchor}): {v.claim.name}"
             lines.append(f"| {link} | {_cell(v.claim.source)} | {words} |")
     for result in judged:
         name = result.topic.name
@@ -104,38 +106,33 @@ def _section(result: Judged, images: Sequence[str], command: str) -> Iterator[st
         for (key, _, check), outcome in zip(verdict.claim.sections, outcomes, strict=True):
             ours = " (our finding)" if key == "guards" else ""
             yield f"- {verdict.claim.name}{ours}: {check.what}, {outcome.limits}. {check.reason}"
-            if isinstance(check, EqualTable):
-                yield from (f"  - {_difference(difference)}" for difference in check.exceptions)
+            for difference in check.exceptions if isinstance(check, EqualTable) else ():
+                sides = (("in the thesis", difference.thesis), ("here", difference.here))
+                only = ", ".join(
+                    f"only {side} {' '.join(f'`{name}`' for name in names)}"
+                    for side, names in sides
+                    if names
+                )
+                yield f"  - {difference.entry}: {only}. {difference.why}"
     yield from ("", "</details>")
 
 
-def _results(outcomes: Sequence[Outcome]) -> str:
+def _results(outcomes: Sequence[CheckOutcome]) -> str:
     """Results of checks; those that are not met in italics."""
     texts = (outcome.result if outcome.met else f"*{outcome.result}*" for outcome in outcomes)
     return "<br>".join(dict.fromkeys(texts))
 
 
-def _difference(difference: Difference) -> str:
-    sides = (("in the thesis", difference.thesis), ("here", difference.here))
-    listed = [(side, " ".join(f"`{name}`" for name in names)) for side, names in sides if names]
-    only = ", ".join(f"only {side} {names}" for side, names in listed)
-    return f"{difference.entry}: {only}. {difference.why}"
-
-
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: ClaimVerdict) -> str:
     word = f"**{verdict.word}**"
     if verdict.word == FAILS:
         return word
     if verdict.comes_out("all" if "all" in verdict.outcomes else RESTS_ON) != verdict.word:
         word += f" ({verdict.comes_out('all')} with all)"
-    ours = _results(verdict.guards)
-    finding = " ".join(filter(None, (verdict.claim.finding, ours and f"<br>{ours}")))
+    guards = _results(verdict.guards)
+    finding = " ".join(filter(None, (verdict.claim.finding, guards and f"<br>{guards}")))
     return f"{word}. {finding}" if finding else word
 
 
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
-
-
-def _anchor(title: str) -> str:
-    return "".join(c for c in title.lower() if c.isalnum() or c in " -_").replace(" ", "-")

@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.claims.file import AnyPlot, GroupedBars, IdentifiedPlot, PlatePlot, Plot, Ranking
+from ballbar.claims.file import AnyPlot, CurvesPlot, GroupedBars, IdentifiedPlot, PlatePlot, Ranking
 from ballbar.claims.kinds import DISTANCE, LARGEST
-from ballbar.claims.table import IDENTIFIED, Evidence, places, selected
+from ballbar.claims.table import IDENTIFIED, ClaimEvidence, places, selected
 from ballbar.figure_style import (
     BLUE,
     BROWN,
@@ -60,12 +60,12 @@ _STYLE: dict[RcKeyType, Any] = {
 }
 
 
-def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
+def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, ClaimEvidence]) -> bytes:
     """A plot as an SVG file.
 
     Raises InputError where the plot names runs or columns that do not exist.
     """
-    results = PANELS if isinstance(plot, Plot) and plot.y == DISTANCE else {"": ""}
+    results = PANELS if isinstance(plot, CurvesPlot) and plot.y == DISTANCE else {"": ""}
     with matplotlib.rc_context(_STYLE):
         size = (len(results) * _WIDTH / 96.0, _HEIGHT / 96.0)
         figure = Figure(figsize=size, layout="constrained")
@@ -74,7 +74,7 @@ def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
         for axes, (column, label) in zip(panels, results.items(), strict=True):
             if isinstance(plot, PlatePlot):
                 draw_deflection(axes)
-            elif isinstance(plot, Plot):
+            elif isinstance(plot, CurvesPlot):
                 _curves(axes, plot, evidence, column or plot.y, label or plot.y_label)
             elif isinstance(plot, IdentifiedPlot):
                 _identified(axes, plot, evidence["core"])
@@ -83,7 +83,7 @@ def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
             else:
                 _ranking(axes, plot, evidence)
         if panels[-1].get_legend_handles_labels()[0]:
-            below = not isinstance(plot, Plot)  # many names on the x axis, few lines
+            below = not isinstance(plot, CurvesPlot)  # many names on the x axis, few lines
             figure.legend(
                 *panels[-1].get_legend_handles_labels(),
                 loc="outside lower center" if below else "outside right upper",
@@ -99,7 +99,11 @@ def line_label(value: object) -> str:
 
 
 def _curves(
-    axes: Axes, plot: Plot, evidence: Mapping[ParameterSet, Evidence], y: str, y_label: str
+    axes: Axes,
+    plot: CurvesPlot,
+    evidence: Mapping[ParameterSet, ClaimEvidence],
+    y: str,
+    y_label: str,
 ) -> None:
     values: set[float] = set()
     for parameters, own in evidence.items():
@@ -129,7 +133,7 @@ def _curves(
     axes.set_ylabel(y_label)
 
 
-def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, Evidence]) -> None:
+def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, ClaimEvidence]) -> None:
     shares: dict[str, dict[str, float]] = {}  # line -> parameter -> share of runs
     if plot.thesis:
         shares["thesis"] = {name: n / plot.thesis_runs for name, n in plot.thesis.items()}
@@ -145,7 +149,7 @@ def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, Evidence
     _bars(axes, names, shares, f"share of runs, among the {plot.places} largest")
 
 
-def _identified(axes: Axes, plot: IdentifiedPlot, evidence: Evidence) -> None:
+def _identified(axes: Axes, plot: IdentifiedPlot, evidence: ClaimEvidence) -> None:
     table = selected(evidence.table, plot.rows)
     columns = [name for name in table.columns if name.startswith(IDENTIFIED)]
     heights: dict[str, dict[str, float]] = {}  # line -> parameter -> mm | mrad
@@ -161,7 +165,7 @@ def _identified(axes: Axes, plot: IdentifiedPlot, evidence: Evidence) -> None:
     _bars(axes, names, heights, "identified - nominal [mm|mrad]")
 
 
-def _groups(axes: Axes, plot: GroupedBars, evidence: Evidence) -> None:
+def _groups(axes: Axes, plot: GroupedBars, evidence: ClaimEvidence) -> None:
     table = selected(evidence.table, plot.rows)
     heights = {
         line_label(value): {

@@ -7,9 +7,9 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ballbar.claims.checks import Outcome, judge, measured
+from ballbar.claims.checks import CheckOutcome, judge, measured
 from ballbar.claims.file import Claim, ClaimFile, Quick, Word, load_claims
-from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
+from ballbar.claims.table import ClaimEvidence, identifiability_evidence, runs_evidence
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task
 from ballbar.sweep.file import flattened
@@ -43,12 +43,12 @@ class Topic:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class ClaimVerdict:
     """Result of a claim."""
 
     claim: Claim
-    outcomes: Mapping[ParameterSet, tuple[Outcome, ...]]  # one for each check
-    guards: tuple[Outcome, ...]  # of our finding, core set
+    outcomes: Mapping[ParameterSet, tuple[CheckOutcome, ...]]  # one for each check
+    guards: tuple[CheckOutcome, ...]  # of our finding, core set
     ml: tuple[str, ...]  # results of the default cost, as text
 
     def comes_out(self, parameters: ParameterSet) -> Word:
@@ -70,8 +70,8 @@ class Judged:
     """Verdicts on the claims of one file, and their evidence."""
 
     topic: Topic
-    evidence: Mapping[ParameterSet, Evidence]
-    verdicts: tuple[Verdict, ...]
+    evidence: Mapping[ParameterSet, ClaimEvidence]
+    verdicts: tuple[ClaimVerdict, ...]
     runs: int  # of the sweep with all its parameter sets, if there is one
 
 
@@ -86,7 +86,8 @@ def topics(names: Sequence[str]) -> list[Topic]:
             "files of claims."
         )
     paths = [_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml"))
-    return sorted((_read(path) for path in paths), key=lambda topic: topic.file.order)
+    read = [Topic(path.stem, path, *load_claims(path)) for path in paths]
+    return sorted(read, key=lambda topic: topic.file.order)
 
 
 def judge_all(
@@ -114,7 +115,7 @@ def _judged(
     topic: Topic, sweeps: Mapping[ParameterSet, LoadedSweep], tables: Mapping[str, Path]
 ) -> Judged:
     file = topic.file
-    evidence: Mapping[ParameterSet, Evidence] = {RESTS_ON: Evidence()}
+    evidence: Mapping[ParameterSet, ClaimEvidence] = {RESTS_ON: ClaimEvidence()}
     if sweeps:
         with _located(topic, "size"):
             evidence = {
@@ -127,20 +128,20 @@ def _judged(
     return Judged(topic, evidence, verdicts, sum(sweep.plan.runs for sweep in sweeps.values()))
 
 
-def _verdict(topic: Topic, i: int, evidence: Mapping[ParameterSet, Evidence]) -> Verdict:
+def _verdict(topic: Topic, i: int, evidence: Mapping[ParameterSet, ClaimEvidence]) -> ClaimVerdict:
     claim = topic.file.claims[i]
-    outcomes: dict[ParameterSet, tuple[Outcome, ...]] = {
-        parameters: _outcomes(topic, i, "checks", own) for parameters, own in evidence.items()
-    }
+    outcomes = {name: _outcomes(topic, i, "checks", runs) for name, runs in evidence.items()}
     ml = []
     for j, measure in enumerate(claim.ml):
         with _located(topic, "claims", i, "ml", j):
             ml.append(measured(measure, evidence[RESTS_ON]))
     guards = _outcomes(topic, i, "guards", evidence[RESTS_ON])
-    return Verdict(claim, outcomes, guards, tuple(ml))
+    return ClaimVerdict(claim, outcomes, guards, tuple(ml))
 
 
-def _outcomes(topic: Topic, i: int, section: str, evidence: Evidence) -> tuple[Outcome, ...]:
+def _outcomes(
+    topic: Topic, i: int, section: str, evidence: ClaimEvidence
+) -> tuple[CheckOutcome, ...]:
     outcomes = []
     for key, j, check in topic.file.claims[i].sections:
         if key == section:
@@ -184,11 +185,6 @@ def _thinned(plan: Plan, quick: Quick) -> Plan:
         if (value := getattr(quick, key)) is not None:
             changes[key] = value
     return Plan.of(plan.data.model_copy(update=changes))
-
-
-def _read(path: Path) -> Topic:
-    file, document = load_claims(path)
-    return Topic(path.stem, path, file, document)
 
 
 def _file_of(name: str) -> Path:

@@ -10,10 +10,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from ballbar.claims.checks import Outcome
+from ballbar.claims.checks import CheckOutcome
 from ballbar.claims.page import page_text
 from ballbar.claims.plots import plot_svg
-from ballbar.claims.run import FAILS, Judged, Verdict
+from ballbar.claims.run import FAILS, ClaimVerdict, Judged
 from cell.files import write_whole
 
 IMAGES = "images/claims"  # beside the page
@@ -34,7 +34,7 @@ def say_verdicts(out: Console, judged: Sequence[Judged]) -> bool:
     return not counts[FAILS]
 
 
-def _say(out: Console, verdict: Verdict) -> None:
+def _say(out: Console, verdict: ClaimVerdict) -> None:
     claim = verdict.claim
     word, source = f"[{_COLOURS[verdict.word]}]{verdict.word}[/]", escape(claim.source)
     out.print(f'  {word} {claim.name}, {source}: [dim]"{escape(claim.says)}"[/]')
@@ -51,7 +51,7 @@ def _say(out: Console, verdict: Verdict) -> None:
         out.print(f"      {escape(claim.finding)}")
 
 
-def _say_outcomes(out: Console, outcomes: Sequence[Outcome]) -> None:
+def _say_outcomes(out: Console, outcomes: Sequence[CheckOutcome]) -> None:
     for outcome in outcomes:
         mark = "" if outcome.met else "[red]not met:[/] "
         out.print(f"      {mark}{escape(outcome.result)} [dim]({escape(outcome.limits)})[/]")

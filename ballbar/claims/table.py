@@ -31,7 +31,7 @@ _UNITS = {"_mm_mrad": "mm|mrad", "_mm": "mm", "_um": "um", "_us": "us", "_ppm": 
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class ClaimEvidence:
     """What the checks of one file look at."""
 
     table: pd.DataFrame = field(default_factory=pd.DataFrame)  # a row for each run, or each cost
@@ -39,7 +39,7 @@ class Evidence:
     studies: Mapping[str, tuple[Study, Influences]] = field(default_factory=dict)  # by cost
 
 
-def runs_evidence(table: Path, size: Sequence[str]) -> Evidence:
+def runs_evidence(table: Path, size: Sequence[str]) -> ClaimEvidence:
     """The runs of a finished sweep. size : varied keys; the column `size` is their largest."""
     runs = pd.read_parquet(table)
     if size:
@@ -47,10 +47,10 @@ def runs_evidence(table: Path, size: Sequence[str]) -> Evidence:
     failed, failures = failures_of(table), ""
     if failed.count:
         failures = f"{failed.count} of {len(runs)} runs failed: {failed.reason}"
-    return Evidence(runs[runs["status"] == DONE], failures)
+    return ClaimEvidence(runs[runs["status"] == DONE], failures)
 
 
-def identifiability_evidence(scenario: Path) -> Evidence:
+def identifiability_evidence(scenario: Path) -> ClaimEvidence:
     """What each of the thesis's costs identifies on the nominal mechanism of a scenario.
 
     Each cost has the encoders that it needs.
@@ -69,7 +69,7 @@ def identifiability_evidence(scenario: Path) -> Evidence:
         }
         for cost, (result, _) in studies.items()
     ]
-    return Evidence(pd.DataFrame(rows), studies=studies)
+    return ClaimEvidence(pd.DataFrame(rows), studies=studies)
 
 
 def selected(table: pd.DataFrame, rows: Rows) -> pd.DataFrame:

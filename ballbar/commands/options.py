@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from collections.abc import Callable
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -67,3 +70,28 @@ def say_json(data: object) -> None:
 def command_line() -> str:
     """The command as typed, for the provenance of the result."""
     return shlex.join(["ballbar", *sys.argv[1:]])
+
+
+def with_options(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command whose parameter `options` stands for one option for each field of a dataclass."""
+    hints = get_type_hints(kind, include_extras=True)
+    fields = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[name])
+        for name, field in signature(kind).parameters.items()
+    ]
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        parameters = list(signature(command, eval_str=True).parameters.values())
+        place = [parameter.name for parameter in parameters].index("options")
+
+        @wraps(command)
+        def run(*words: Any, **given: Any) -> None:
+            options = kind(**{field.name: given.pop(field.name) for field in fields})
+            command(*words, options=options, **given)
+
+        parameters[place : place + 1] = fields
+        vars(run)["__signature__"] = Signature(parameters)
+        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        return run
+
+    return decorated

@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
-from ballbar.commands.options import AsJson, RecordingOrPoses, say_json
+from ballbar.commands.options import AsJson, RecordingOrPoses, say_json, with_options
+from ballbar.recordings.answers import Answers
 from ballbar.terminal import err, out, progress_bar
 from cell.errors import InputError
 from cell.foreign_text import printable
 from cell.logs import SourceName
 
+if TYPE_CHECKING:
+    from acquisition.alignment import CoarseAlignment
+    from acquisition.pose_tables import PoseImport
+    from acquisition.recording import Recording
+
 commands = typer.Typer()
-_POSES = "Options of still poses"
 
 
 @commands.command(
     epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions; of "
     "still poses: `ballbar new runs/tracker --poses poses.csv --robot ur10`"
 )
+@with_options(Answers)
 def new(
     folder: Annotated[Path, typer.Argument(help="Recording folder to make.", metavar="DIR")],
     robot_log: Annotated[
@@ -50,113 +55,8 @@ def new(
             exists=True,
         ),
     ] = None,
-    robot: Annotated[str | None, typer.Option(help="Robot, by name or .yaml file.")] = None,
-    ballbar: Annotated[str | None, typer.Option(help="Ball-bar, by name or .yaml file.")] = None,
-    robot_dialect: Annotated[
-        str | None, typer.Option(help="Dialect of the robot's log, or a .yaml file of your own.")
-    ] = None,
-    ballbar_dialect: Annotated[
-        str | None, typer.Option(help="Dialect of the second log, or a .yaml file.")
-    ] = None,
-    robot_time: Annotated[
-        str | None,
-        typer.Option(
-            help="Form of the robot log's time stamps, if they do not show it: "
-            f"{', '.join(TIME_FORMS)}."
-        ),
-    ] = None,
-    ballbar_time: Annotated[
-        str | None, typer.Option(help="Form of the second log's time stamps, likewise.")
-    ] = None,
-    encoder: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Counter column of an encoder, with :-1 if it counts in the other direction; may "
-            "be repeated.",
-            metavar="b1=COLUMN[:-1]",
-        ),
-    ] = None,
-    lines: Annotated[
-        int | None, typer.Option(help="Lines of the encoders per turn.", min=1)
-    ] = None,
-    bits: Annotated[
-        int | None, typer.Option(help="Bits of the encoders' interpolation.", min=8, max=13)
-    ] = None,
-    instrument: Annotated[
-        str | None,
-        typer.Option(
-            help="Instrument of cell/instruments, or a .yaml file: of poses, or of a log of "
-            "lengths in place of a ball-bar's."
-        ),
-    ] = None,
-    column: Annotated[
-        str | None, typer.Option(help="Column of a log of lengths that holds the length.")
-    ] = None,
-    unit: Annotated[
-        Literal["m", "mm", "um"] | None, typer.Option(help="Unit of that column.")
-    ] = None,
-    zero: Annotated[
-        float | None, typer.Option(help="Length where that column shows zero, in m.")
-    ] = None,
-    damaged_rows: Annotated[
-        int | None,
-        typer.Option(
-            help="Leave out up to so many rows of each log in which a cell is no number, and "
-            "report them; without it such a log is refused.",
-            min=1,
-        ),
-    ] = None,
-    joints: Annotated[
-        str | None,
-        typer.Option(
-            help="Columns of the joint angles, in the order of the axes, by name or number.",
-            metavar="COLUMN,...",
-            rich_help_panel=_POSES,
-        ),
-    ] = None,
-    joint_unit: Annotated[
-        str | None, typer.Option(help="rad or deg.", rich_help_panel=_POSES)
-    ] = None,
-    values: Annotated[
-        str | None,
-        typer.Option(
-            help="Columns of what was measured: a length, x y z, or x y z and a rotation; "
-            "'x_t - x_dif' is a difference.",
-            metavar="COLUMN,...",
-            rich_help_panel=_POSES,
-        ),
-    ] = None,
-    value_unit: Annotated[
-        str | None, typer.Option(help="m, cm, mm, um or inch.", rich_help_panel=_POSES)
-    ] = None,
-    rotation: Annotated[
-        str | None,
-        typer.Option(
-            help="Convention of rotations: XYZ and the like about moving axes, xyz about fixed "
-            "ones, rotvec, quat_wxyz, quat_xyzw.",
-            rich_help_panel=_POSES,
-        ),
-    ] = None,
-    angle_unit: Annotated[
-        str | None, typer.Option(help="Of rotations: rad or deg.", rich_help_panel=_POSES)
-    ] = None,
-    seat: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Name of the instrument's placement: once for all files of poses, or once for "
-            "each in their order; without it the files show it, or it is asked for.",
-            metavar="NAME",
-            rich_help_panel=_POSES,
-        ),
-    ] = None,
-    target: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Name of the ball or reflector on the flange, likewise.",
-            metavar="NAME",
-            rich_help_panel=_POSES,
-        ),
-    ] = None,
+    *,
+    options: Answers,
     yes: Annotated[
         bool,
         typer.Option("--yes", help="Take every proposal without asking; fail where there is none."),
@@ -169,82 +69,34 @@ def new(
     also the seat and the target of each. The folder appears only once it has been read without
     error.
     """
-    ask = partial(_ask, take_proposals=yes, as_json=as_json)
-    if poses:
-        if robot_log is not None:
-            raise InputError("give either --poses or two logs, not both.")
-        _new_poses(
-            folder,
-            poses,
-            {
-                "robot": robot,
-                "instrument": instrument,
-                "joints": joints,
-                "joint_unit": joint_unit,
-                "values": values,
-                "value_unit": value_unit,
-                "rotation": rotation,
-                "angle_unit": angle_unit,
-                "seat": seat or (),
-                "target": target or (),
-            },
-            ask,
-            as_json=as_json,
-        )
-        return
-    if robot_log is None or ballbar_log is None:
+    if poses and robot_log is not None:
+        raise InputError("give either --poses or two logs, not both.")
+    if not poses and (robot_log is None or ballbar_log is None):
         raise InputError(
             "name the robot's log and that of the ball-bar or instrument, or a table of still "
             "poses with --poses."
         )
     from ballbar.recordings.check import check_data, check_lines
-    from ballbar.recordings.new_recording import Answers, new_recording
+    from ballbar.recordings.new import new_poses, new_recording
 
-    answers = Answers(
-        robot=robot,
-        ballbar=ballbar,
-        robot_dialect=robot_dialect,
-        ballbar_dialect=ballbar_dialect,
-        robot_time=robot_time,
-        ballbar_time=ballbar_time,
-        encoders=tuple(encoder or ()),
-        lines=lines,
-        bits=bits,
-        instrument=instrument,
-        column=column,
-        unit=unit,
-        zero=zero,
-        damaged_rows=damaged_rows,
-    )
-    recording = new_recording(folder, robot_log, ballbar_log, answers, ask)
-    if as_json:
-        say_json({"recording": str(folder), **check_data(recording, None)})
-    _say_page(check_lines(recording, None))
+    ask = partial(_ask, take_proposals=yes, as_json=as_json)
     name = escape(str(folder))
-    out.print(f"Made {name}. Look at recording.yaml in it, then: ballbar check {name}")
-
-
-def _new_poses(
-    folder: Path,
-    tables: list[Path],
-    given: dict[str, Any],
-    ask: Callable[[str, str | None], str],
-    *,
-    as_json: bool,
-) -> None:
-    """Makes a folder with poses.yaml and prints what was written; given : options by name."""
-    from ballbar.recordings.check_poses import pose_data, pose_lines
-    from ballbar.recordings.new_poses import PoseAnswers, new_poses
-
-    content, text = new_poses(folder, tables, PoseAnswers(**given), ask)
+    read: Recording | PoseImport
+    if robot_log is not None and ballbar_log is not None:
+        read = new_recording(folder, robot_log, ballbar_log, options, ask)
+        made = {"recording": str(folder)}
+        closing = [f"Made {name}. Look at recording.yaml in it, then: ballbar check {name}"]
+    else:
+        read, text = new_poses(folder, poses or (), options, ask)
+        made = {"poses_file": str(folder / "poses.yaml")}
+        written = [f"  {escape(line)}" for line in text.splitlines()]
+        closing = [f"Wrote {name}/poses.yaml:", *written]
+        closing.append(f"Look at it, then: ballbar check {name}")
     if as_json:
-        say_json({"poses_file": str(folder / "poses.yaml"), **pose_data(content)})
-    _say_page(pose_lines(content))
-    name = escape(str(folder))
-    out.print(f"Wrote {name}/poses.yaml:")
-    for line in text.splitlines():
-        out.print(f"  {escape(line)}")
-    out.print(f"Look at it, then: ballbar check {name}")
+        say_json({**made, **check_data(read)})
+    _say_page(check_lines(read))
+    for line in closing:
+        out.print(line)
 
 
 def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: bool) -> str:
@@ -288,11 +140,18 @@ def check(
 
     Nothing is identified.
     """
-    from ballbar.recordings.check_poses import holds_poses
+    from ballbar.recordings.check import check_data, check_lines, holds_poses, repairs
 
-    read = _check_poses if holds_poses(recording) else _check_recording
-    repaired = read(recording, explain_reading=explain_reading and not as_json, as_json=as_json)
-    if strict and repaired:
+    poses = holds_poses(recording)
+    if explain_reading and not as_json:
+        for line in _reasons(recording, poses=poses):
+            out.print(escape(line))
+        out.print()
+    read, alignment = _read(recording, poses=poses)
+    if as_json:
+        say_json(check_data(read, alignment))
+    _say_page(check_lines(read, alignment))
+    if strict and (repaired := len(repairs(read.report))):
         err.print(
             f"[red]not as logged:[/] {repaired} kinds of repairs were needed, and --strict "
             "allows none"
@@ -300,47 +159,28 @@ def check(
         raise typer.Exit(1)
 
 
-def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> int:
-    """Prints the page of a recording; gives how many kinds of repairs were needed."""
+def _reasons(path: Path, *, poses: bool) -> list[str]:
+    """How each file of a recording, or of still poses, will be read and why."""
     from acquisition.explain import explain_lines
-    from ballbar.recordings.check import aligned, check_data, check_lines, repairs
-    from ballbar.recordings.read_with_causes import read_with_causes
-
-    if explain_reading:
-        _say_reasons(explain_lines(folder))
-    with progress_bar() as progress:
-        progress("reading the recording")
-        content = read_with_causes(folder)
-        progress("aligning the logs")
-        alignment = aligned(content, folder)
-    if as_json:
-        say_json(check_data(content, alignment))
-    _say_page(check_lines(content, alignment))
-    return len(repairs(content.report))
-
-
-def _check_poses(path: Path, *, explain_reading: bool, as_json: bool) -> int:
-    """Prints the page of still poses; gives how many kinds of repairs were needed."""
-    from acquisition.pose_tables import import_poses
-    from ballbar.recordings.check import repairs
-    from ballbar.recordings.check_poses import explain_pose_lines, pose_data, pose_lines
+    from ballbar.recordings.check import explain_poses
     from cell.pose_file import load_poses_file, pose_file_path
 
-    if explain_reading:
-        _say_reasons(explain_pose_lines(load_poses_file(pose_file_path(path))))
+    return explain_poses(load_poses_file(pose_file_path(path))) if poses else explain_lines(path)
+
+
+def _read(path: Path, *, poses: bool) -> tuple[Recording | PoseImport, CoarseAlignment | None]:
+    """A recording and the coarse offset of its clocks, or still poses."""
+    from acquisition.pose_tables import import_poses
+    from ballbar.recordings.read_with_causes import aligned, read_with_causes
+
     with progress_bar() as progress:
-        progress("reading the poses")
-        content = import_poses(path)
-    if as_json:
-        say_json(pose_data(content))
-    _say_page(pose_lines(content))
-    return len(repairs(content.report))
-
-
-def _say_reasons(lines: list[str]) -> None:
-    for line in lines:
-        out.print(escape(line))
-    out.print()
+        if poses:
+            progress("reading the poses")
+            return import_poses(path), None
+        progress("reading the recording")
+        recording = read_with_causes(path)
+        progress("aligning the logs")
+        return recording, aligned(recording, path)
 
 
 _LOG = "A table with time stamps, or a recording folder."
@@ -375,7 +215,7 @@ def align(
     Channels of both logs are compared with gain and zero of each pair free, so units and directions
     do not matter. Exits with 1 if no clock offset makes them agree, or several do.
     """
-    from ballbar.recordings.align import align_data, align_lines, aligned_logs, parsed_pairs
+    from ballbar.recordings.align import align_data, align_lines, aligned_logs
 
     with progress_bar() as progress:
         progress("reading and aligning the logs")
@@ -383,7 +223,7 @@ def align(
             (log_a, log_b),
             sources=(source_a, source_b),
             times=(time_a, time_b),
-            pairs=parsed_pairs(channel or ()),
+            channels=channel or (),
         )
     if as_json:
         say_json(align_data(*result))

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands.options import AsJson, ResultFile, say_json
-from ballbar.export.names import Format
+from ballbar.export import Format
 from ballbar.replay.show import Layout, chosen_replay
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
@@ -17,7 +17,7 @@ from cell.files import write_new, write_whole
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.compensation.frames import FrameOptions
-    from ballbar.export.result import AnyResult
+    from ballbar.export.result import Result
     from ballbar.result.calibration import Calibration
     from ballbar.result.compare import Comparison
 
@@ -362,7 +362,7 @@ def correct(
 
 
 def _correct_program(
-    path: Path, result: AnyResult, written: Path, options: FrameOptions, *, as_json: bool
+    path: Path, result: Result, written: Path, options: FrameOptions, *, as_json: bool
 ) -> None:
     from ballbar.compensation.programs import (
         correct_program,
@@ -383,7 +383,7 @@ def _correct_program(
     out.print(f"Wrote {escape(', '.join(map(str, files)))}. Run it slowly the first time.")
 
 
-def _correct_table(path: Path, result: AnyResult, written: Path, *, as_json: bool) -> None:
+def _correct_table(path: Path, result: Result, written: Path, *, as_json: bool) -> None:
     from ballbar.compensation.targets_file import (
         correct_file,
         correction_data,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
     from ballbar.run_poses import PoseScenarioRun
-    from ballbar.sweep.run import Outcome
+    from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
     from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
@@ -126,7 +126,7 @@ def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
     }
 
 
-def sweep_data(outcome: Outcome) -> dict[str, object]:
+def sweep_data(outcome: SweepOutcome) -> dict[str, object]:
     """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
     from ballbar.sweep.summary import failures_of, grid_points
 

@@ -26,7 +26,8 @@ from ballbar.compensation.pdl2 import read_pdl2
 from ballbar.compensation.program_source import Program, ProgramTarget, refuse
 from ballbar.compensation.program_text import Number, ProgramError, number_text, rewritten
 from ballbar.compensation.rapid import read_rapid
-from ballbar.export.result import AnyResult, PoseResult
+from ballbar.compensation.targets_file import corrected_joints
+from ballbar.export.result import Result
 from ballbar.units import MM, MRAD
 from cell.arrays import Array
 from cell.chain import forward
@@ -36,15 +37,11 @@ from cell.files import write_new_together
 from cell.foreign_text import printable
 from cell.geometry import nominal_chain
 from cell.inverse import refine_reachable
-from cell.payload import Payload, with_payload
+from cell.number_text import significant_text
+from cell.payload import Payload
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import quat_wxyz
-from ident.robot.inverse_calibration import (
-    CorrectedTargets,
-    TargetError,
-    corrected_arm_targets,
-    corrected_targets,
-)
+from ident.robot.inverse_calibration import CorrectedTargets, TargetError
 
 WRITTEN = 1e-11  # [rad] last step to the axes that a text stands for
 SHOWN = 10  # targets of the largest changes in the report
@@ -62,7 +59,7 @@ class CorrectedProgram:
     notes: tuple[str, ...]
 
 
-def correct_program(program: Program, result: AnyResult) -> CorrectedProgram:
+def correct_program(program: Program, result: Result) -> CorrectedProgram:
     """Corrects every target. Raises InputError naming the lines of those that cannot be.
 
     So it does for a program in another language than that of the robot's controller.
@@ -153,7 +150,7 @@ def _flange(target: ProgramTarget, values: Sequence[float]) -> Array:
     return np.asarray(target.setup.frame @ pose @ np.linalg.inv(target.setup.tool))
 
 
-def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[CorrectedTargets, list[str]]:
+def _corrected(program: Program, result: Result, q: Array) -> tuple[CorrectedTargets, list[str]]:
     """Corrected targets, and what was taken as given; targets of one payload go together."""
     parts: dict[tuple[float, ...], list[int]] = {}
     for k, target in enumerate(program.targets):
@@ -163,7 +160,7 @@ def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[Corrected
     for key, rows in parts.items():
         payload = Payload(key[0], np.array(key[1:])) if key else None
         try:
-            done = _with_payload(result, payload, q[rows])
+            done = corrected_joints(result, q[rows], payload)
         except TargetError as error:
             named = [(program.targets[rows[k]], why) for k, why in error.faults.items()]
             faults += [(target.line, f"{target.name}: {why}") for target, why in named]
@@ -175,9 +172,9 @@ def _corrected(program: Program, result: AnyResult, q: Array) -> tuple[Corrected
 
 
 def _payload_notes(
-    program: Program, result: AnyResult, parts: dict[tuple[float, ...], list[int]]
+    program: Program, result: Result, parts: dict[tuple[float, ...], list[int]]
 ) -> list[str]:
-    if isinstance(result, PoseResult):
+    if result.cell is None:
         return ["sag is that with the payload of the measurement"] if any(parts) else []
     identified = result.calibration.file.corrections
     if "unit_weights" in identified and any(parts):
@@ -188,17 +185,8 @@ def _payload_notes(
     of = f" of {', '.join(tools)}" if tools else ""
     return [
         f"the payload{of} is not known and was taken for that of the recording "
-        f"({result.cell.plate.mass:.3g} kg); state it by --payload"
+        f"({significant_text(result.cell.plate.mass)} kg); state it by --payload"
     ]
-
-
-def _with_payload(result: AnyResult, payload: Payload | None, q: Array) -> CorrectedTargets:
-    if isinstance(result, PoseResult):
-        return corrected_arm_targets(result.calibration.arm(), q)
-    robot = result.calibration.unloaded_robot(result.cell)
-    if payload is not None and result.robot.links is not None:
-        robot = replace(robot, cell=with_payload(robot.cell, payload))
-    return corrected_targets(robot, result.calibration.nominal, q)
 
 
 def _numbers(
@@ -275,7 +263,7 @@ def write_programs(out: Path, programs: Sequence[CorrectedProgram]) -> list[Path
 
 
 def program_data(
-    programs: Sequence[CorrectedProgram], written: Sequence[Path], result: AnyResult
+    programs: Sequence[CorrectedProgram], written: Sequence[Path], result: Result
 ) -> dict[str, object]:
     """JSON of `correct` for a program, SI units."""
     return {

@@ -1,19 +1,33 @@
-"""`ballbar correct`: targets of the nominal robot in, targets for the identified robot out."""
+"""`ballbar correct` for tables: targets of the nominal robot in, of the identified robot out.
+
+A table is CSV with a header, a target in each row, as joint or axis angles:
+
+    q1,q2,...,qJ                      rad, joint angles of the DH model
+    axis1_deg,...,axisJ_deg           deg, axis angles as the controller shows and takes them
+
+Other columns (names, speeds, times) are carried through as they are, but for an apostrophe before
+what a spreadsheet would run.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+import io
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.joint_targets import TargetFile, read_targets, targets_text
-from ballbar.export.result import EFFECTS, AnyResult, PoseResult
+from ballbar.export.result import EFFECTS, Result
 from ballbar.units import MM, MRAD
 from cell.arrays import Array
+from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.files import write_new
-from cell.robot_angles import joints_to_axes
+from cell.foreign_text import csv_text
+from cell.payload import Payload, with_payload
+from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.identified_arm import range_sentence
 from ident.robot.inverse_calibration import (
     CorrectedTargets,
@@ -28,6 +42,121 @@ _OF_LOGS = ("joint_compliance", "gear_backlash", "gear_ripple")  # effects that 
 _OF_POSES = ("unit_weights",)
 
 
+def joint_columns(robot: Robot) -> tuple[str, ...]:
+    """Names of the columns of joint angles."""
+    return tuple(f"q{i + 1}" for i in range(robot.joints))
+
+
+def axis_columns(robot: Robot) -> tuple[str, ...]:
+    """Names of the columns of axis angles."""
+    return tuple(f"axis{i + 1}_deg" for i in range(robot.joints))
+
+
+@dataclass(frozen=True, eq=False)
+class TargetFile:
+    """Targets as read, with the other columns of their file."""
+
+    path: Path
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]  # line number of each row in the file, from 1
+    columns: tuple[str, ...]  # of joint or axis angles
+    q: Array  # (N, J) [rad] DH joint angles
+
+
+def read_targets(path: Path, robot: Robot) -> TargetFile:
+    """Targets of a CSV file. Raises InputError naming file, line and column."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: byte {error.start} is not UTF-8; save the file as CSV in UTF-8"
+        ) from None
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        table = [(reader.line_num, tuple(row)) for row in reader if row]
+    except csv.Error as error:
+        raise InputError(
+            f'{path}:{reader.line_num}: {error}; save the file as CSV with comma and " as quote'
+        ) from None
+    if not table:
+        either = " or ".join(", ".join(f(robot)) for f in (joint_columns, axis_columns))
+        raise InputError(f"{path}: is empty; expected a header with {either}")
+    header = tuple(name.strip() for name in table[0][1])
+    columns = _columns(path, header, robot)
+    if len(table) == 1:
+        raise InputError(f"{path}: has a header and no target; add a row for each target")
+    lines, rows = zip(*table[1:], strict=True)
+    places = [header.index(name) for name in columns]
+    values = np.array(
+        [
+            [_number(f"{path}:{line}", header, row, k) for k in places]
+            for line, row in zip(lines, rows, strict=True)
+        ]
+    )
+    q = (
+        values
+        if columns == joint_columns(robot)
+        else controller_to_joints(robot, np.radians(values))
+    )
+    return TargetFile(path=path, header=header, rows=rows, lines=lines, columns=columns, q=q)
+
+
+def targets_text(targets: TargetFile, robot: Robot, q: Array) -> str:
+    """Text of the file with new targets, all digits of each number.
+
+    q : (N, J) [rad] joint angles of the DH model.
+    """
+    values = q if targets.columns == joint_columns(robot) else np.degrees(joints_to_axes(robot, q))
+    places = [targets.header.index(name) for name in targets.columns]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(map(csv_text, targets.header))
+    for row, angles in zip(targets.rows, values, strict=True):
+        fields = [csv_text(field) for field in row]
+        for k, angle in zip(places, angles, strict=True):
+            fields[k] = repr(float(angle))
+        writer.writerow(fields)
+    return out.getvalue()
+
+
+def _columns(path: Path, header: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
+    """The columns of the targets, of one kind. Raises InputError if the header has not one."""
+    joints, axes = joint_columns(robot), axis_columns(robot)
+    kinds = [names for names in (joints, axes) if any(name in header for name in names)]
+    if len(kinds) != 1:
+        content = "both kinds of angles" if kinds else "no angles"
+        hint = " Separate columns by commas." if ";" in "".join(header) else ""
+        raise InputError(
+            f"{path}:1: {content} in the header; expected {', '.join(joints)} [rad] or "
+            f"{', '.join(axes)} [deg].{hint}"
+        )
+    for name in kinds[0]:
+        if (count := header.count(name)) != 1:
+            raise InputError(
+                f"{path}:1: column {name} stands {count} times in the header; it must be there once"
+            )
+    return kinds[0]
+
+
+def _number(place: str, header: tuple[str, ...], row: tuple[str, ...], column: int) -> float:
+    """The number in a column of a row. place : file and line, for messages."""
+    if len(row) != len(header):
+        raise InputError(
+            f"{place}: {len(row)} fields, the header has {len(header)}; give each row as many"
+        )
+    try:
+        value = float(row[column])
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"{place}: {header[column]} = {row[column]!r} is not a finite number; write one with a "
+            "decimal point"
+        )
+    return value
+
+
 @dataclass(frozen=True, eq=False)
 class Correction:
     """Given and corrected targets, with the pose errors that the model predicts."""
@@ -39,41 +168,51 @@ class Correction:
     warnings: tuple[str, ...]
 
 
-def correct_file(path: Path, result: AnyResult) -> Correction:
+def correct_file(path: Path, result: Result) -> Correction:
     """Corrected targets of a CSV file. Raises InputError naming file and line."""
     robot = result.robot
     targets = read_targets(path, robot)
     try:
-        corrected = _corrected(result, targets.q)
+        corrected = corrected_joints(result, targets.q)
     except TargetError as error:
         faults = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
         shown, more = faults[:_FAULTS_SHOWN], len(faults) - _FAULTS_SHOWN
         rest = [f"and {more} more targets"] if more > 0 else []
         raise InputError("\n".join(["nothing was written.", *shown, *rest])) from None
-    identified = result.calibration.file.corrections
-    expected = _OF_POSES if isinstance(result, PoseResult) else _OF_LOGS
-    missing = [name for name in expected if name not in identified]
+    identified, of_logs = result.calibration.file.corrections, result.calibration.of_logs
+    expected = _OF_LOGS if of_logs else _OF_POSES
+    missing = [EFFECTS[name] for name in expected if name not in identified]
+    warnings = []
+    if result.status != "good":
+        warnings.append(
+            f"the fit is called {result.status!r}; read its report before a robot moves by it"
+        )
+    if missing:
+        warnings.append(f"not identified, so not corrected: {', '.join(missing)}")
     return Correction(
         targets=targets,
         corrected=corrected,
         axis_changes=joints_to_axes(robot, corrected.q) - joints_to_axes(robot, targets.q),
         included=tuple(effect for name, effect in EFFECTS.items() if name in identified),
-        warnings=(*_warnings(result.status, missing), *_outside(result, targets)),
+        warnings=(*warnings, *([] if of_logs else _outside(result, targets))),
     )
 
 
-def _corrected(result: AnyResult, q: Array) -> CorrectedTargets:
-    """Corrected targets (N, J) [rad]; raises TargetError, and InputError for five axes."""
-    if isinstance(result, PoseResult):
+def corrected_joints(result: Result, q: Array, payload: Payload | None = None) -> CorrectedTargets:
+    """Corrected targets (N, J) [rad]; raises TargetError, and InputError for five axes.
+
+    payload : of logs, what the robot carries; by default what it carried in the recording.
+    """
+    if result.cell is None:
         return corrected_arm_targets(result.calibration.arm(), q)
     robot = result.calibration.unloaded_robot(result.cell)
+    if payload is not None and result.robot.links is not None:
+        robot = replace(robot, cell=with_payload(robot.cell, payload))
     return corrected_targets(robot, result.calibration.nominal, q)
 
 
-def _outside(result: AnyResult, targets: TargetFile) -> list[str]:
+def _outside(result: Result, targets: TargetFile) -> list[str]:
     """Targets beyond the fitted range of an axis, with their lines and the range."""
-    if not isinstance(result, PoseResult):
-        return []
     arm = result.calibration.arm()
     inside = arm.covered(targets.q)
     if inside.all():
@@ -86,7 +225,7 @@ def _outside(result: AnyResult, targets: TargetFile) -> list[str]:
     ]
 
 
-def write_corrected(out: Path, correction: Correction, result: AnyResult) -> None:
+def write_corrected(out: Path, correction: Correction, result: Result) -> None:
     """Writes the corrected targets to a new file, completely or not at all.
 
     Raises InputError if the file exists.
@@ -95,7 +234,7 @@ def write_corrected(out: Path, correction: Correction, result: AnyResult) -> Non
     write_new(out, text.encode())
 
 
-def correction_data(correction: Correction, result: AnyResult, out: Path) -> dict[str, object]:
+def correction_data(correction: Correction, result: Result, out: Path) -> dict[str, object]:
     """JSON of `correct`, SI units."""
     c = correction.corrected
     return {
@@ -131,13 +270,3 @@ def correction_lines(correction: Correction) -> list[str]:
         f"largest correction of axes 1 to {len(largest)}: {degrees} deg",
         *(f"care: {warning}" for warning in correction.warnings),
     ]
-
-
-def _warnings(status: str, missing: list[str]) -> list[str]:
-    warnings = []
-    if status != "good":
-        warnings.append(f"the fit is called {status!r}; read its report before a robot moves by it")
-    if missing:
-        effects = ", ".join(EFFECTS[name] for name in missing)
-        warnings.append(f"not identified, so not corrected: {effects}")
-    return warnings

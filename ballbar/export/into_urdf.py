@@ -1,19 +1,27 @@
-"""`ballbar export --into`: an existing URDF or xacro with the identified joint origins."""
+"""`ballbar export --into`: an existing URDF or xacro with the identified joint origins.
+
+Only the values of `xyz` and `rpy` change; comments, order, spaces and everything else stay byte for
+byte. Of xacro only what is written as numbers can be changed: nothing is expanded.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
-from ballbar.export.result import AnyResult
-from ballbar.export.urdf_text import JointText, before_origin, chain_of, joints_in, with_origins
+from ballbar.export.result import Result, numbers
+from ballbar.robot_file.urdf import TURNING, joint_of, joints_in, linked, xml_tree
+from ballbar.robot_file.urdf_chain import UrdfChain
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.urdf import TURNING
+from cell.rotation import roll_pitch_yaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +35,7 @@ class ChangedFile:
     error: float  # [m] largest, of the chain as read back against the identified one
 
 
-def into_file(result: AnyResult, file: Path, joints: Sequence[str] = ()) -> ChangedFile:
+def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> ChangedFile:
     """A URDF or xacro with joint origins of the identified geometry, all else as it was.
 
     joints : turning joints from base to tip; by default the only chain of as many as the robot has.
@@ -36,28 +44,34 @@ def into_file(result: AnyResult, file: Path, joints: Sequence[str] = ()) -> Chan
     """
     if not file.is_file():
         raise InputError(f"{file}: no such file. Name a URDF or xacro of the robot.")
-    content = file.read_bytes()
-    written = joints_in(content, file)
-    names = list(joints) or _only_chain(written, result.robot.joints, file)
-    chain, source = chain_of(written, names, file), str(file)
+    content, source = file.read_bytes(), str(file)
+    root, places = xml_tree(content, source)
+    written = joints_in(root, source)
+    names = list(joints) or _only_chain(written, result.robot.joints, source)
+    names = [_full_name(written, name, source) for name in names]
+    chain, before = _chain_of(written, names, source)
     match = matched(result.robot, result.nominal, chain, source)
-    before = before_origin(written, names, file)
     origins, tip = new_origins(match, result.nominal, result.chain, chain, before)
-    changed = [written[joint.name] for joint in chain.joints]
-    text = with_origins(content, list(zip(changed, origins, strict=True)))
-    again = chain_of(joints_in(text, file), names, file)
+    edits = [
+        _edit(content, written[name], places, pose)
+        for name, pose in zip(names, origins, strict=True)
+    ]
+    text = content
+    for begin, end, tag in sorted(edits, reverse=True):
+        text = text[:begin] + tag + text[end:]
+    again, _ = _chain_of(joints_in(xml_tree(text, source)[0], source), names, source)
     error = check_new_chain(result.robot, match, result.chain, tip, again, source)
     pairs = list(zip(origins, (joint.pose for joint in chain.joints), strict=True))
     return ChangedFile(
         content=text,
-        joints=tuple(joint.name for joint in chain.joints),
+        joints=tuple(names),
         shift=np.array([np.linalg.norm(new[:3, 3] - old[:3, 3]) for new, old in pairs]),
         turn=np.array([_angle(new[:3, :3].T @ old[:3, :3]) for new, old in pairs]),
         error=error,
     )
 
 
-def changed_lines(changed: ChangedFile, result: AnyResult) -> list[str]:
+def changed_lines(changed: ChangedFile, result: Result) -> list[str]:
     """Lines of text: how far every origin moved, and what the file does not hold."""
     each = [
         f"  {name}: {shift * 1e3:.3f} mm, {turn * 1e3:.3f} mrad"
@@ -72,33 +86,99 @@ def changed_lines(changed: ChangedFile, result: AnyResult) -> list[str]:
     ]
 
 
-def _only_chain(joints: dict[str, JointText], count: int, file: Path) -> list[str]:
+def _turns(joint: ET.Element) -> bool:
+    return joint.get("type") in TURNING and joint.find("mimic") is None
+
+
+def _only_chain(joints: Mapping[str, ET.Element], count: int, source: str) -> list[str]:
     """The turning joints of the only serial chain of `count`; fixed joints may lie between."""
-    turning = {n: j for n, j in joints.items() if j.kind in TURNING and not j.mimics}
-    by_child = {joint.child: joint for joint in joints.values()}
+    by_child = {linked(joint, "child"): name for name, joint in joints.items()}
+    turning = [name for name, joint in joints.items() if _turns(joint)]
     chains = []
-    for joint in turning.values():
-        path = _path_to(joint, by_child)
-        names = [j.name for j in path if j.name in turning]
-        others = [j for j in path if j.kind != "fixed" and j.name not in turning]
-        if len(names) == count and not others:
-            chains.append(names)
+    for name in turning:
+        path = [name]  # from the joint to the root
+        while (above := by_child.get(linked(joints[path[-1]], "parent"))) and above not in path:
+            path.append(above)
+        moving = [inner for inner in path[::-1] if joints[inner].get("type") != "fixed"]
+        if len(moving) == count and all(_turns(joints[inner]) for inner in moving):
+            chains.append(moving)
     if len(chains) != 1:
         what = "several chains" if chains else "no chain"
         raise InputError(
-            f"{file}: {what} of {count} turning joints; the file has {', '.join(turning) or 'none'}"
-            ". Name them from base to tip with --joints a,b,c."
+            f"{source}: {what} of {count} turning joints; the file has "
+            f"{', '.join(turning) or 'none'}. Name them from base to tip with --joints a,b,c."
         )
     return chains[0]
 
 
-def _path_to(joint: JointText, by_child: dict[str, JointText]) -> list[JointText]:
-    """The joints from the root to a joint, itself included."""
-    path, seen = [joint], {joint.name}
-    while (above := by_child.get(path[-1].parent)) is not None and above.name not in seen:
-        path.append(above)
-        seen.add(above.name)
-    return path[::-1]
+def _full_name(joints: Mapping[str, ET.Element], name: str, source: str) -> str:
+    """A joint's name, which may be given without the expressions of xacro in it."""
+    plain = {re.sub(r"\$[{(].*?[})]", "", full): full for full in joints}
+    full = name if name in joints else plain.get(name)
+    if full is None:
+        raise InputError(
+            f"{source}: there is no joint {name}. Joints that turn: "
+            f"{', '.join(n for n, j in joints.items() if j.get('type') in TURNING)}."
+        )
+    if not _turns(joints[full]):
+        raise InputError(f"{source}: joint {full} is no turning joint of its own.")
+    return full
+
+
+def _chain_of(
+    joints: Mapping[str, ET.Element], names: Sequence[str], source: str
+) -> tuple[UrdfChain, list[Array]]:
+    """The serial chain of named joints, from the first one's parent to the last one's child.
+
+    The second is the pose (4, 4) [m] of each joint's parent link in the child link of the joint
+    before it. Raises InputError for joints that do not follow each other.
+    """
+    by_child = {linked(joint, "child"): joint for joint in joints.values()}
+    turning = [joint_of(joints[name], source) for name in names]
+    before = [np.eye(4)]
+    for above, joint in pairwise(turning):
+        pose, link, seen = np.eye(4), joint.parent, set[str]()
+        while link != above.child:
+            element = by_child.get(link)
+            if element is None or link in seen:
+                raise InputError(
+                    f"{source}: joint {joint.name} does not hang on {above.name}. Name the turning "
+                    "joints from the base to the tip with --joints."
+                )
+            inner = joint_of(element, source)
+            if inner.kind != "fixed":
+                raise InputError(
+                    f"{source}: joint {inner.name} ({inner.kind}) lies between {above.name} and "
+                    f"{joint.name}. Name all turning joints from the base to the tip with --joints."
+                )
+            seen.add(link)
+            pose, link = inner.pose @ pose, inner.parent
+        before.append(np.asarray(pose))
+    fixed = (*(rest @ joint.pose for rest, joint in zip(before, turning, strict=True)), np.eye(4))
+    return UrdfChain(turning[0].parent, turning[-1].child, tuple(turning), fixed), before
+
+
+def _edit(
+    content: bytes, joint: ET.Element, places: Mapping[ET.Element, tuple[int, int]], pose: Array
+) -> tuple[int, int, bytes]:
+    """Place of a joint's origin in the text, and the tag that goes there; pose : (4, 4) [m]."""
+    values = {"xyz": pose[:3, 3], "rpy": roll_pitch_yaw(pose[:3, :3])}
+    texts = {key: numbers(value) for key, value in values.items()}
+    origin = joint.find("origin")
+    if origin is None:
+        _, end = places[joint]
+        return end, end, f'<origin xyz="{texts["xyz"]}" rpy="{texts["rpy"]}"/>'.encode()
+    begin, end = places[origin]
+    tag = content[begin:end]
+    for key, text in texts.items():
+        match = re.search(rb"(\s" + key.encode() + rb"\s*=\s*)([\"'])(.*?)\2", tag, re.DOTALL)
+        if match is None:  # absent: it is added after the tag's name
+            name = re.match(rb"<[^\s/>]+", tag)
+            assert name is not None
+            tag = tag[: name.end()] + f' {key}="{text}"'.encode() + tag[name.end() :]
+        else:
+            tag = tag[: match.start(3)] + text.encode() + tag[match.end(3) :]
+    return begin, end, tag
 
 
 def _angle(rotation: Array) -> float:

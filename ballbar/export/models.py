@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from ballbar.export.result import AnyResult, notes
-from ballbar.export.tables import number
+from ballbar.export.result import Result, notes, number, numbers
 from cell.arrays import Array
 from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
@@ -35,7 +33,7 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9  # [kg], [kg m^2] so small that nobody 
 _INERTIA_DIGITS = 12  # decimals of [kg m^2]; what is beyond is rounding of turned tensors
 
 
-def urdf(result: AnyResult) -> str:
+def urdf(result: Result) -> str:
     """URDF with plain names and without references to files: fit for xacro's include."""
     robot = ET.Element("robot", name=result.name)
     links = result.links
@@ -64,7 +62,7 @@ def urdf(result: AnyResult) -> str:
     return _text(robot)
 
 
-def mjcf(result: AnyResult) -> str:
+def mjcf(result: Result) -> str:
     """MJCF of the unloaded robot, with a site for each tool; that of logs is named `tool`."""
     root = ET.Element("mujoco", model=result.name)
     links = result.links
@@ -73,7 +71,7 @@ def mjcf(result: AnyResult) -> str:
     if not links:
         options |= {"boundmass": number(_LEAST_MASS), "boundinertia": number(_LEAST_INERTIA)}
     ET.SubElement(root, "compiler", options)
-    ET.SubElement(root, "option", gravity=_numbers(result.robot.gravity))
+    ET.SubElement(root, "option", gravity=numbers(result.robot.gravity))
     parent: ET.Element = ET.SubElement(root, "worldbody")
     poses, (lower, upper) = _placements(result.chain), _joint_range(result.robot)
     for i in range(result.robot.joints):
@@ -82,8 +80,8 @@ def mjcf(result: AnyResult) -> str:
             parent,
             "body",
             name=f"link_{i + 1}",
-            pos=_numbers(place),
-            quat=_numbers(quat_wxyz(rotation)),
+            pos=numbers(place),
+            quat=numbers(quat_wxyz(rotation)),
         )
         if links:
             _mjcf_inertial(parent, links[i])
@@ -92,7 +90,7 @@ def mjcf(result: AnyResult) -> str:
             "joint",
             name=f"joint_{i + 1}",
             axis="0 0 1",
-            range=_numbers([lower[i], upper[i]]),
+            range=numbers([lower[i], upper[i]]),
         )
     turn, shift = poses[-1]
     for name, tool in result.tools.items():
@@ -100,15 +98,15 @@ def mjcf(result: AnyResult) -> str:
             parent,
             "site",
             name="tool" if name == "tool0" else name,
-            pos=_numbers(shift + turn @ tool.origin),
-            quat=_numbers(quat_wxyz(turn @ tool.rotation)),
+            pos=numbers(shift + turn @ tool.origin),
+            quat=numbers(quat_wxyz(turn @ tool.rotation)),
         )
     return _text(root)
 
 
 def _urdf_inertial(link: ET.Element, body: Link) -> None:
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_numbers(body.com), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=numbers(body.com), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=number(body.mass))
     tensor = {
         f"i{'xyz'[r]}{'xyz'[c]}": number(round(float(body.inertia[r, c]), _INERTIA_DIGITS))
@@ -123,9 +121,9 @@ def _mjcf_inertial(parent: ET.Element, body: Link) -> None:
     ET.SubElement(
         parent,
         "inertial",
-        pos=_numbers(body.com),
+        pos=numbers(body.com),
         mass=number(body.mass),
-        fullinertia=_numbers(tensor),
+        fullinertia=numbers(tensor),
     )
 
 
@@ -156,12 +154,8 @@ def _urdf_joint(
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_numbers(pose[1]), rpy=_numbers(roll_pitch_yaw(pose[0])))
+    ET.SubElement(joint, "origin", xyz=numbers(pose[1]), rpy=numbers(roll_pitch_yaw(pose[0])))
     return joint
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(number(v) for v in values)
 
 
 def _comment(lines: list[str]) -> ET.Element[Any]:

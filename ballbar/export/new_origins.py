@@ -17,11 +17,12 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ballbar.robot_file.urdf_chain import UrdfChain
 from cell.arrays import Array
 from cell.chain import Chain, forward, row_placements
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.urdf import UrdfChain
+from cell.number_text import significant_text
 
 SAME = 2e-5  # [m, rad] between the file's geometry and that of the nominal robot: its digits
 EXACT = 1e-9  # [m] of the new chain against the identified one
@@ -60,10 +61,11 @@ def matched(robot: Robot, nominal: Chain, chain: UrdfChain, source: str) -> Matc
         if error < SAME:
             return Match(sign, base, tip)
     assert best is not None  # there is a first choice of signs
+    difference = significant_text(best[0] * 1e3)
     raise InputError(
         f"{source}: its geometry is not that of the nominal robot {robot.name}: they differ by up "
-        f"to {best[0] * 1e3:.3g} mm or mrad, whatever the base and the tip, with joint positions "
-        "equal up to sign. Is it this robot, uncalibrated, with the same zero position?"
+        f"to {difference} mm or mrad, whatever the base and the tip, with joint positions equal up "
+        "to sign. Is it this robot, uncalibrated, with the same zero position?"
     )
 
 
@@ -103,8 +105,8 @@ def check_new_chain(
     error = float(np.abs(chain.tip_poses(u) - expected).max())
     if error > EXACT:
         raise InputError(
-            f"{source}: written anew its chain would differ from the identified one by "
-            f"{error * 1e3:.3g} mm; nothing was written."
+            f"{source}: with the new origins its chain would differ from the identified one by "
+            f"{significant_text(error * 1e3)} mm; nothing was written."
         )
     return error
 

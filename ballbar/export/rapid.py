@@ -6,17 +6,12 @@ RAPID. Instructions for use stand in comments.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ballbar.export.result import AnyResult, notes
+from ballbar.export.result import Result, noted_text, number, numbers
 from ballbar.export.rows import hayati_rows, parallel_rows
-from ballbar.export.tables import number
 from ballbar.units import MM
-from cell.arrays import Array
-from cell.foreign_text import comment
 from cell.robot_angles import joints_to_motors
 
 _HOW = (
@@ -34,18 +29,13 @@ _HOW = (
 )
 
 
-def motor_offsets(result: AnyResult) -> Array:
-    """(J,) [rad] change of the motors' angles by the identified joint offsets."""
-    return joints_to_motors(result.robot, result.chain.theta - result.nominal.theta)
-
-
-def rapid_module(result: AnyResult) -> str:
+def rapid_module(result: Result) -> str:
     """A RAPID module of constants."""
     robot = result.robot
     rows = hayati_rows(result.chain, parallel_rows(result.nominal))
     joint_change = result.chain.theta - result.nominal.theta
     values = {
-        "motor_offset_rad": motor_offsets(result),
+        "motor_offset_rad": joints_to_motors(robot, joint_change),
         "axis_change_deg": np.degrees(joint_change @ robot.joint_to_axis),
         "dh_a_mm": rows.a * MM,
         "dh_d_mm": rows.d * MM,
@@ -65,19 +55,19 @@ def rapid_module(result: AnyResult) -> str:
         "at nearly parallel axes, where it replaces d (Hayati). Then the tool turns about its y",
         "by dh_tool_beta_deg.",
         "Sigma -1: not identified, nominal.",
-        *notes(result),
     ]
     lines = [
-        f"MODULE {_short(result.name)}_identified",
-        *(comment("  !", text) for text in comments),
+        *(_constants(name, axes) for name, axes in values.items()),
+        f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};",
+        *(_constants(name, axes) for name, axes in sigmas.items()),
+        "ENDMODULE",
     ]
-    lines += [_constants(name, axes) for name, axes in values.items()]
-    lines.append(f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};")
-    lines += [_constants(name, axes) for name, axes in sigmas.items()]
-    return "".join(f"{line}\n" for line in [*lines, "ENDMODULE"])
+    # RAPID's names have at most 32 characters and begin with a letter
+    short = ("" if result.name[:1].isalpha() else "r") + result.name[:20]
+    return f"MODULE {short}_identified\n" + noted_text(result, "  !", comments, lines)
 
 
-def _sigma(result: AnyResult, kind: str, factor: float) -> list[float]:
+def _sigma(result: Result, kind: str, factor: float) -> list[float]:
     """Standard deviations of rows 1 to J, times `factor`; -1 where a parameter is nominal."""
     named = {parameter.name: parameter for parameter in result.parameters}
     rows = range(1, result.robot.joints + 1)
@@ -85,16 +75,7 @@ def _sigma(result: AnyResult, kind: str, factor: float) -> list[float]:
     return [-1.0 if entry.sigma is None else entry.sigma * float(factor) for entry in entries]
 
 
-def _short(name: str) -> str:
-    """The name cut for RAPID, whose names have at most 32 characters and begin with a letter."""
-    return ("r" if not name[:1].isalpha() else "") + name[:20]
-
-
 def _constants(name: str, values: ArrayLike) -> str:
     """A RAPID array of constants, one for each axis."""
-    numbers = np.asarray(values, dtype=np.float64).tolist()
-    return f"  CONST dnum {name}{{{len(numbers)}}} := [{_listed(numbers)}];"
-
-
-def _listed(values: Iterable[float]) -> str:
-    return ", ".join(number(v) for v in values)
+    axes = np.asarray(values, dtype=np.float64).tolist()
+    return f"  CONST dnum {name}{{{len(axes)}}} := [{numbers(axes, ', ')}];"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -12,14 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.export.links import joined_link
 from ballbar.result.calibration import Calibration
 from ballbar.result.machine_entries import ParameterEntry
-from cell.bodies import carried_bodies, link_bodies
+from cell.bodies import carried_bodies, joined_link, link_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
-from cell.foreign_text import one_line
-from cell.geometry import Parameter, nominal_chain, parameter_table
+from cell.foreign_text import comment, one_line
+from cell.geometry import Parameter, parameter_table
 from cell.placement import Placement
 
 EFFECTS = {
@@ -36,102 +35,33 @@ _NO_SAG = "sag of the joints, joint errors: none was identified, so none is know
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A calibration.yaml of logs as read, with the cell that it names."""
+    """A calibration.yaml as read, with the robot that it names, whatever measured it."""
 
     file: Path
     sha256: str
     calibration: Calibration
-    cell: Cell
+    cell: Cell | None  # of logs: the robot with ball-bar and plate
 
     @property
     def robot(self) -> Robot:
-        return self.cell.robot
-
-    @property
-    def chain(self) -> Chain:
-        """DH rows of the identified robot; the tool is in the last row."""
-        return self.calibration.geometry.robot
-
-    @property
-    def nominal(self) -> Chain:
-        """Catalogue rows likewise."""
-        return self.calibration.nominal.robot
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The robot's parameters, in the order of the vector."""
-        every = self.calibration.geometry.table.parameters
-        return tuple(p for p in every if p.side == "robot")
-
-    def entry(self, parameter: Parameter) -> ParameterEntry:
-        """Value and standard deviation of a parameter."""
-        return self.calibration.file.parameters[parameter.name]
-
-    @property
-    def name(self) -> str:
-        """Name of the robot, usable as an identifier in every format."""
-        return plain_name(self.robot.name)
-
-    @property
-    def status(self) -> str:
-        return self.calibration.file.fit.status
-
-    @property
-    def left_out(self) -> list[str]:
-        """Effects of the identified robot beyond its geometry, as text."""
-        return _effects(self.calibration.file.corrections) or [_NO_EFFECTS]
-
-    @property
-    def tools(self) -> dict[str, Placement]:
-        """Frames of the tool in that of the last row, by name."""
-        return {"tool0": Placement(np.eye(3), np.zeros(3))}
-
-    @property
-    def links(self) -> list[Link] | None:
-        """Links 1 to J, the plate merged into the last."""
-        return [joined_link(links) for links in carried_bodies(self.cell)]
-
-    @property
-    def frame_notes(self) -> list[str]:
-        """Where base and tool are."""
-        return [
-            "Base: frame 0, z along axis 1. Tool: end of the offset plate, which held the ball-bar."
-        ]
-
-    @property
-    def range_notes(self) -> list[str]:
-        """Ranges of the axes outside of which nothing is known: not stated of logs."""
-        return []
-
-
-@dataclass(frozen=True, eq=False)
-class PoseResult:
-    """A calibration.yaml of still poses as read, with the robot that it names."""
-
-    file: Path
-    sha256: str
-    calibration: Calibration
-
-    @property
-    def robot(self) -> Robot:
-        return self.calibration.robot
+        return self.calibration.robot if self.cell is None else self.cell.robot
 
     @cached_property
     def chain(self) -> Chain:
-        """DH rows of the identified robot, up to the flange."""
+        """DH rows of the identified robot; of logs the tool is in the last row."""
         return self.calibration.chain
 
     @cached_property
     def nominal(self) -> Chain:
-        """Catalogue rows likewise."""
-        return nominal_chain(self.robot)
+        """Catalogue values of `chain`."""
+        return self.calibration.nominal_chain
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The robot's parameters, in the order of the vector."""
-        last = f"rbeta{self.robot.joints}"  # of the ball-bar's plate
-        every = parameter_table(self.robot).parameters
-        return tuple(p for p in every if p.side == "robot" and p.name != last)
+        """The robot's parameters, in the order of the vector; those of a plate of logs alone."""
+        of_plate = "" if self.cell is not None else f"rbeta{self.robot.joints}"
+        table = parameter_table(self.robot).parameters
+        return tuple(p for p in table if p.side == "robot" and p.name != of_plate)
 
     def entry(self, parameter: Parameter) -> ParameterEntry:
         """Value and standard deviation of a parameter; a gauge stands at its nominal value."""
@@ -151,66 +81,75 @@ class PoseResult:
     @property
     def left_out(self) -> list[str]:
         """Effects of the identified robot beyond its geometry, as text."""
-        return _effects(self.calibration.file.corrections) or [_NO_SAG]
+        identified = self.calibration.file.corrections
+        return [
+            f"{effect} ({name}, identified)"
+            for name, effect in EFFECTS.items()
+            if name in identified
+        ] or [_NO_SAG if self.cell is None else _NO_EFFECTS]
 
     @property
     def tools(self) -> dict[str, Placement]:
-        """Flange and targets in the frame of the last row, by name."""
-        flange = {"flange": Placement(np.eye(3), np.zeros(3))}
-        targets = self.calibration.targets
-        return flange | {f"target_{plain_name(name)}": place for name, place in targets.items()}
+        """Frames in that of the last row, by name: the tool of logs, or flange and targets."""
+        last = "flange" if self.cell is None else "tool0"
+        targets = self.calibration.targets.items()
+        placed = {f"target_{plain_name(name)}": place for name, place in targets}
+        return {last: Placement(np.eye(3), np.zeros(3))} | placed
 
     @property
     def links(self) -> list[Link] | None:
-        """Links 1 to J where the robot's file states masses."""
+        """Links 1 to J where masses are known; of logs the plate is merged into the last."""
+        if self.cell is not None:
+            return [joined_link(links) for links in carried_bodies(self.cell)]
         return None if self.robot.links is None else link_bodies(self.robot)
 
     @property
     def frame_notes(self) -> list[str]:
-        """Where base, flange and targets are."""
+        """Where base, tool, flange and targets are."""
+        if self.cell is not None:
+            return [
+                "Base: frame 0, z along axis 1. Tool: end of the offset plate, which held the "
+                "ball-bar."
+            ]
         points = [t for t, entry in self.calibration.file.targets.items() if not entry.turned]
-        notes = ["Base: frame 0, z along axis 1; its height and heading are a gauge of the seats."]
-        notes.append(
+        notes = [
+            "Base: frame 0, z along axis 1; its height and heading are a gauge of the seats.",
             "Flange: the robot file's; its place on axis J and turn about it are a gauge of the "
-            "targets."
-        )
+            "targets.",
+        ]
         if points:
             notes.append(f"Of target {', '.join(points)} only the position is known, not the turn.")
         return [one_line(note) for note in notes]
 
     @property
     def range_notes(self) -> list[str]:
-        """Ranges of the axes that were fitted."""
-        low, high = self.calibration.ranges.T
-        each = [
-            f"  joint {j + 1}: {np.rad2deg(low[j]):.1f} to {np.rad2deg(high[j]):.1f} deg "
-            f"({float(low[j])!r} to {float(high[j])!r} rad)"
-            for j in range(self.robot.joints)
+        """Ranges of the axes that still poses were fitted over; not stated of logs."""
+        if self.cell is not None:
+            return []
+        ranges = [
+            f"  joint {j}: {np.rad2deg(low):.1f} to {np.rad2deg(high):.1f} deg "
+            f"({float(low)!r} to {float(high)!r} rad)"
+            for j, (low, high) in enumerate(self.calibration.ranges, start=1)
         ]
         return [
             "WARNING: outside the fitted range of a joint the error is unknown and may exceed that "
             "of the nominal robot. Fitted ranges:",
-            *each,
+            *ranges,
         ]
 
 
-AnyResult = Result | PoseResult
-
-
-def load_result(path: Path) -> AnyResult:
+def load_result(path: Path) -> Result:
     """A result by its calibration.yaml, or by the folder that `run` or `identify` wrote it to.
 
     Raises InputError when there is none, DescriptionError when it is wrong.
     """
     calibration = Calibration.load(path)
-    file = calibration.path
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    if calibration.of_logs:
-        return Result(file, digest, calibration, calibration.cell())
-    return PoseResult(file, digest, calibration)
+    digest = hashlib.sha256(calibration.path.read_bytes()).hexdigest()
+    cell = calibration.cell() if calibration.of_logs else None
+    return Result(calibration.path, digest, calibration, cell)
 
 
-def parameter_note(result: AnyResult, parameter: Parameter) -> str:
+def parameter_note(result: Result, parameter: Parameter) -> str:
     """Value and standard deviation of a robot parameter, or that it is nominal."""
     entry, unit = result.entry(parameter), parameter.unit
     value = f"{parameter.name} = {entry.value!r} {unit}"
@@ -221,7 +160,7 @@ def parameter_note(result: AnyResult, parameter: Parameter) -> str:
     return f"{value}, NOMINAL: not identified"
 
 
-def notes(result: AnyResult) -> list[str]:
+def notes(result: Result) -> list[str]:
     """Lines for the head of an exported file: source, frames, what is left out, parameters."""
     texts = (result.robot.title, result.file.name, result.status)
     title, name, status = (one_line(text) for text in texts)
@@ -240,12 +179,22 @@ def notes(result: AnyResult) -> list[str]:
     ]
 
 
+def noted_text(result: Result, mark: str, comments: Iterable[str], lines: Iterable[str]) -> str:
+    """Lines of a file below comments and the notes of the result; mark : of a comment."""
+    head = (comment(mark, text) for text in (*comments, *notes(result)))
+    return "".join(f"{line}\n" for line in (*head, *lines))
+
+
+def number(value: float) -> str:
+    """All digits of a float64, and no negative zero."""
+    return repr(float(value) + 0.0)
+
+
+def numbers(values: Iterable[float], between: str = " ") -> str:
+    """Numbers with all their digits."""
+    return between.join(number(value) for value in values)
+
+
 def plain_name(name: str) -> str:
     """A name of letters, digits and underscores."""
     return re.sub(r"\W", "_", name, flags=re.ASCII)
-
-
-def _effects(corrections: Mapping[str, object]) -> list[str]:
-    return [
-        f"{effect} ({name}, identified)" for name, effect in EFFECTS.items() if name in corrections
-    ]

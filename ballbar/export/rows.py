@@ -18,6 +18,7 @@ from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.errors import InputError
 from cell.geometry import PARALLEL
+from cell.number_text import significant_text
 
 _PARALLEL = 1e-6  # [rad] angle of two axes below which their common normal is lost in rounding
 # [m] along an axis from the present origin to the common normal: beyond the reach of any arm, d of
@@ -138,11 +139,11 @@ def _to_common_normal_inplace(rows: Rows, i: int) -> None:
     x, y = _turn_z(theta).T[:2]
     e = -float(tip @ y) / sine
     if abs(e) > FAR:
+        angle = significant_text(np.degrees(abs(sine)))
         raise InputError(
-            f"joints {i + 1} and {i + 2} are {np.degrees(abs(sine)):.3g} deg from parallel and "
-            f"carry a Hayati angle (rbeta{i + 1}): their common normal lies {abs(e):.0f} m along "
-            "the axis, which rows of a DH table would hold as large lengths that cancel. Export "
-            "with --to hayati."
+            f"joints {i + 1} and {i + 2} are {angle} deg from parallel and carry a Hayati angle "
+            f"(rbeta{i + 1}): their common normal lies {abs(e):.0f} m along the axis, which rows "
+            "of a DH table would hold as large lengths that cancel. Export with --to hayati."
         )
     rows.a[i], rows.d[i] = tip @ x, tip[2] - e * axis[2]
     rows.alpha[i], rows.theta[i], rows.beta[i] = np.arctan2(sine, axis[2]), theta, 0.0

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ballbar.export.result import AnyResult, PoseResult, Result, notes
+from ballbar.export.result import Result, noted_text, numbers
 from ballbar.export.rows import (
     Rows,
     hayati_rows,
@@ -21,12 +21,12 @@ from ballbar.export.rows import (
 )
 from cell.arrays import Array
 from cell.chain import Chain
-from cell.foreign_text import comment, one_line
+from cell.foreign_text import one_line
 
 _HEADER = "joint,a_m,d_m,alpha_rad,theta_rad,beta_rad"
 
 
-def dh_table(result: AnyResult) -> str:
+def dh_table(result: Result) -> str:
     """Table of standard DH rows, `Rz(theta + q) Tz(d) Tx(a) Rx(alpha)`."""
     chain, dropped = without_negligible_angles(result)
     comments = [
@@ -34,10 +34,11 @@ def dh_table(result: AnyResult) -> str:
         _last(result),
         *dropped,
     ]
-    return _table(result, comments, _HEADER, _dh_lines(result, standard_rows(chain)))
+    lines = _dh_lines(result, standard_rows(chain))
+    return noted_text(result, "#", comments, [_HEADER, *lines])
 
 
-def hayati_table(result: AnyResult) -> str:
+def hayati_table(result: Result) -> str:
     """Table of standard DH rows, those of nearly parallel axes by Hayati.
 
     `Rz(theta + q) Tx(a) Rx(alpha) Ry(beta)`.
@@ -50,10 +51,11 @@ def hayati_table(result: AnyResult) -> str:
     else:
         comments.append("No neighbouring axes are parallel: these are the standard rows.")
     rows = hayati_rows(result.chain, parallel)
-    return _table(result, [*comments, _last(result)], _HEADER, _dh_lines(result, rows))
+    lines = _dh_lines(result, rows)
+    return noted_text(result, "#", [*comments, _last(result)], [_HEADER, *lines])
 
 
-def modified_dh_table(result: AnyResult) -> str:
+def modified_dh_table(result: Result) -> str:
     """Table of modified DH rows (Craig), `Rx(alpha) Tx(a) Rz(theta + q) Tz(d)`.
 
     a and alpha are those of the standard row before, theta and d those of the same row.
@@ -63,7 +65,7 @@ def modified_dh_table(result: AnyResult) -> str:
     a, alpha = (np.concatenate(([0.0], v)) for v in (rows.a, rows.alpha))
     d, theta = (np.concatenate((v, [0.0])) for v in (rows.d, rows.theta))
     beta = np.concatenate((np.zeros(rows.a.size), [rows.tool_beta]))
-    last = _last_row(result)
+    last = "tool" if result.calibration.of_logs else None
     if last is None and (a[-1], alpha[-1]) != (0.0, 0.0):
         last = "flange"
     comments = [
@@ -71,10 +73,11 @@ def modified_dh_table(result: AnyResult) -> str:
         _last(result).replace(f"after row {result.robot.joints}", "last"),
         *dropped,
     ]
-    return _table(result, comments, _HEADER, _lines(a, d, alpha, theta, beta, last=last))
+    lines = _lines(a, d, alpha, theta, beta, last=last)
+    return noted_text(result, "#", comments, [_HEADER, *lines])
 
 
-def without_negligible_angles(result: AnyResult) -> tuple[Chain, list[str]]:
+def without_negligible_angles(result: Result) -> tuple[Chain, list[str]]:
     """The chain without the Hayati angles that stay below their own sigma, and what was dropped."""
     chain, beta, dropped = result.chain, result.chain.beta.copy(), []
     for parameter in result.parameters:
@@ -90,7 +93,7 @@ def without_negligible_angles(result: AnyResult) -> tuple[Chain, list[str]]:
     return replace(chain, beta=beta), dropped
 
 
-def poe_table(result: AnyResult) -> str:
+def poe_table(result: Result) -> str:
     """Table of the screw axes in the base frame and the home pose."""
     screws, home = product_of_exponentials(result.chain)
     j = result.robot.joints
@@ -101,47 +104,28 @@ def poe_table(result: AnyResult) -> str:
     ]
     lines = [_csv(str(i + 1), screw) for i, screw in enumerate(screws)]
     lines += [_csv(f"M{i + 1}", home[i]) + ",," for i in range(3)]
-    return _table(result, comments, "row,w_x,w_y,w_z,v_x_m,v_y_m,v_z_m", lines)
+    return noted_text(result, "#", comments, ["row,w_x,w_y,w_z,v_x_m,v_y_m,v_z_m", *lines])
 
 
-def number(value: float) -> str:
-    """All digits of a float64, and no negative zero."""
-    return repr(float(value) + 0.0)
-
-
-def _last(result: AnyResult) -> str:
-    """What the last row of a table is."""
-    if isinstance(result, Result):
+def _last(result: Result) -> str:
+    """What the last row of a table is; of still poses with the targets in the flange's frame."""
+    if result.calibration.of_logs:
         last = result.robot.joints
         return f"Row `tool` has no joint: after row {last} the tool turns about its y by beta."
-    return f"The last row ends at the flange; the targets on it: {_targets(result)}."
-
-
-def _targets(result: PoseResult) -> str:
-    """Position of every target in the flange's frame, and its rotation vector where known."""
-    each = []
+    targets = []
     for name, entry in result.calibration.file.targets.items():
-        parts = [f"({_triple(entry.position_m)}) m"]
+        text = f"{one_line(name)} at ({numbers(entry.position_m)}) m"
         if entry.rotation_vector_rad is not None:
-            parts.append(f"rotation vector ({_triple(entry.rotation_vector_rad)}) rad")
-        each.append(f"{one_line(name)} at {', '.join(parts)}")
-    return "; ".join(each)
+            text += f", rotation vector ({numbers(entry.rotation_vector_rad)}) rad"
+        targets.append(text)
+    return f"The last row ends at the flange; the targets on it: {'; '.join(targets)}."
 
 
-def _triple(values: Iterable[float]) -> str:
-    return " ".join(number(v) for v in values)
-
-
-def _last_row(result: AnyResult) -> str | None:
-    """Name of the row without joint at the end of a table: the tool's of logs."""
-    return "tool" if isinstance(result, Result) else None
-
-
-def _dh_lines(result: AnyResult, rows: Rows) -> list[str]:
+def _dh_lines(result: Result, rows: Rows) -> list[str]:
     columns = (rows.a, rows.d, rows.alpha, rows.theta, rows.beta)
     tool = (0.0, 0.0, 0.0, 0.0, rows.tool_beta)
     both = (np.append(column, last) for column, last in zip(columns, tool, strict=True))
-    return _lines(*both, last=_last_row(result))
+    return _lines(*both, last="tool" if result.calibration.of_logs else None)
 
 
 def _lines(*columns: Array, last: str | None) -> list[str]:
@@ -154,9 +138,4 @@ def _lines(*columns: Array, last: str | None) -> list[str]:
 
 
 def _csv(name: str, values: Iterable[float]) -> str:
-    return ",".join([name, *(number(v) for v in values)])
-
-
-def _table(result: AnyResult, comments: list[str], header: str, lines: list[str]) -> str:
-    head = [comment("#", text) for text in [*comments, *notes(result)]]
-    return "".join(f"{line}\n" for line in [*head, header, *lines])
+    return f"{name},{numbers(values, ',')}"

@@ -10,20 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
-from ballbar.export.result import AnyResult, notes
-from ballbar.export.tables import number
+from ballbar.export.result import Result, noted_text, number
+from ballbar.robot_file.urdf import UrdfJoint
+from ballbar.robot_file.urdf_chain import UrdfChain
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.errors import InputError
-from cell.foreign_text import comment
 from cell.rotation import roll_pitch_yaw
-from cell.urdf import UrdfChain, UrdfJoint
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _ALPHA = (0.5, 0.0, 0.0, 0.5, -0.5, 0.0)  # [pi rad] twists of every arm of UR
 
 
-def ur_kinematics(result: AnyResult) -> str:
+def ur_kinematics(result: Result) -> str:
     """Text of kinematics.yaml. Raises InputError for a robot that is not one of UR."""
     nominal = result.nominal
     if not _is_ur(nominal):
@@ -48,9 +47,8 @@ def ur_kinematics(result: AnyResult) -> str:
         "The hash is of this result, not the controller's: the driver will say that it differs.",
         "The controller itself goes on with its own calibration; its poses are not those of this "
         "file.",
-        *notes(result),
     ]
-    return "".join(f"{line}\n" for line in [*(comment("#", text) for text in head), *lines])
+    return noted_text(result, "#", head, lines)
 
 
 def ur_chain(origins: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> UrdfChain:
@@ -65,10 +63,6 @@ def ur_chain(origins: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> Urdf
             xyz=xyz,
             rpy=rpy,
             axis=(0.0, 0.0, 1.0),
-            lower=None,
-            upper=None,
-            speed=None,
-            mimics=None,
         )
         for i, (xyz, rpy) in enumerate(origins)
     )

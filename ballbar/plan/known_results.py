@@ -18,18 +18,17 @@ from ballbar.result.calibration_file import CalibrationFile
 from ballbar.result.recording_entries import RecordingEntry
 from ballbar.result.run_recordings import description_identity
 from cell.arrays import Array
-from cell.descriptions import Cell
 from cell.errors import InputError
 from ident.verdict import Status
 from planning.known import Known, known_of
 from planning.request import PlanRequest
 
-# Of the noise of a log, which every fit of a recording states alike, up to rounding.
+# Relative difference of the noise of a log, which every fit of a recording states, by rounding.
 SAME_NOISE = 1e-9
 
 
 def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> Known:
-    """What results say of the machine of a request; of a fit that is not good it is said.
+    """The information of results about the machine of a request; warns of a fit that is not good.
 
     Raises InputError for a result of still poses, of model dh with a ball-bar, without covariance,
     or of another robot, ball-bar or plate than the request's, and for results that share a
@@ -39,35 +38,30 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
     files = [calibration.path for calibration in calibrations]
     machines = []
     for file, calibration in zip(files, calibrations, strict=True):
-        cell = calibration.cell()
-        _check_complete(file, calibration.file, cell)
-        _check_same_cell(file, calibration.file, request)
+        cell, content = calibration.cell(), calibration.file
+        if content.model == "dh" and cell.ballbar.stroke is None:
+            raise InputError(
+                f"{file}: is of model dh, and a path is predicted with the complete model, of "
+                "which it states no uncertainty. Identify the recordings with --model complete."
+            )
+        _check_same_cell(file, content, request)
         machines.append(calibration.machine(cell))
     _check_shared_recordings(files, calibrations)
     for file, calibration in zip(files, calibrations, strict=True):
         if (status := calibration.file.fit.status) != Status.GOOD:
             err.print(
                 f"[yellow]warning:[/] {escape(str(file))}: its fit is called {escape(status)!r}; "
-                "what is foretold after it is no surer than its report"
+                "what is predicted after it is no surer than its report"
             )
     return known_of(machines)
 
 
-def _check_complete(file: Path, content: CalibrationFile, cell: Cell) -> None:
-    if content.model == "dh" and cell.ballbar.stroke is None:
-        raise InputError(
-            f"{file}: is of model dh, and a path is predicted with the complete model, of "
-            "which it states no uncertainty. Identify the recordings with --model complete."
-        )
-
-
 def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest) -> None:
     """Own descriptions are compared by their content, as `identify` does."""
-    wanted = request.cell
     pairs = [
-        ("robot", content.robot, wanted.robot),
-        *(("ball-bar", content.instrument, rod) for rod in wanted.rods),
-        ("plate", content.plate, wanted.plate),
+        ("robot", content.robot, request.cell.robot),
+        *(("ball-bar", content.instrument, rod) for rod in request.cell.rods),
+        ("plate", content.plate, request.cell.plate),
     ]
     for what, name, here in pairs:
         if description_identity(name, file.parent) != description_identity(here, Path()):
@@ -79,27 +73,22 @@ def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest)
 
 
 def _check_shared_recordings(files: Sequence[Path], calibrations: Sequence[Calibration]) -> None:
+    """Two results are of one recording by its noise: folders may have any name."""
     entries = [
-        (file, recording)
+        (file, recording.name, _noise(recording))
         for file, calibration in zip(files, calibrations, strict=True)
         for recording in calibration.file.logs
     ]
-    for k, (file, recording) in enumerate(entries):
-        for before, other in entries[:k]:
-            if _is_same(recording, other):
+    for k, (file, name, noise) in enumerate(entries):
+        for before, _, other in entries[:k]:
+            if noise.shape != other.shape or not noise.any():
+                continue
+            if np.allclose(noise, other, rtol=SAME_NOISE, atol=0.0):
                 raise InputError(
-                    f"{file}: holds recording {recording.name}, which {before} holds too, so it "
-                    "would count twice. Leave one of them out: a joint result holds all that its "
-                    "recordings say."
+                    f"{file}: holds recording {name}, which {before} holds too, so it would count "
+                    "twice. Leave one of them out: a joint result holds all that its recordings "
+                    "say."
                 )
-
-
-def _is_same(recording: RecordingEntry, other: RecordingEntry) -> bool:
-    """Whether two results are of one recording: folders may have any name, noise is its own."""
-    noise, known = _noise(recording), _noise(other)
-    if noise.shape != known.shape or not noise.any():
-        return False
-    return np.allclose(noise, known, rtol=SAME_NOISE, atol=0.0)
 
 
 def _noise(entry: RecordingEntry) -> Array:

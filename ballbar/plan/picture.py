@@ -47,7 +47,7 @@ def plan_picture(plan: PathPlan) -> bytes:
         grid = figure.subplot_mosaic([["sphere", "axes"], ["load", "sigma"]])
         _sphere(grid["sphere"], plan)
         _axes(grid["axes"], plan)
-        (_loads if plan.lengths is None else _lengths)(grid["load"], plan)
+        _along_rod(grid["load"], plan)
         _sigma(grid["sigma"], plan)
         sigma = f"{np.median(plan.tcp) * UM:.1f} um rms over the workspace"
         figure.suptitle(f"{plan.request.name}: predicted TCP sigma {sigma}", x=0.01, ha="left")
@@ -83,14 +83,14 @@ def plate_picture() -> bytes:
     """SVG of thesis Fig. 4.4: tip deflection and mass over thickness, aluminium and steel."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 3.0), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        draw_deflection(left)
+        deflection, mass = figure.subplots(1, 2)
+        draw_deflection(deflection)
         for material in MATERIALS.values():
             plates = [replace(material, thickness=float(h)) for h in THICKNESS]
-            right.plot(THICKNESS * MM, [p.weight * p.length / GRAVITY for p in plates])
-        left.set_ylabel("deflection [um], or urad from 1 m")
-        right.set(xlabel="thickness [mm]", ylabel="mass [kg]", ylim=(0.0, None))
-        left.legend()
+            mass.plot(THICKNESS * MM, [p.weight * p.length / GRAVITY for p in plates])
+        deflection.set_ylabel("deflection [um], or urad from 1 m")
+        mass.set(xlabel="thickness [mm]", ylabel="mass [kg]", ylim=(0.0, None))
+        deflection.legend()
         return svg_text(figure).encode()
 
 
@@ -124,31 +124,30 @@ def _axes(axes: Axes, plan: PathPlan) -> None:
     axes.legend(ncols=6, loc="upper center", title="axis", fontsize=7, title_fontsize=7)
 
 
-def _loads(axes: Axes, plan: PathPlan) -> None:
-    """Expected force in the rod over time: each robot drawn with errors, and the median."""
-    forces = plan.forces
-    if forces is None:
-        return
-    for tension in forces.tension:
-        axes.plot(plan.trajectory.t, tension, color=FAINT, lw=0.7)
-    axes.plot(plan.trajectory.t, np.median(forces.tension, axis=0), color=INK, lw=1.2)
-    axes.axhline(0.0, color=QUIET, lw=0.7)
-    axes.set(xlabel="time [s]", ylabel="force in the rod [N]")
-    axes.set_title(f"expected on soft servo, {len(forces.tension)} robots with 1 mm, 1 mrad")
+def _along_rod(axes: Axes, plan: PathPlan) -> None:
+    """Expected force in the rod over time, or length of a telescoping bar, with each drawn robot.
 
-
-def _lengths(axes: Axes, plan: PathPlan) -> None:
-    """Expected length of a telescoping bar over time with each drawn robot, and its stroke."""
-    lengths, nominal = plan.lengths, plan.evaluator.cell.ballbar.length
-    if lengths is None:
-        return
-    for length in lengths.length:
-        axes.plot(plan.trajectory.t, (length - nominal) * MM, color=FAINT, lw=0.7)
-    for end in lengths.stroke:
-        axes.axhline((end - nominal) * MM, color=INK, lw=1.2)
+    Bold: the median of the forces, or the ends of the stroke.
+    """
+    t, forces, lengths = plan.trajectory.t, plan.forces, plan.lengths
+    if lengths is not None:
+        nominal = plan.evaluator.cell.ballbar.length
+        for length in lengths.length:
+            axes.plot(t, (length - nominal) * MM, color=FAINT, lw=0.7)
+        for end in lengths.stroke:
+            axes.axhline((end - nominal) * MM, color=INK, lw=1.2)
+        label, robots = "length of the bar less nominal [mm]", len(lengths.length)
+        title = f"expected of {robots} robots with 1 mm, 1 mrad; bold: the stroke"
+    else:
+        assert forces is not None
+        for tension in forces.tension:
+            axes.plot(t, tension, color=FAINT, lw=0.7)
+        axes.plot(t, np.median(forces.tension, axis=0), color=INK, lw=1.2)
+        label, robots = "force in the rod [N]", len(forces.tension)
+        title = f"expected on soft servo, {robots} robots with 1 mm, 1 mrad"
     axes.axhline(0.0, color=QUIET, lw=0.7)
-    axes.set(xlabel="time [s]", ylabel="length of the bar less nominal [mm]")
-    axes.set_title(f"expected of {len(lengths.length)} robots with 1 mm, 1 mrad; bold: the stroke")
+    axes.set(xlabel="time [s]", ylabel=label)
+    axes.set_title(title)
 
 
 def _sigma(axes: Axes, plan: PathPlan) -> None:

@@ -1,4 +1,4 @@
-"""What `ballbar plan` prints of a plan: prediction, gain, limits in MuJoCo, answers to what-ifs."""
+"""Summary of a plan at the terminal: prediction, gain, limits in MuJoCo, answers to what-ifs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from planning.what_if import Answer
 
 WIDTH = 120  # characters of a table in a pipe or file
 # A length has no Hayati angles in its model, and leaves base tilt and clock to the robot's errors.
-_HELD = ("rbeta", "otx", "oty", "offset", "skew")
+_FIXED = ("rbeta", "otx", "oty", "offset", "skew")
 WORTHWHILE = 0.1  # of the TCP sigma that results state: less hardly shows in a robot
 UNSEEN = 0.9  # of its prior: standard deviation above which an unknown counts as hardly seen
 
@@ -59,11 +59,11 @@ def say_plan(out: Console, plan: PathPlan) -> None:
     indices = ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items())
     out.print(f"observability {indices}")
     priors = dict(zip(typical.layout.names, typical.layout.sigma, strict=True))
-    held = () if plan.lengths is None else _HELD
+    fixed = () if plan.lengths is None else _FIXED
     unseen = [
         name
         for name, sigma in typical.sigma.items()
-        if sigma > UNSEEN * priors[name] and not name.startswith(held)
+        if sigma > UNSEEN * priors[name] and not name.startswith(fixed)
     ]
     out.print(f"hardly seen by the path ({len(unseen)}): {' '.join(unseen)}")
 
@@ -95,18 +95,13 @@ def say_gain(out: Console, plan: PathPlan) -> None:
         f"{then:.1f} um ({1.0 - then / now:.0%} less)"
     )
     if not worthwhile(plan):
-        out.print(f"[yellow]this path lowers it by less than {WORTHWHILE:.0%}[/]{_advice(plan)}")
-
-
-def _advice(plan: PathPlan) -> str:
-    """What may be done where a path hardly adds to the results before it."""
-    below = "; what would, if anything, is below" if instead(plan) else ""
-    if plan.request.cell.ballbar_position_m is None:
-        return below
-    return (
-        f"{below}. Another seat of the ball-bar may: free its place in the request "
-        "(ballbar_region_m)"
-    )
+        advice = "; what would, if anything, is below" if instead(plan) else ""
+        if plan.request.cell.ballbar_position_m is not None:
+            advice += (
+                ". Another seat of the ball-bar may: free its place in the request "
+                "(ballbar_region_m)"
+            )
+        out.print(f"[yellow]this path lowers it by less than {WORTHWHILE:.0%}[/]{advice}")
 
 
 def worthwhile(plan: PathPlan) -> bool:
@@ -120,13 +115,12 @@ def instead(plan: PathPlan) -> list[Question]:
     if worthwhile(plan) or plan.request.telescoping:
         return []
     sensors, bar = plan.request.sensors, plan.evaluator.cell.ballbar
-    out = []
-    if set(sensors.encoders) != set(EVERY_ENCODER):
-        out.append(Question(ENCODERS, "", (EVERY_ENCODER,)))
+    questions = [Question("duration", "s", (2.0 * plan.request.timing.duration_s,))]
     if (sensors.rod_sigma_m or bar.length_tolerance) > ROD_SIGMA:
-        out.append(Question("rod_sigma", CHANGES["rod_sigma"].unit, (ROD_SIGMA,)))
-    out.append(Question("duration", "s", (2.0 * plan.request.timing.duration_s,)))
-    return out
+        questions.insert(0, Question("rod_sigma", CHANGES["rod_sigma"].unit, (ROD_SIGMA,)))
+    if set(sensors.encoders) != set(EVERY_ENCODER):
+        questions.insert(0, Question(ENCODERS, "", (EVERY_ENCODER,)))
+    return questions
 
 
 def say_checks(out: Console, results: list[tuple[int, list[Check]]]) -> None:

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.faults.encoders import FAULTS, SYNC_ERROR
-from acquisition.live.progress import Progress, State
+from acquisition.live.progress import Progress, RecorderState
 from acquisition.live.recorder import LiveRecording, notes
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import line, panel
@@ -139,7 +139,7 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
 
 def _state(source: Progress) -> tuple[Text, bool]:
     """State of a source as text, and whether it delivers records."""
-    if source.state not in (State.RECORD, State.FLUSH):
+    if source.state not in (RecorderState.RECORD, RecorderState.FLUSH):
         return Text(source.state.value, style="yellow"), False
     silent = time.monotonic() - source.heard
     if silent > _SILENT:
@@ -149,7 +149,7 @@ def _state(source: Progress) -> tuple[Text, bool]:
 
 def _details(source: Progress) -> list[Text]:
     """Latest angles of a source and the faults of its encoders, or why it waits."""
-    if source.state is State.WAIT and source.reason:
+    if source.state is RecorderState.WAIT and source.reason:
         return [Text(f"{source.name}: {source.reason}", style="yellow")]
     if source.latest is None:
         return []
@@ -187,7 +187,7 @@ class _Lines:
     def print_changes(self, progress: list[Progress]) -> None:
         """Prints the sources whose state, file or reason has changed."""
         for source in progress:
-            waits = source.state is State.WAIT
+            waits = source.state is RecorderState.WAIT
             text = source.reason or "waiting" if waits else f"recording to file {source.segments}"
             if source.events and waits:
                 text = f"{source.events[-1]}; {text}"

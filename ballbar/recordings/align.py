@@ -19,34 +19,29 @@ from ident.log_alignment import LogAlignment, align_logs
 SHOWN = 12  # pairs of channels that are listed
 
 
-def parsed_pairs(texts: Sequence[str]) -> list[tuple[str, str]]:
-    """Channel of A and channel of B, from `a=b`, or from the name of both."""
-    pairs = []
-    for text in texts:
-        a, equals, b = text.partition("=")
-        if not a or (equals and not b):
-            raise InputError(f"channel {text!r}: write a=b, the names in log A and in log B.")
-        pairs.append((a, b if equals else a))
-    return pairs
-
-
 def aligned_logs(
     files: tuple[Path, Path],
     *,
     sources: tuple[SourceName | None, SourceName | None],
     times: tuple[str | None, str | None],
-    pairs: Sequence[tuple[str, str]],
+    channels: Sequence[str],
 ) -> tuple[LogAlignment, tuple[ChannelLog, ChannelLog], tuple[Finding, ...]]:
     """The alignment of logs A and B, both logs, and what was found in their files.
 
-    sources, times, pairs : as in `read_channels` and `align_logs`.
+    sources, times : as in `read_channels`. channels : of A and of B, as `a=b`, or the name of both.
     """
+    pairs = []
+    for text in channels:
+        a, equals, b = text.partition("=")
+        if not a or (equals and not b):
+            raise InputError(f"channel {text!r}: write a=b, the names in log A and in log B.")
+        pairs.append((a, b if equals else a))
     named = [list(side) for side in zip(*pairs, strict=True)] if pairs else [[], []]
-    (a, of_a), (b, of_b) = (
-        read_channels(file, source=source, time=time, channels=channels)
-        for file, source, time, channels in zip(files, sources, times, named, strict=True)
+    (log_a, of_a), (log_b, of_b) = (
+        read_channels(file, source=source, time=time, channels=names)
+        for file, source, time, names in zip(files, sources, times, named, strict=True)
     )
-    return align_logs(a, b, pairs), (a, b), (*of_a, *of_b)
+    return align_logs(log_a, log_b, pairs), (log_a, log_b), (*of_a, *of_b)
 
 
 def align_lines(

@@ -1,4 +1,4 @@
-"""`ballbar check`: content of a recording and repairs, as text for people or JSON for programs."""
+"""`ballbar check`: content of a recording or of still poses and repairs, as text or JSON data."""
 
 from __future__ import annotations
 
@@ -9,31 +9,64 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.alignment import CoarseAlignment, coarse_alignment
+from acquisition.alignment import CoarseAlignment
 from acquisition.dwells import find_dwells
+from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
 from acquisition.report import Finding, ImportReport, report_lines
-from ballbar.units import MS
+from ballbar.units import MM, MS
 from cell.arrays import Array
-from cell.load import load_measured_cell
+from cell.errors import InputError
 from cell.logs import segment_starts
+from cell.pose_file import PosesFile
+from cell.poses import PoseGroup
+from cell.robot_angles import joints_to_axes
 
 SEGMENTS_SHOWN = 8  # first segments of a log that are listed
+GROUPS_SHOWN = 40
 
 
-def check_lines(recording: Recording, alignment: CoarseAlignment | None) -> list[str]:
-    """Lines of text: files, repairs, warnings, logs, clocks."""
-    return [
-        *report_lines(recording.report),
-        "LOGS",
-        *(f"  {line}" for line in _log_lines(recording)),
-        *_clock_lines(alignment),
-    ]
+def holds_poses(path: Path) -> bool:
+    """Whether a folder or file is a table of still poses rather than a recording.
+
+    Raises InputError for a folder that holds both.
+    """
+    if not path.is_dir():
+        return path.suffix == ".yaml" and path.name != "recording.yaml"
+    poses = (path / "poses.yaml").exists()
+    if poses and (path / "recording.yaml").exists():
+        raise InputError(
+            f"{path}: holds poses.yaml and recording.yaml. Name {path / 'poses.yaml'}, or move the "
+            "recording into a folder of its own."
+        )
+    return poses
 
 
-def check_data(recording: Recording, alignment: CoarseAlignment | None) -> dict[str, Any]:
-    """The import report with its logs and the coarse clock offset, as plain data for JSON."""
-    data = recording.report.to_dict()
+def check_lines(
+    read: Recording | PoseImport, alignment: CoarseAlignment | None = None
+) -> list[str]:
+    """Lines of text: files, repairs and warnings; logs and clocks, or poses and axis ranges."""
+    lines = report_lines(read.report)
+    if isinstance(read, PoseImport):
+        return [*lines, *_pose_lines(read)]
+    lines += ["LOGS", *(f"  {line}" for line in _log_lines(read))]
+    if alignment is not None:
+        offset = f"{alignment.offset_s:+.2f} s over {alignment.overlap_s:.0f} s of overlap"
+        if alignment.runner_up_offset_s is not None:
+            share = alignment.runner_up_score / alignment.score
+            second = f"{alignment.runner_up_offset_s:+.2f} s with {share:.0%} of the score"
+            offset += f"; next best {second}"
+        lines += ["CLOCKS", f"  coarse clock offset: {offset}"]
+    return lines
+
+
+def check_data(
+    read: Recording | PoseImport, alignment: CoarseAlignment | None = None
+) -> dict[str, Any]:
+    """The import report with what was read and the coarse clock offset, as plain data for JSON."""
+    data = read.report.to_dict()
+    if isinstance(read, PoseImport):
+        return data | {"poses": _pose_data(read)}
     data["logs"] = {
         name: {
             "rows": int(t.size),
@@ -42,7 +75,7 @@ def check_data(recording: Recording, alignment: CoarseAlignment | None) -> dict[
             "segments": len(starts) + 1,
             "rests_s": [[round(float(t[i]), 6) for i in dwell] for dwell in dwells],
         }
-        for name, t, starts, dwells in _logs(recording)
+        for name, t, starts, dwells in _logs(read)
     }
     if alignment is not None:
         data["coarse_clock"] = {
@@ -55,52 +88,34 @@ def check_data(recording: Recording, alignment: CoarseAlignment | None) -> dict[
 
 def import_reports(recordings: Mapping[str, Recording]) -> str:
     """The import reports of recordings by name, as JSON text of schema `ballbar-import/1`."""
-    reports = {name: check_data(recording, None) for name, recording in recordings.items()}
+    reports = {name: check_data(recording) for name, recording in recordings.items()}
     data = {"schema": "ballbar-import/1", "recordings": reports}
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
 def repairs(report: ImportReport) -> list[Finding]:
-    """What was changed or left out while reading."""
+    """Findings about rows that were changed or left out while reading."""
     return [finding for finding in report.findings if finding.severity == "repaired"]
-
-
-def aligned(recording: Recording, folder: Path) -> CoarseAlignment | None:
-    """The coarse clock offset, None without encoders.
-
-    folder : of the recording, for the descriptions that it names.
-
-    Raises LogError if the logs do not belong together.
-    """
-    if recording.length_log is not None:
-        from ballbar.recordings.length_clock import length_alignment  # noqa: PLC0415  slow
-
-        named = recording.description
-        cell = load_measured_cell(named.robot, named.measured_by, named.plate, relative_to=folder)
-        return length_alignment(recording, cell)
-    bar = recording.ballbar_log
-    return None if bar is None else coarse_alignment(recording.robot_log, bar)
 
 
 def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[tuple[int, int]]]]:
     """Each log: name, times t (N,) [s], first rows of new segments, dwells (first, last row)."""
+
+    def dwells(t: Array, angles: Array) -> list[tuple[int, int]]:
+        return [(int(first), int(last)) for first, last in find_dwells(t, angles).intervals]
+
     robot, bar, force = recording.robot_log, recording.ballbar_log, recording.force_log
-    logs = [("robot", robot.t, segment_starts(robot.segment), _dwells(robot.t, robot.q))]
+    logs = [("robot", robot.t, segment_starts(robot.segment), dwells(robot.t, robot.q))]
     if bar is not None:
-        logs.append(("ball-bar", bar.t, segment_starts(bar.segment), _dwells(bar.t, bar.angles)))
-    if recording.length_log is not None:
-        length = recording.length_log  # a bar on its sphere hardly tells when the robot rests
+        logs.append(("ball-bar", bar.t, segment_starts(bar.segment), dwells(bar.t, bar.angles)))
+    # A bar on its sphere hardly tells when the robot rests.
+    if (length := recording.length_log) is not None:
         logs.append(("length", length.t, segment_starts(length.segment), []))
     if force is not None:
         logs.append(("force", force.t, (), []))
     if (tracker := recording.tracker_log) is not None:
         logs.append(("tracker", tracker.t, segment_starts(tracker.segment), []))
     return logs
-
-
-def _dwells(t: Array, angles: Array) -> list[tuple[int, int]]:
-    """First and last row of each dwell; t (N,) [s], angles (N, J) [rad]."""
-    return [(int(first), int(last)) for first, last in find_dwells(t, angles).intervals]
 
 
 def _log_lines(recording: Recording) -> list[str]:
@@ -131,12 +146,109 @@ def _log_lines(recording: Recording) -> list[str]:
     return lines
 
 
-def _clock_lines(alignment: CoarseAlignment | None) -> list[str]:
-    """The coarse clock offset and its runner-up, below a heading."""
-    if alignment is None:
-        return []
-    offset = f"{alignment.offset_s:+.2f} s over {alignment.overlap_s:.0f} s of overlap"
-    if alignment.runner_up_offset_s is not None:
-        share = alignment.runner_up_score / alignment.score
-        offset += f"; next best {alignment.runner_up_offset_s:+.2f} s with {share:.0%} of the score"
-    return ["CLOCKS", f"  coarse clock offset: {offset}"]
+def explain_poses(description: PosesFile) -> list[str]:
+    """How each file of still poses will be read: columns and units, as poses.yaml declares them."""
+
+    def listed(columns: tuple[int | str, ...]) -> str:
+        return ", ".join(map(str, columns)) or "as the file has them"
+
+    lines = []
+    for table in description.tables:
+        joints, values = table.joints, table.values
+        kind = "controller's axis angles" if joints.angles == "axes" else "DH joint angles"
+        lines += [
+            *(f"{file}:" for file in table.files),
+            f"  joints: {listed(joints.columns)}; {kind}, in {joints.unit or 'the header unit'}",
+        ]
+        if values is not None:
+            units = [values.unit or "the header unit", values.angle_unit, values.rotation]
+            words = ", ".join(unit for unit in units if unit)
+            lines.append(f"  values: {listed(values.columns)}; in {words}")
+        if table.reference is not None:
+            lines.append(f"  reference points: {listed(table.reference.columns)}; as the values")
+        lines.append(f"  instrument {table.instrument or description.instrument}")
+    return lines
+
+
+def _pose_lines(read: PoseImport) -> list[str]:
+    """Poses by seat and target, known distances, and the range of each axis beside its limits."""
+    table, robot = read.table, read.table.robot
+    groups = [f"  {_group_line(group)}" for group in table.groups[:GROUPS_SHOWN]]
+    if len(table.groups) > GROUPS_SHOWN:
+        groups.append(f"  and {len(table.groups) - GROUPS_SHOWN} more groups")
+    distances = [
+        f"  {d.seats[0]} to {d.seats[1]}: {d.length * MM:.6g} mm, sigma {d.sigma * MM:.3g} mm"
+        for d in table.distances
+    ]
+    axes = np.rad2deg(joints_to_axes(robot, table.q))
+    ranges = zip(
+        axes.min(axis=0),
+        axes.max(axis=0),
+        np.rad2deg(robot.axis_lower),
+        np.rad2deg(robot.axis_upper),
+        strict=True,
+    )
+    return [
+        "POSES",
+        f"  {_count(table.size, 'pose')} of {robot.title} in "
+        f"{_count(len(table.groups), 'group')}: {_count(len(table.seats), 'seat')}, "
+        f"{_count(len(table.targets), 'target')}",
+        *groups,
+        *(["DISTANCES", *distances] if distances else []),
+        "AXES",
+        *(
+            f"  axis {k}: {low:.5g} to {high:.5g} deg (limits {lower:.4g} to {upper:.4g})"
+            for k, (low, high, lower, upper) in enumerate(ranges, 1)
+        ),
+    ]
+
+
+def _pose_data(read: PoseImport) -> dict[str, Any]:
+    """Groups, known distances and axis ranges."""
+    table = read.table
+    axes = joints_to_axes(table.robot, table.q)
+    return {
+        "robot": table.robot.name,
+        "instrument": read.description.instrument,
+        "poses": table.size,
+        "seats": list(table.seats),
+        "targets": list(table.targets),
+        "groups": [
+            {
+                "file": group.file,
+                "seat": group.seat,
+                "target": group.target,
+                "measured": group.measured,
+                "poses": group.size,
+                "lower": group.values.min(axis=0).tolist(),
+                "upper": group.values.max(axis=0).tolist(),
+                "sigma_median": np.median(group.sigma, axis=0).tolist(),
+                "duration_s": None if group.time is None else float(np.ptp(group.time)),
+            }
+            for group in table.groups
+        ],
+        "distances": [
+            {"seats": list(d.seats), "length_m": d.length, "sigma_m": d.sigma}
+            for d in table.distances
+        ],
+        "axis_lower_rad": axes.min(axis=0).tolist(),
+        "axis_upper_rad": axes.max(axis=0).tolist(),
+    }
+
+
+def _group_line(group: PoseGroup) -> str:
+    """One group: seat, target, number of poses, ranges and median sigma."""
+    lower, upper = group.values.min(axis=0), group.values.max(axis=0)
+    names = ("length",) if group.measured == "length" else ("x", "y", "z")
+    ranges = ", ".join(
+        f"{name} {low * MM:.4g} to {high * MM:.4g}"
+        for name, low, high in zip(names, lower, upper, strict=False)
+    )
+    sigma = np.median(group.sigma[:, :3], axis=0).max() * MM
+    poses = f"seat {group.seat}, target {group.target}: {_count(group.size, 'pose')}"
+    spread = f"; {ranges} mm" if ranges else ""
+    return f"{poses}, {group.measured}{spread}; sigma {sigma:.3g} mm"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -1,4 +1,4 @@
-"""What the head of a table shows of its columns: joint angles, measured values, units, sigma.
+"""Meaning of a table's columns by its head: joint angles, measured values, units, sigma.
 
 Proposals for the person who describes the table; nothing here is used when it is read.
 """
@@ -11,16 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.declared_columns import selectors_of
 from acquisition.faults.nominal_robot import judged, spread_of
 from acquisition.formats.table_file import FileKind
-from acquisition.measured_values import METRES
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE
-from acquisition.table.quantities import PoseRows, header_names, quantities, read_rows, split_unit
+from acquisition.table.quantities import header_names, quantities, read_rows, split_unit
 from acquisition.table.text import LogText
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError
+from cell.file_units import METRES
+from cell.poses import Measured
 from cell.rigid_fit import nominal_frames
 
 _SUFFIX = re.compile(r"(.+)_(mm|cm|um|deg|rad|m)")
@@ -60,18 +62,20 @@ class ColumnNames:
 def column_names(text: LogText) -> ColumnNames:
     """Names of the columns of a table; the header is the first line as wide as the last ones."""
     last = text.lines[-1]
-    separator = max(SEPARATORS, key=lambda s: (_numbers(last, s), s != " "))
+
+    def numbers(separator: str) -> int:
+        """How many fields are numbers, if most are."""
+        cells = split_fields(last, separator)
+        count = sum(map(is_number, cells))
+        return count if count * 2 > len(cells) else 0
+
+    separator = max(SEPARATORS, key=lambda s: (numbers(s), s != " "))
     width = len(split_fields(last, separator))
     for line in text.lines[: PREAMBLE + 1]:
         cells = split_fields(line, separator)
         if len(cells) == width and not any(map(is_number, cells)):
             return ColumnNames(tuple(cells), counted=False)
     return ColumnNames(tuple(str(k + 1) for k in range(width)), counted=True)
-
-
-def _numbers(line: str, separator: str) -> int:
-    cells = split_fields(line, separator)
-    return sum(map(is_number, cells)) if sum(map(is_number, cells)) * 2 > len(cells) else 0
 
 
 def joint_columns(columns: ColumnNames, axes: int) -> list[tuple[str, ...]]:
@@ -89,61 +93,60 @@ def joint_columns(columns: ColumnNames, axes: int) -> list[tuple[str, ...]]:
             families.setdefault(family, []).append((int(number[0]), name))
     fitting = []
     for family, members in families.items():
-        ordered = sorted(members)
-        counts = [number for number, _ in ordered]
-        if counts == list(range(counts[0], counts[0] + axes)) and _JOINT.search(
-            family.replace("#", "1")
-        ):
-            fitting.append(tuple(name for _, name in ordered))
+        counts, ordered = zip(*sorted(members), strict=True)
+        successive = counts == tuple(range(counts[0], counts[0] + axes))
+        if successive and _JOINT.search(family.replace("#", "1")):
+            fitting.append(ordered)
     return sorted(fitting, key=lambda family: not _MEASURED.search(family[0]))
 
 
-def position_columns(columns: ColumnNames, used: Sequence[str]) -> list[tuple[str, ...]]:
-    """Triples of columns that may hold x, y and z, those that say `measured` first."""
+def value_columns(
+    columns: ColumnNames, measured: Measured, used: Sequence[str]
+) -> list[tuple[str, ...]]:
+    """Columns that may hold what was measured; used : columns that hold something else."""
     names = [name for name in columns.names if name not in used]
-    if columns.counted:
-        return [tuple(names[:3])] if len(names) >= 3 else []
+    if measured == "length":
+        if columns.counted:
+            return [(names[0],)] if names else []
+        return [(name,) for name in names if _LENGTH.fullmatch(_bare(name))]
+    triples = [tuple(names[:3])] if len(names) >= 3 else []
+    if not columns.counted:
+        triples = _positions(names)
+    if measured == "point":
+        return triples
+    return [(*xyz, *turn) for xyz in triples if (turn := _rotation(columns, xyz))]
+
+
+def _positions(names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Triples of names that say x, y and z, those that say `measured` alone if there are any."""
     triples = []
     for name in names:
-        for at in re.finditer(r"(?<![A-Za-z])[xX](?![A-Za-z])", name):
-            x = at[0]
+        for x in re.finditer(r"(?<![A-Za-z])[xX](?![A-Za-z])", name):
             others = [
-                name[: at.start()] + other + name[at.end() :]
-                for other in ("yz" if x == "x" else "YZ")
+                name[: x.start()] + other + name[x.end() :]
+                for other in ("yz" if x[0] == "x" else "YZ")
             ]
             if all(other in names for other in others):
                 triples.append((name, *others))
     triples = [t for t in triples if not re.search(r"std|sigma|goal|target|nominal", t[0], re.I)]
-    measured = [triple for triple in triples if _MEASURED.search(triple[0])]
-    return measured or triples
+    return [triple for triple in triples if _MEASURED.search(triple[0])] or triples
 
 
-def length_columns(columns: ColumnNames, used: Sequence[str]) -> list[tuple[str, ...]]:
-    """Columns that may hold a length."""
-    names = [name for name in columns.names if name not in used]
-    if columns.counted:
-        return [(names[0],)] if names else []
-    return [(name,) for name in names if _LENGTH.fullmatch(_bare(name))]
-
-
-def rotation_columns(columns: ColumnNames, position: Sequence[str]) -> tuple[str, ...]:
+def _rotation(columns: ColumnNames, position: Sequence[str]) -> tuple[str, ...]:
     """Columns of the rotation that belongs to three columns of a position; empty if not seen."""
     names = columns.names
     if columns.counted:
-        rest = [name for name in names if int(name) > int(position[-1])]
-        return tuple(rest[: 4 if len(rest) == 4 else 3]) if len(rest) >= 3 else ()
+        behind = [name for name in names if int(name) > int(position[-1])]
+        return tuple(behind[: 4 if len(behind) == 4 else 3]) if len(behind) >= 3 else ()
+    x = _bare(position[0]).lower()
+    bare = {name: _bare(name).lower() for name in names}
     for rotation in _ROTATIONS:
         chosen = []
         for part in rotation:
-            alike = [
-                name
-                for name in names
-                if _bare(name).lower() == part
-                or re.sub(r"(?<![A-Za-z])x(?![A-Za-z])", part, _bare(position[0]).lower())
-                == _bare(name).lower()
-            ]
-            if len(alike) == 1 and alike[0] not in position:
-                chosen.append(alike[0])
+            spelt = (part, re.sub(r"(?<![A-Za-z])x(?![A-Za-z])", part, x))
+            matching = [name for name in names if bare[name] in spelt]
+            if len(matching) == 1 and matching[0] not in position:
+                chosen.append(matching[0])
         if len(chosen) == len(rotation):
             return tuple(chosen)
     return ()
@@ -173,11 +176,7 @@ def named_column(columns: ColumnNames, pattern: str) -> str | None:
 
 def stated_unit(names: Sequence[str]) -> str | None:
     """The unit that all names state, as the header writes it or behind an underscore."""
-    units = set()
-    for name in names:
-        bare, unit = split_unit(name)
-        suffix = _SUFFIX.fullmatch(name) if bare == name else None
-        units.add(suffix[2] if suffix else unit)
+    units = {_parts(name)[1] for name in names}
     return units.pop() if len(units) == 1 else None
 
 
@@ -186,10 +185,9 @@ def column_values(text: LogText, kind: FileKind, columns: Sequence[str | int]) -
 
     Raises LogError if they are none.
     """
-    wanted = quantities(columns, header_names(text))
-    selectors = list(dict.fromkeys(term.selector for q in wanted for term in q.terms))
-    rows: PoseRows = read_rows(text, kind, selectors, selectors)
-    values = np.stack([rows.numbers(quantity) for quantity in wanted], axis=1)
+    chosen = quantities(columns, header_names(text))
+    selectors = list(dict.fromkeys(selectors_of(chosen)))
+    values = read_rows(text, kind, selectors, selectors).numbers(chosen)
     values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
         raise LogError(f"{text.file}: no row has numbers in {', '.join(map(str, columns))}.")
@@ -218,7 +216,11 @@ def length_unit(robot: Robot, q: Array, points: Array) -> str | None:
 
 
 def _bare(name: str) -> str:
-    """The name without its unit, as the header writes it or behind an underscore."""
-    bare = split_unit(name)[0]
+    return _parts(name)[0]
+
+
+def _parts(name: str) -> tuple[str, str | None]:
+    """A name without its unit, as the header writes it or behind an underscore, and the unit."""
+    bare, unit = split_unit(name)
     suffix = _SUFFIX.fullmatch(name) if bare == name else None
-    return suffix[1] if suffix else bare
+    return (suffix[1], suffix[2]) if suffix else (bare, unit)

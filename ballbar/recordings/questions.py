@@ -39,9 +39,9 @@ def one_of(*choices: str) -> Callable[[str], str]:
     """A check of an answer that is one of several words."""
 
     def check(reply: str) -> str:
-        if reply not in choices:
+        if reply.strip() not in choices:
             raise InputError(f"{reply!r}: expected {', '.join(choices[:-1])} or {choices[-1]}.")
-        return reply
+        return reply.strip()
 
     return check
 
@@ -76,9 +76,6 @@ def time_form(
     proposal = units[0] if len(units) == 1 and units[0] in proposed else None
     apart = f"; rows are {period:g} apart" if period else ""
     forms = [f"  {start}: {', '.join(every)}" for start, every in forms_by_start().items()]
-    lines = [
-        f"{file}: what are the time stamps? They do not show it{apart}.",
-        *forms,
-        "Which form?",
-    ]
-    return answer(given, "\n".join(lines), proposal, one_of(*TIME_FORMS), ask)
+    question = f"{file}: what are the time stamps? They do not show it{apart}."
+    lines = "\n".join([question, *forms, "Which form?"])
+    return answer(given, lines, proposal, one_of(*TIME_FORMS), ask)

@@ -1,8 +1,12 @@
-"""A recording folder read; where the robot's angles are refused, the error begins with the cause.
+"""A recording folder read and its logs aligned, with what the whole cell knows.
 
-The reader knows the robot's limits and asks what the angles may be. The whole cell knows more: with
-its plate and its ball-bar the tool moves on a sphere, and the encoders hold the rod's direction
-(ident.causes). So a unit, two columns or another robot can be named.
+Where the robot's angles are refused, the error begins with the cause. The reader knows the robot's
+limits and asks what the angles may be. With its plate and its ball-bar the tool moves on a sphere,
+and the encoders hold the rod's direction (ident.causes): a unit, two columns or another robot can
+be named.
+
+A length that varies little does not show when the robot moves, so the comparison of rest and motion
+(acquisition.alignment) fails it; trilateration at every offset (ident.start.length_scan) does not.
 """
 
 from __future__ import annotations
@@ -11,15 +15,23 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.alignment import CoarseAlignment, coarse_alignment
 from acquisition.faults.other_angles import OtherAnglesError
 from acquisition.faults.robot_angles import RobotAngles
 from acquisition.recording import Recording, read_ballbar, read_recording
+from cell.clock import Clock
+from cell.descriptions import Cell
 from cell.errors import InputError, LogError
-from cell.load import load_cell
+from cell.geometry import nominal_geometry
+from cell.load import load_cell, load_measured_cell
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.causes import Causes, suspects
-from ident.recording_fit import Logs
+from ident.estimator.samples import overlap
+from ident.recording_fit import Logs, smoothed
+from ident.start.automatic import length_hypotheses
+
+APART = 0.5  # [s] two offsets closer than this are one
 
 
 def read_with_causes(folder: Path) -> Recording:
@@ -35,7 +47,7 @@ def read_with_causes(folder: Path) -> Recording:
 
 
 def _causes(folder: Path, angles: RobotAngles) -> Causes | None:
-    """What explains angles that contradict the robot; None where the cell cannot be compared."""
+    """Causes of angles that contradict the robot; None where the cell cannot be compared."""
     files = load_recording_file(folder)
     sources = files.sources
     if files.ballbar is None or sources.length is not None:
@@ -57,3 +69,51 @@ def _forward(angles: RobotAngles) -> RobotLog:
     latest = np.maximum.accumulate(angles.t)
     rows = np.flatnonzero(np.diff(latest, prepend=-np.inf) > 0.0)
     return RobotLog(angles.t[rows], angles.joints[rows])
+
+
+def aligned(recording: Recording, folder: Path) -> CoarseAlignment | None:
+    """The coarse clock offset, None without encoders.
+
+    folder : of the recording, for the descriptions that it names.
+
+    Raises LogError if the logs do not belong together.
+    """
+    if recording.length_log is not None:
+        named = recording.description
+        cell = load_measured_cell(named.robot, named.measured_by, named.plate, relative_to=folder)
+        return length_alignment(recording, cell)
+    bar = recording.ballbar_log
+    return None if bar is None else coarse_alignment(recording.robot_log, bar)
+
+
+def length_alignment(recording: Recording, cell: Cell) -> CoarseAlignment:
+    """The offset at which the tool's path and the sensed length belong together.
+
+    Raises LogError if there is none.
+    """
+    logs = Logs(recording.robot_log, None, length=recording.length_log)
+    if recording.robot_log.q.shape[1] != cell.robot.joints:
+        raise InputError(
+            f"the robot's log has {recording.robot_log.q.shape[1]} joint angles, robot "
+            f"{cell.robot.name} has {cell.robot.joints} axes. Name the robot that was recorded."
+        )
+    robot, length, _ = smoothed(logs, cell.ballbar.length)
+    if length is None:
+        raise LogError("the recording has no length log. Name it in recording.yaml.")
+    nominal, zero_sigma = nominal_geometry(cell, np.zeros(3)), cell.ballbar.length_tolerance
+    hypotheses = list(length_hypotheses(robot, length, nominal, zero_sigma))
+    if not hypotheses:
+        raise LogError(
+            "robot and length log share too little motion at any clock offset. Are they of the "
+            "same run? Log both in one run, or correct `time` of both in recording.yaml."
+        )
+    best = hypotheses[0]
+    others = [h for h in hypotheses if abs(h.clock.offset - best.clock.offset) > APART]
+    first, last = overlap(robot, length, Clock(best.clock.offset, 0.0))
+    return CoarseAlignment(
+        offset_s=best.clock.offset,
+        score=best.score,
+        overlap_s=last - first,
+        runner_up_offset_s=others[0].clock.offset if others else None,
+        runner_up_score=others[0].score if others else 0.0,
+    )

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ballbar.export.result import Result, load_result
+from ballbar.export.result import load_result
 from ballbar.outputs import Progress, write_outputs
 from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
@@ -272,7 +272,7 @@ def _corrected(day: _Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
-    if not isinstance(result, Result):
+    if not result.calibration.of_logs:
         raise FailureError(f"{day.folder / RESULT}: is no result of recordings")
     correction = correct_targets(day.folder, result)
     expected, included = correction.corrected.position_before, ["geometry", *correction.included]

@@ -7,8 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.joint_targets import axis_columns, read_targets
-from ballbar.compensation.targets_file import Correction, correct_file, write_corrected
+from ballbar.compensation.targets_file import (
+    Correction,
+    axis_columns,
+    correct_file,
+    read_targets,
+    write_corrected,
+)
 from ballbar.export.result import Result
 from ballbar.scenario import Scenario
 from cell.arrays import Array
@@ -51,7 +56,8 @@ def correctable(result: Result, q: Array) -> Array:
 
     Targets are refused for one reason at a time, so the remaining ones are tried again.
     """
-    robot, nominal = result.calibration.unloaded_robot(result.cell), result.calibration.nominal
+    calibration = result.calibration
+    robot, nominal = calibration.unloaded_robot(calibration.cell()), calibration.nominal
     while True:
         try:
             corrected_targets(robot, nominal, q)

@@ -8,11 +8,12 @@ import numpy as np
 
 from ballbar.robot_file.draft import RobotDraft, check_rows, rounded
 from ballbar.robot_file.read import read_description
+from ballbar.robot_file.urdf import Urdf, parse_urdf, with_round_angles
+from ballbar.robot_file.urdf_chain import UrdfChain, bodies, chain_between
 from cell.dh_from_axes import AxesError, dh_from_axes
 from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.schema import TITLE_LENGTH
-from cell.urdf import Urdf, UrdfChain, bodies, chain_between, parse_urdf, with_round_angles
 
 _POSES, _SEED = 100, 1
 

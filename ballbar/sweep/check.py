@@ -100,23 +100,14 @@ def _errors_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[Pla
     try:
         Scenario.model_validate_json(data, strict=True)
     except ValidationError as error:
-        errors = explain(error.errors(include_url=False), Scenario, json.loads(data))
-        return [_located(loc, text, plan, point, document) for loc, text in errors]
+        located = []
+        for loc, text in explain(error.errors(include_url=False), Scenario, json.loads(data)):
+            location, sentence = _source_of(plan, point, ".".join(map(str, loc)), document), text
+            if not location and plan.axes:  # caused by no single value of the sweep
+                sentence = f"{text.rstrip('.')}, with {json.dumps(values)}."
+            located.append((document.place_of(location), sentence))
+        return located
     return []
-
-
-def _located(
-    loc: Loc, text: str, plan: Plan, point: int, document: YamlDocument
-) -> tuple[Place, str]:
-    """Place and sentence of an error at a place of the scenario.
-
-    An error that no single value of the sweep causes comes with all values of the point.
-    """
-    location = _source_of(plan, point, ".".join(map(str, loc)), document)
-    if location or not plan.axes:
-        return document.place_of(location), text
-    values = json.dumps(point_of(plan, point))
-    return document.place_of(()), f"{text.rstrip('.')}, with {values}."
 
 
 def _source_of(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:

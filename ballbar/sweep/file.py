@@ -21,6 +21,7 @@ is evaluated.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -62,6 +63,18 @@ class Draw(Strict):
         if self.normal and self.normal[1] < 0.0:
             raise ValueError("the standard deviation must be 0 or more")
         return self
+
+    def at(self, variate: float) -> float:
+        """The value for a standard normal variate, or for one uniform on [0, 1)."""
+        if self.normal:
+            mean, deviation = self.normal
+            return mean + deviation * variate
+        if self.uniform:
+            low, high = self.uniform
+            return low + (high - low) * variate
+        low, high = self.log_uniform or (1.0, 1.0)
+        value = low * math.exp(math.log(high / low) * variate)
+        return min(max(value, low), high)  # rounding must not leave the bounds
 
 
 class Seeds(Strict):

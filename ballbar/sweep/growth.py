@@ -9,10 +9,9 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 from ballbar.sweep.file import flattened
-from ballbar.sweep.plan import Axis, Plan
+from ballbar.sweep.plan import Plan
 from cell.extended_yaml import Value
 
 
@@ -20,7 +19,9 @@ def changed_keys(plan: Plan, earlier: Plan) -> list[str]:
     """Keys of a plan that differ from those of an earlier one by more than growth."""
     new, old = plan.data, earlier.data
     changed = [key for key in ("name", "version") if getattr(new, key) != getattr(old, key)]
-    changed += [f"scenario.{key}" for key in _different(new.scenario, old.scenario)]
+    now, then = ({k: _text(v) for k, v in flattened(d.scenario).items()} for d in (new, old))
+    different = sorted(key for key in now.keys() | then.keys() if now.get(key) != then.get(key))
+    changed += [f"scenario.{key}" for key in different]
     changed += [f"files.{name}" for name in old.files if new.files.get(name) != old.files[name]]
     if bool(new.together) != bool(old.together) or not _holds(new.together, old.together):
         changed.append("together")
@@ -46,13 +47,13 @@ def earlier_number(plan: Plan, number: int, earlier: Plan) -> int | None:
     rows: dict[str, int] = {}
     for axis in reversed(plan.axes):
         point, rows[axis.key] = divmod(point, len(axis))
-    out = 0
+    result = 0
     for axis, place in zip(earlier.axes, _places(plan.text, earlier.text), strict=True):
         row = rows[axis.key] if place is None else place.get(rows[axis.key])
         if row is None or row >= len(axis):
             return None
-        out = out * len(axis) + row
-    return out * earlier.seeds + seed
+        result = result * len(axis) + row
+    return result * earlier.seeds + seed
 
 
 @lru_cache(maxsize=8)
@@ -61,27 +62,21 @@ def _places(text: str, earlier_text: str) -> list[dict[int, int] | None]:
 
     None for the draws, whose rows keep their numbers. The plans are given by their texts.
     """
-    grown = {axis.key: axis for axis in Plan(text).axes}
-    return [
-        None if axis.section == "draw" else _shared_rows(grown[axis.key], axis)
-        for axis in Plan(earlier_text).axes
-    ]
-
-
-def _shared_rows(grown: Axis, earlier: Axis) -> dict[int, int]:
-    numbers = {_text(row): k for k, row in enumerate(earlier.rows)}
-    return {k: numbers[_text(row)] for k, row in enumerate(grown.rows) if _text(row) in numbers}
+    grown = {axis.key: axis.rows for axis in Plan(text).axes}
+    places: list[dict[int, int] | None] = []
+    for axis in Plan(earlier_text).axes:
+        if axis.section == "draw":
+            places.append(None)
+            continue
+        numbers = {_text(row): k for k, row in enumerate(axis.rows)}
+        texts = enumerate(map(_text, grown[axis.key]))
+        places.append({k: numbers[text] for k, text in texts if text in numbers})
+    return places
 
 
 def _holds(values: Sequence[Value], others: Sequence[Value]) -> bool:
     """Whether every one of the others is among the values."""
     return {_text(value) for value in others} <= {_text(value) for value in values}
-
-
-def _different(scenario: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    """Dotted keys whose values differ."""
-    new, old = ({k: _text(v) for k, v in flattened(s).items()} for s in (scenario, other))
-    return sorted(key for key in new.keys() | old.keys() if new.get(key) != old.get(key))
 
 
 def _text(value: Value) -> str:

@@ -71,10 +71,8 @@ class Draws(Sequence[Changes]):
         return min(len(column) for column in self.variates.values())
 
     def __getitem__(self, index: Any) -> Any:  # no slices: rows are read one by one
-        return {
-            key: _drawn(self.distributions[key], float(column[index]))
-            for key, column in self.variates.items()
-        }
+        columns = self.variates.items()
+        return {key: self.distributions[key].at(float(column[index])) for key, column in columns}
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +108,18 @@ class Plan:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        together, vary = self.data.together, self.data.vary
-        grid = [Axis("vary", [{key: value} for value in values]) for key, values in vary.items()]
-        return (*([Axis("together", together)] if together else []), *grid, *_draw_axis(self.data))
+        data, axes = self.data, []
+        if data.together:
+            axes.append(Axis("together", data.together))
+        for key, values in data.vary.items():
+            axes.append(Axis("vary", [{key: value} for value in values]))
+        if data.draw:
+            variates, count = {}, data.draws or 0
+            for key, draw in data.draw.items():  # each from a stream of its own
+                rng = stream(data.seed, f"sweep {key}")
+                variates[key] = rng.standard_normal(count) if draw.normal else rng.random(count)
+            axes.append(Axis("draw", Draws(variates, data.draw)))
+        return tuple(axes)
 
     @property
     def seeds(self) -> int:
@@ -139,8 +146,13 @@ class Plan:
         They follow from the plan alone, so that the chunks are the same for all workers.
         """
         size = max(1, min(CHUNK_RUNS, self.runs // MIN_CHUNKS))
-        if size == self.seeds == 1 and _is_recorded(self.data.scenario):
-            simulated = [_simulated(point_of(self, point)) for point in range(self.points)]
+        recorded = self.data.scenario.get("identify", {}).get("data", "files") == "files"
+        if size == self.seeds == 1 and recorded:
+            points = (point_of(self, point) for point in range(self.points))
+            simulated = [  # values that decide the recording of a point
+                {k: v for k, v in values.items() if not k.startswith("identify.")}
+                for values in points
+            ]
             changes = (i for i in range(1, self.runs) if simulated[i] != simulated[i - 1])
             return (0, *changes, self.runs)  # few long runs: one recording serves a chunk
         return (*range(0, self.runs, size), self.runs)
@@ -180,16 +192,6 @@ def point_of(plan: Plan, point: int) -> Changes:
     return {key: value for row in reversed(rows) for key, value in row.items()}
 
 
-def _is_recorded(scenario: Mapping[str, Any]) -> bool:
-    """Whether a scenario's runs begin with a simulated recording."""
-    return bool(scenario.get("identify", {}).get("data", "files") == "files")
-
-
-def _simulated(values: Changes) -> Changes:
-    """The values of a point that decide its recording."""
-    return {key: value for key, value in values.items() if not key.startswith("identify.")}
-
-
 def scenario_data(plan: Plan, values: Changes) -> str:
     """A scenario with its varied values, as the JSON that `Scenario` validates."""
     return json.dumps(with_values(plan.data.scenario, values))
@@ -214,27 +216,3 @@ def _at_point(plan: Plan, point: int) -> tuple[Changes, Scenario]:
     """Values and scenario of a point, validated once for all its seeds."""
     values = point_of(plan, point)
     return values, Scenario.model_validate_json(scenario_data(plan, values), strict=True)
-
-
-def _draw_axis(data: PlanData) -> list[Axis]:
-    """The axis of the draws, if anything is drawn; each key has a stream of its own."""
-    if not data.draw:
-        return []
-    variates, count = {}, data.draws or 0
-    for key, draw in data.draw.items():
-        rng = stream(data.seed, f"sweep {key}")
-        variates[key] = rng.standard_normal(count) if draw.normal else rng.random(count)
-    return [Axis("draw", Draws(variates, data.draw))]
-
-
-def _drawn(draw: Draw, variate: float) -> float:
-    """Value of a distribution from a standard normal variate, or from one uniform on [0, 1)."""
-    if draw.normal:
-        mean, deviation = draw.normal
-        return mean + deviation * variate
-    if draw.uniform:
-        low, high = draw.uniform
-        return low + (high - low) * variate
-    low, high = draw.log_uniform or (1.0, 1.0)
-    value = low * math.exp(math.log(high / low) * variate)
-    return min(max(value, low), high)  # rounding must not leave the bounds

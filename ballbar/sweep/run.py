@@ -31,7 +31,7 @@ class SweepError(FailureError):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SweepOutcome:
     """State of a sweep after `run_sweep`."""
 
     folder: SweepFolder
@@ -50,7 +50,7 @@ def run_sweep(
     workers: Callable[[Task], AbstractContextManager[Workers]],
     *,
     progress: Progress,
-) -> Outcome:
+) -> SweepOutcome:
     """Computes the chunks that are missing in the folder `path`, and writes the table.
 
     trial : the results of one run; importable on the workers. After Ctrl-C the outcome is not
@@ -65,7 +65,7 @@ def run_sweep(
         check_points(sweep)
     with open_folder(path, plan) as folder:
         if folder.complete:
-            return Outcome(folder, plan.runs, plan.runs)
+            return SweepOutcome(folder, plan.runs, plan.runs)
         folder.start(sweep.files)
         missing = folder.missing_runs()
         resumed = plan.runs - _count(missing)
@@ -82,7 +82,7 @@ def run_sweep(
                 folder.finish()
         except KeyboardInterrupt:
             missing = folder.missing_runs()
-        return Outcome(folder, resumed, plan.runs - _count(missing))
+        return SweepOutcome(folder, resumed, plan.runs - _count(missing))
 
 
 def _compute(

@@ -21,18 +21,10 @@ from rich.progress import (
 from rich.table import Table
 
 from ballbar.sweep.plan import Plan
-from ballbar.sweep.run import Outcome
 from ballbar.sweep.run import Progress as RunProgress
-from ballbar.sweep.summary import (
-    MAIN_RESULTS,
-    MAX_POINTS,
-    GridPoint,
-    failures_of,
-    grid_keys,
-    grid_points,
-)
+from ballbar.sweep.run import SweepOutcome
+from ballbar.sweep.summary import MAIN_RESULTS, MAX_POINTS, failures_of, grid_keys, grid_points
 from ballbar.terminal import animated, wide_console
-from cell.extended_yaml import Value
 
 BAR_AFTER = 2.0  # [s] a sweep that ends sooner shows no bar
 WIDTH = 160  # characters of the summary in a pipe or file
@@ -60,7 +52,7 @@ def run_bar(console: Console, plan: Plan) -> Iterator[RunProgress]:
             bar.stop()
 
 
-def say_outcome(out: Console, outcome: Outcome) -> bool:
+def say_outcome(out: Console, outcome: SweepOutcome) -> bool:
     """Prints the outcome of a sweep. Returns whether it is finished and any run succeeded."""
     folder, runs = outcome.folder, outcome.folder.plan.runs
     if not outcome.finished:
@@ -85,7 +77,7 @@ def say_outcome(out: Console, outcome: Outcome) -> bool:
     return failures.count < runs
 
 
-def _say_grid(out: Console, outcome: Outcome) -> None:
+def _say_grid(out: Console, outcome: SweepOutcome) -> None:
     plan = outcome.folder.plan
     points = list(grid_points(outcome.folder.table, plan))
     keys = grid_keys(plan)
@@ -101,21 +93,15 @@ def _say_grid(out: Console, outcome: Outcome) -> None:
     for heading in ("runs", "failed", *spread):
         table.add_column(heading, justify="right", vertical="bottom")
     for point in points:
-        values = (escape(_shown(point.values.get(key))) for key in keys)
-        table.add_row(*values, *_numbers(point, results))
+        cells = []
+        for value in map(point.values.get, keys):
+            text = value if isinstance(value, str) else json.dumps(value)
+            cells.append("-" if value is None else escape(text))
+        cells += [str(point.runs), str(point.failed)]
+        for values in (point.results[name] for name in results):
+            quantiles = np.quantile(values, (0.5, 0.95)) if values.size else ()
+            cells += [f"{value:.3g}" for value in quantiles] or ["-", "-"]
+        table.add_row(*cells)
     wide_console(out, WIDTH).print(table)
-    if (rest := plan.runs // plan.grid_point_runs - MAX_POINTS) > 0:
-        out.print(f"... and {rest} more points of the grid, in the table")
-
-
-def _numbers(point: GridPoint, results: list[str]) -> list[str]:
-    """Runs, failures, then median and 95 % quantile of each result."""
-    numbers = [str(point.runs), str(point.failed)]
-    for values in (point.results[name] for name in results):
-        quantiles = np.quantile(values, (0.5, 0.95)) if values.size else ()
-        numbers += [f"{value:.3g}" for value in quantiles] or ["-", "-"]
-    return numbers
-
-
-def _shown(value: Value) -> str:
-    return "-" if value is None else value if isinstance(value, str) else json.dumps(value)
+    if (more := plan.runs // plan.grid_point_runs - MAX_POINTS) > 0:
+        out.print(f"... and {more} more points of the grid, in the table")

@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from ballbar.sweep.chunk import FAILED
 from ballbar.sweep.file import LABEL, Changes
 from ballbar.sweep.plan import Plan, point_of
+from ballbar.sweep.table import regrouped
 from cell.arrays import Array
 
 MAIN_RESULTS = ("distance_mm_mrad", "tcp_mean_mm")  # the results of a run that are summarised
@@ -31,7 +32,7 @@ class Failures:
     """Failed runs of a sweep."""
 
     count: int
-    reason: str  # the commonest one, numbers in it apart, as a run gave it; empty without failures
+    reason: str  # the commonest one but for its numbers, as a run gave it; empty without failures
     of_reason: int  # runs that failed for this reason
 
 
@@ -65,7 +66,8 @@ def grid_points(table: Path, plan: Plan) -> Iterator[GridPoint]:
     """The first MAX_POINTS points of the grid, in order."""
     file = pq.ParquetFile(table)
     names = [name for name in MAIN_RESULTS if name in file.schema_arrow.names]
-    groups = _groups(file, ["status", *names], plan.grid_point_runs)
+    batches = file.iter_batches(columns=["status", *names])
+    groups = regrouped((pa.Table.from_batches([b]) for b in batches), plan.grid_point_runs)
     for number, rows in zip(range(MAX_POINTS), groups, strict=False):
         done = rows.filter(pc.field("status") != FAILED)
         results = {name: done[name].drop_null().to_numpy() for name in names}
@@ -79,14 +81,3 @@ def grid_keys(plan: Plan) -> list[str]:
     grid = [axis for axis in plan.axes if axis.section != "draw"]
     keys = dict.fromkeys(key for axis in grid for row in axis.rows for key in row)
     return sorted(keys, key=lambda key: key != LABEL)
-
-
-def _groups(file: pq.ParquetFile, names: list[str], size: int) -> Iterator[pa.Table]:
-    """The columns `names`, in tables of `size` rows; the number of rows is a multiple of it."""
-    held: list[pa.RecordBatch] = []
-    for batch in file.iter_batches(columns=names):
-        rows = pa.Table.from_batches([*held, batch])
-        while len(rows) >= size:
-            yield rows.slice(0, size)
-            rows = rows.slice(size)
-        held = rows.to_batches()

@@ -71,17 +71,23 @@ def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:
 
     files : path of `parquet` and of `csv`. Raises InputError when a chunk cannot be read.
     """
-    schema = table_schema(chunks)
+    schema = _schema(chunks)
     with ExitStack() as stack:
         aside = {kind: stack.enter_context(written_whole(path)) for kind, path in files.items()}
         parquet = stack.enter_context(pq.ParquetWriter(aside["parquet"], schema))
         csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
-        for group in _groups(chunks, schema):
+        rows = (_in_schema(_opened(chunk).read(use_threads=False), schema) for chunk in chunks)
+        for group in regrouped(rows, GROUP_ROWS):
             parquet.write_table(group)
-            csv.write_table(_without_formulas(group))
+            harmless = group  # text that no spreadsheet runs
+            for i, field in enumerate(schema):
+                if pa.types.is_string(field.type):
+                    cells = [t if t is None else csv_text(t) for t in group[i].to_pylist()]
+                    harmless = harmless.set_column(i, field, pa.array(cells, field.type))
+            csv.write_table(harmless)
 
 
-def table_schema(chunks: Iterable[Path]) -> pa.Schema:
+def _schema(chunks: Iterable[Path]) -> pa.Schema:
     """Every column of the chunks, in order of first appearance, with a type for all its values."""
     types: dict[str, pa.DataType] = {}
     for chunk in chunks:
@@ -92,26 +98,17 @@ def table_schema(chunks: Iterable[Path]) -> pa.Schema:
     )
 
 
-def _groups(chunks: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
-    """Rows of all chunks in their order, in tables of GROUP_ROWS rows but the last."""
-    held: list[pa.Table] = []
-    for chunk in chunks:
-        held.append(_in_schema(_opened(chunk).read(use_threads=False), schema))
-        while sum(map(len, held)) >= GROUP_ROWS:
-            rows = pa.concat_tables(held)
-            yield rows.slice(0, GROUP_ROWS).combine_chunks()
-            held = [rows.slice(GROUP_ROWS)]
-    if sum(map(len, held)):
-        yield pa.concat_tables(held).combine_chunks()
-
-
-def _without_formulas(rows: pa.Table) -> pa.Table:
-    """Rows whose text no spreadsheet runs."""
-    for i, field in enumerate(rows.schema):
-        if pa.types.is_string(field.type):
-            cells = [text if text is None else csv_text(text) for text in rows[i].to_pylist()]
-            rows = rows.set_column(i, field, pa.array(cells, field.type))
-    return rows
+def regrouped(tables: Iterable[pa.Table], size: int) -> Iterator[pa.Table]:
+    """The same rows in tables of `size` rows; the last one may have fewer."""
+    waiting: list[pa.Table] = []
+    for table in tables:
+        waiting.append(table)
+        while sum(map(len, waiting)) >= size:
+            rows = pa.concat_tables(waiting)
+            yield rows.slice(0, size).combine_chunks()
+            waiting = [rows.slice(size)]
+    if sum(map(len, waiting)):
+        yield pa.concat_tables(waiting).combine_chunks()
 
 
 def _in_schema(rows: pa.Table, schema: pa.Schema) -> pa.Table:

@@ -49,8 +49,8 @@ MOVED = 0.1  # [rad] by which a joint has moved before
 FEWEST = 50  # rows that show whether the robot stands
 
 
-class Findings:
-    """New findings of the reader, each once it was there in two updates."""
+class FindingAlarms:
+    """Alarms of findings of the reader, each once it was there in two updates."""
 
     def __init__(self) -> None:
         self._seen: dict[tuple[str, str], int] = {}
@@ -69,8 +69,8 @@ class Findings:
         return alarms
 
 
-class Silence:
-    """Which files have not grown for a while."""
+class SilenceAlarms:
+    """Alarms of files that have not grown for a while."""
 
     def __init__(self) -> None:
         self._grown: dict[str, tuple[int, float]] = {}  # size, and when it was first seen
@@ -108,8 +108,8 @@ def standing(logs: Logs) -> list[Alarm]:
     return [Alarm("robot stands", sentence, seconds)]
 
 
-class Steps:
-    """Steps between two rows, which the fits have taken out of the logs.
+class StepAlarms:
+    """Alarms of steps between two rows, which the fits have taken out of the logs.
 
     A step is believed where it was new when a fit first showed it, and all that the first fit shows
     are. A fit that takes steps out of rows in which the earlier ones saw none has read the log

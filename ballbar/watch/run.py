@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from ballbar.watch.show import Show
-from ballbar.watch.state import State
+from ballbar.watch.state import WatchState
 from ballbar.watch.watch import Watch
 from cell.threads import one_thread_each
 
@@ -26,7 +26,7 @@ def watch(
     accuracy: float | None,
     duration: float | None,
     stop: threading.Event,
-) -> State:
+) -> WatchState:
     """Watches a recording until `stop` is set, or its duration [s] is over; gives the last state.
 
     accuracy : [m] TCP error (rms) that is asked for.

@@ -1,7 +1,7 @@
 """Output of `ballbar watch`: a panel that is refreshed, a line for each update, or JSON.
 
-All three are of the plain data of `State.to_dict`, which `ballbar record --identify` reads from the
-process that watches its folder.
+All three show the plain data of `WatchState.to_dict`, which `ballbar record --identify` reads from
+the process that watches its folder.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class State:
+class WatchState:
     """A recording at one instant."""
 
     seconds: float  # that both logs hold

@@ -27,8 +27,15 @@ from acquisition.recording import Recording
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
 from ballbar.sphere_coverage import coverage
-from ballbar.watch.alarms import SEEN_TWICE, Findings, Silence, Steps, since_first, standing
-from ballbar.watch.state import Alarm, Estimate, State
+from ballbar.watch.alarms import (
+    SEEN_TWICE,
+    FindingAlarms,
+    SilenceAlarms,
+    StepAlarms,
+    since_first,
+    standing,
+)
+from ballbar.watch.state import Alarm, Estimate, WatchState
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
@@ -88,7 +95,7 @@ class Watch:
 
     def _begin(self) -> None:
         """Forgets everything: a recording begins, for the first time or again in the same files."""
-        self._findings, self._silence, self._steps = Findings(), Silence(), Steps()
+        self._findings, self._silence, self._steps = FindingAlarms(), SilenceAlarms(), StepAlarms()
         self._encoders: tuple[int, ...] | None = None
         self._fitted: RecordingFit | None = None
         self._next_fit = self._fitted_until = 0.0  # [s] of the recording
@@ -97,9 +104,9 @@ class Watch:
         self._complete: tuple[float, AsyncResult[Estimate]] | None = None
         self._next_complete = COMPLETE_FIRST
         self._misfit: Alarm | None = None
-        self._state = State(0.0, {}, "no recording yet", ())
+        self._state = WatchState(0.0, {}, "no recording yet", ())
 
-    def update(self, now: float) -> State:
+    def update(self, now: float) -> WatchState:
         """The state of the recording; now : [s] on a clock that goes on evenly."""
         try:
             recording = read_with_causes(self._folder)
@@ -141,7 +148,7 @@ class Watch:
             rows[file.source] += file.rows_read
         return self._stated(dict(rows), logs, seconds, prediction, alarms)
 
-    def finish(self, now: float) -> State:
+    def finish(self, now: float) -> WatchState:
         """The state of the whole recording, nothing of it held out.
 
         It is fitted with the model that the data support; alarms against the recording stay.
@@ -163,7 +170,7 @@ class Watch:
         certain = CERTAIN_SIGMAS * estimate.tcp_sigma
         return self._accuracy is not None and estimate.acceptable and certain <= self._accuracy
 
-    def _refused(self, sentence: str, *, patience: int) -> State:
+    def _refused(self, sentence: str, *, patience: int) -> WatchState:
         """The last state, with an alarm for files that could be read and no longer can.
 
         patience : updates from which it is one.
@@ -273,7 +280,7 @@ class Watch:
         seconds: float,
         prediction: Prediction | None,
         alarms: list[Alarm],
-    ) -> State:
+    ) -> WatchState:
         """The state after an update, from what was found by it."""
         estimate, cell = self._estimate, self._cell
         assert cell is not None  # once a recording was read
@@ -289,7 +296,7 @@ class Watch:
             and prediction.ratio <= AGREES
             and not alarms
         )
-        self._state = State(
+        self._state = WatchState(
             seconds=seconds,
             rows=rows,
             waiting="" if estimate else "too little motion yet to identify anything",

@@ -7,5 +7,5 @@ Keys, their limits, defaults and meaning come from the pydantic models (`keys`),
 from the description files; formulas, origins and remarks stand in `sources`. A plot shows a run
 with one source minus the same run without it, unless its axes say otherwise.
 
-    runs -> signals -> plots -> sources -> figures, sizes; sources, keys -> page
+    runs -> signals -> plots -> sources -> figures; sources, keys -> page
 """

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from generators.scenario_reference.figures import PLOTS, draw
+from generators.scenario_reference.figures import (
+    PLOTS,
+    draw,
+    measured_sizes,
+    read_sizes,
+    write_sizes,
+)
 from generators.scenario_reference.page import PAGE, page_text
-from generators.scenario_reference.sizes import measured_sizes, read_sizes, write_sizes
 from generators.scenario_reference.sources import SOURCES
 
 

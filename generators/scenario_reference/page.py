@@ -20,8 +20,9 @@ from generators.scenario_reference.keys import (
     value_text,
     values_text,
 )
+from generators.scenario_reference.plots import Source
 from generators.scenario_reference.runs import ROOT
-from generators.scenario_reference.sources import GROUPS, Source
+from generators.scenario_reference.sources import GROUPS
 
 PAGE = ROOT / "docs" / "scenario_reference.md"
 MACHINES = {"irb2400": "lund_600", "nj220": "lund_900"}

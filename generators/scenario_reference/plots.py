@@ -1,11 +1,14 @@
-"""What a plot shows: a signal over another, of which runs. `figures` draws it."""
+"""An error source as the page has it, and its plot: a signal over another, of which runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from numpy.typing import ArrayLike
+
+from cell.descriptions import Cell
 from generators.scenario_reference import signals
 from generators.scenario_reference.runs import Changes, merged
 from generators.scenario_reference.signals import Signal
@@ -30,6 +33,21 @@ class Plot:
     rows: bool = False  # x and y are rows of a log, not values at chosen times
     points: int = POINTS
     marks: bool = False  # dots instead of a line
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the page says of one error source beyond its settings: one row of it."""
+
+    key: str  # in the scenario, with dots
+    model: str
+    enters: str
+    origin: str  # of the default
+    in_log: str
+    plot: Plot
+    what: str = ""  # where the settings have no model of its own
+    # unit and sizes of the description files
+    of_machine: tuple[str, Callable[[Cell], ArrayLike]] | None = None
 
 
 XYZ = ("x", "y", "z")
@@ -66,20 +84,17 @@ def sensor_plot(joint: int, changes: Changes, *, x: str = "angle", **more: Any) 
 
 def clock_plot(changes: Mapping[str, Any], unit: str, scale: float, **more: Any) -> Plot:
     """What the robot's clock shows more than the ball-bar's, over time."""
-    on = {"": merged(KINEMATIC, {"clocks": changes})}
-    return Plot(
-        signals.bar_row_time,
-        signals.clock_difference(scale),
-        (T, f"t_robot - t_bar [{unit}]"),
-        on,
-        KINEMATIC,
-        minus_off=False,
-        rows=True,
-        **more,
-    )
+    difference = signals.clock_difference(scale)
+    return rows_plot(signals.bar_row_time, difference, f"t_robot - t_bar [{unit}]", changes, **more)
 
 
 def rows_plot(x: Signal, y: Signal, label: str, changes: Mapping[str, Any], **more: Any) -> Plot:
     """One value of each row of a log, over time."""
     on = {"": merged(KINEMATIC, {"clocks": changes})}
     return Plot(x, y, (T, label), on, KINEMATIC, minus_off=False, rows=True, **more)
+
+
+def gear_plot(on: Mapping[str, Changes], **more: Any) -> Plot:
+    """What gear 1 really turns and the log does not say, over its angle by the log."""
+    axes = ("axis 1 [deg]", "joint - log, change [urad]")
+    return Plot(signals.logged_gear_deg(1), signals.behind_gear_urad(1), axes, on, **more)

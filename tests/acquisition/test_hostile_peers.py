@@ -26,7 +26,7 @@ from acquisition.live import ads, egm_source, recorder
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.progress import State
+from acquisition.live.progress import RecorderState
 from acquisition.live.recorder import LiveRecording
 from acquisition.live.source import DeviceSilentError
 from acquisition.recording import read_recording
@@ -420,7 +420,7 @@ def test_another_plc_at_the_same_address_is_a_file_of_its_own_or_refused(
         recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), (source,))
         recording.start()
         until(lambda: recording.progress[0].records > 500)
-    until(lambda: recording.progress[0].state is State.WAIT)
+    until(lambda: recording.progress[0].state is RecorderState.WAIT)
     other = Plc(address, 500)
     other.poke(started=1, **({"fitted": 31} if other_encoders else {}))
     with other:

@@ -27,7 +27,7 @@ from acquisition.live.ads import AdsMemory
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder, SegmentFile
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.progress import Progress, State, Tally
+from acquisition.live.progress import Progress, RecorderState, Tally
 from acquisition.live.recorder import POLL, LiveRecording, Recorder
 from acquisition.live.source import Batch, Source
 from acquisition.recording import read_recording
@@ -121,7 +121,12 @@ def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(
         _, last = numbers_of((tmp_path / "r" / "raw" / "ballbar.csv").read_bytes(), plc)
     assert last >= made - 1
     (progress,) = recording.progress
-    assert (progress.state, progress.segments, progress.lost, progress.gaps) == (State.END, 1, 0, 0)
+    assert (progress.state, progress.segments, progress.lost, progress.gaps) == (
+        RecorderState.END,
+        1,
+        0,
+        0,
+    )
     assert progress.rate == pytest.approx(
         rate, rel=0.01
     )  # by the stamps, so it does not depend on the machine's load
@@ -140,7 +145,7 @@ def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_not
         recording = started(tmp_path / "r", plc_source(plc))
         until(lambda: recording.progress[0].records > 30)
         plc.disconnect()
-        until(lambda: recording.progress[0].state is State.WAIT)
+        until(lambda: recording.progress[0].state is RecorderState.WAIT)
         plc.connect()
         until(lambda: recording.progress[0].segments == 2 and recording.progress[0].records > 100)
         recording.finish()
@@ -167,7 +172,7 @@ def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(
         recording = started(tmp_path / "r", plc_source(plc))
         until(lambda: recording.progress[0].records > 100)
         plc.disconnect()
-        until(lambda: recording.progress[0].state is State.WAIT)
+        until(lambda: recording.progress[0].state is RecorderState.WAIT)
         time.sleep(0.8)
         plc.connect()
         until(lambda: recording.progress[0].segments == 2)
@@ -467,7 +472,7 @@ def test_status_words_are_said_in_words(word: int, said: str) -> None:
 def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None:
     progress = Progress(
         "ballbar",
-        State.RECORD,
+        RecorderState.RECORD,
         segments=2,
         records=1234,
         lost=7,

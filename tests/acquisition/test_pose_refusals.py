@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.pose_tables import import_poses, read_poses
-from cell.errors import DescriptionError, InputError, LogError
+from cell.errors import DescriptionError
 from cell.rigid_fit import nominal_frames
 from tests.helpers.pose_files import (
     JOINTS,
@@ -20,17 +20,11 @@ from tests.helpers.pose_files import (
     Q,
     columns,
     lines,
+    refused,
     write,
 )
 
 VALUES = {"columns": ["x", "y", "z"], "unit": "mm"}
-
-
-def refused(folder: Path, error: type[InputError] = LogError) -> str:
-    """The sentence with which the poses of a folder are refused."""
-    with pytest.raises(error) as caught:
-        read_poses(folder)
-    return str(caught.value).replace(str(folder), "FOLDER")
 
 
 def with_cell(row: int, column: int, cell: str) -> list[str]:

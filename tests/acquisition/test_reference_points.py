@@ -12,9 +12,19 @@ from scipy.spatial.transform import Rotation
 from acquisition.pose_tables import PoseImport, import_poses
 from acquisition.report import finding_line, report_lines
 from cell.arrays import Array
-from cell.errors import DescriptionError, InputError, LogError
+from cell.errors import DescriptionError, InputError
 from tests.helpers.command_line import ballbar
-from tests.helpers.pose_files import LENGTHS, NAMES, POINTS, POSES, ROTATIONS, Q, lines, write
+from tests.helpers.pose_files import (
+    LENGTHS,
+    NAMES,
+    POINTS,
+    POSES,
+    ROTATIONS,
+    Q,
+    lines,
+    refused,
+    write,
+)
 
 SIGMA = 1e-5  # [m]
 FIXED = POINTS.mean(axis=0) + np.array(  # (4, 3) [m] in the tracker's frame
@@ -63,12 +73,6 @@ def away(values: Array) -> float:
 
 def said(content: PoseImport, kind: str) -> list[str]:
     return [finding_line(f) for f in content.report.findings if f.kind == kind]
-
-
-def refused(folder: Path, error: type[InputError] = LogError) -> str:
-    with pytest.raises(error) as caught:
-        import_poses(folder)
-    return str(caught.value).replace(str(folder), "FOLDER")
 
 
 def test_targets_are_read_in_the_mean_frame_of_the_seat(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from pydantic import TypeAdapter
 
 from ballbar.claims.checks import judge, measured
@@ -19,7 +20,7 @@ from ballbar.claims.kinds import OF_RUNS, Check, Measure
 from ballbar.claims.plots import plot_svg
 from ballbar.claims.run import Judged, Topic, judge_all, topics
 from ballbar.claims.show import write_page
-from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
+from ballbar.claims.table import ClaimEvidence, identifiability_evidence, runs_evidence
 from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import check_points, load_sweep
@@ -64,7 +65,7 @@ TABLE = pd.DataFrame(
         for seed in (0, 1, 2)
     ]
 )
-EVIDENCE = Evidence(TABLE)
+EVIDENCE = ClaimEvidence(TABLE)
 
 
 def check(kind: str, **given: object) -> Check:
@@ -72,117 +73,41 @@ def check(kind: str, **given: object) -> Check:
     return adapter.validate_python({"kind": kind, "what": "it", "reason": "a test", **given})
 
 
-HOLDS: list[
-    tuple[str, dict[str, Any], dict[str, Any], str]
-] = [  # kind, a check that holds, what breaks it, what is found
-    (
-        "at_most",
-        {"rows": {"identify.cost": "length"}, "each": "size", "limit": 0.56},
-        {"limit": 0.54},
-        "it: 0.055 to 0.55 mm|mrad",
-    ),
-    (
-        "at_most",
-        {"rows": {"size": 1e-5, "label": None}, "statistic": "max", "limit": 0.13},
-        {"limit": 0.11},
-        "it: 0.12 mm|mrad",
-    ),
-    (
-        "at_least",
-        {
-            "rows": {"identify.cost": ["length", "transform"], "size": 1e-6},
-            "statistic": "min",
-            "limit": 0.01,
-        },
-        {"limit": 0.011},
-        "0.01",
-    ),
-    (
-        "at_least",
-        {"column": "error.ra1", "statistic": "largest", "limit": 6},
-        {"limit": 6.1},
-        "it: 6",
-    ),
-    (
-        "at_most",
-        {"column": "error.ra1", "statistic": "spread", "limit": 2.5},
-        {"limit": 2.4},
-        "it: 2.45",
-    ),
-    (
-        "at_most",
-        {"column": "error.ra1", "statistic": "rms", "limit": 3.9},
-        {"statistic": "largest"},
-        "it: 3.87",
-    ),
-    (
-        "ratio",
-        {
-            "of": {"identify.cost": "length"},
-            "over": {"identify.cost": "transform"},
-            "each": "size",
-            "at_least": 4.9,
-            "at_most": 5.1,
-        },
-        {"at_most": 4.99},
-        "it: 5 times",
-    ),
-    (
-        "ratio",
-        {
-            "of": {"identify.cost": "length", "size": 1e-5},
-            "over": {"identify.cost": "transform", "size": 1e-6},
-            "than": {"of": {"size": 1e-5}, "over": {"size": 1e-6}},
-            "at_least": 4.9,
-            "at_most": 5.1,
-        },
-        {"than": None},
-        "it: 5 times",
-    ),
-    (
-        "at_least",
-        {"column": "error.ra1", "statistic": "relative_spread", "limit": -0.82},
-        {"limit": -0.81},
-        "it: -0.816",
-    ),
-    (
-        "ratio",
-        {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "at_least": 9.9},
-        {"at_least": 10.1},
-        "it: 10 times",
-    ),
-    (
-        "ordered",
-        {"by": "identify.cost", "order": ["transform", "length"], "each": "size", "apart": 4.0},
-        {"order": ["length", "transform"]},
-        "it: transform 0.011 to 0.11 mm|mrad, length 0.055 to 0.55 mm|mrad",
-    ),
-    ("ordered", {"by": "size", "order": [1e-6, 1e-5], "apart": 4.0}, {"apart": 11.0}, "1e-06"),
-    (
-        "monotonic",
-        {"over": "size", "direction": "rising"},
-        {"direction": "falling"},
-        "it: 0.031 to 0.31 mm|mrad",
-    ),
-    (
-        "among_largest",
-        {
-            "rows": {"identify.cost": "length"},
-            "places": 2,
-            "parameters": ["ra"],
-            "at_least": 0.3,
-            "at_most": 0.4,
-        },
-        {"at_least": 0.4, "at_most": 1.0},
-        "it: 33%",
-    ),
-    (
-        "formula",
-        {"figure": "rod_stretch", "value": 2.7, "unit": "um", "tolerance": 0.1},
-        {"value": 3.0},
-        "it: 2.59 um",
-    ),
-]
+# kind, a check that holds, what breaks it, what is found
+HOLDS = yaml.safe_load("""
+- [at_most, {rows: {identify.cost: length}, each: size, limit: 0.56}, {limit: 0.54},
+   "it: 0.055 to 0.55 mm|mrad"]
+- [at_most, {rows: {size: 1.0e-5, label: null}, statistic: max, limit: 0.13}, {limit: 0.11},
+   "it: 0.12 mm|mrad"]
+- [at_least,
+   {rows: {identify.cost: [length, transform], size: 1.0e-6}, statistic: min, limit: 0.01},
+   {limit: 0.011}, "0.01"]
+- [at_least, {column: error.ra1, statistic: largest, limit: 6}, {limit: 6.1}, "it: 6"]
+- [at_most, {column: error.ra1, statistic: spread, limit: 2.5}, {limit: 2.4}, "it: 2.45"]
+- [at_most, {column: error.ra1, statistic: rms, limit: 3.9}, {statistic: largest}, "it: 3.87"]
+- [ratio,
+   {of: {identify.cost: length}, over: {identify.cost: transform}, each: size, at_least: 4.9,
+    at_most: 5.1},
+   {at_most: 4.99}, "it: 5 times"]
+- [ratio,
+   {of: {identify.cost: length, size: 1.0e-5}, over: {identify.cost: transform, size: 1.0e-6},
+    than: {of: {size: 1.0e-5}, over: {size: 1.0e-6}}, at_least: 4.9, at_most: 5.1},
+   {than: null}, "it: 5 times"]
+- [at_least, {column: error.ra1, statistic: relative_spread, limit: -0.82}, {limit: -0.81},
+   "it: -0.816"]
+- [ratio, {of: {size: 1.0e-5}, over: {size: 1.0e-6}, at_least: 9.9}, {at_least: 10.1},
+   "it: 10 times"]
+- [ordered, {by: identify.cost, order: [transform, length], each: size, apart: 4.0},
+   {order: [length, transform]},
+   "it: transform 0.011 to 0.11 mm|mrad, length 0.055 to 0.55 mm|mrad"]
+- [ordered, {by: size, order: [1.0e-6, 1.0e-5], apart: 4.0}, {apart: 11.0}, "1e-06"]
+- [monotonic, {over: size, direction: rising}, {direction: falling}, "it: 0.031 to 0.31 mm|mrad"]
+- [among_largest,
+   {rows: {identify.cost: length}, places: 2, parameters: [ra], at_least: 0.3, at_most: 0.4},
+   {at_least: 0.4, at_most: 1.0}, "it: 33%"]
+- [formula, {figure: rod_stretch, value: 2.7, unit: um, tolerance: 0.1}, {value: 3.0},
+   "it: 2.59 um"]
+""")
 
 
 @pytest.mark.parametrize(
@@ -200,65 +125,35 @@ def test_a_check_holds_within_its_limits_and_breaks_beyond(
 
 
 def test_a_step_the_other_way_is_accepted_only_within_the_tolerance() -> None:
-    falling = Evidence(pd.DataFrame({"x": [1, 2, 3], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
+    falling = ClaimEvidence(pd.DataFrame({"x": [1, 2, 3], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
     given = {"over": "x", "direction": "falling"}
     assert not judge(check("monotonic", **given), falling).met
     assert judge(check("monotonic", **given, tolerance=0.1), falling).met
-    rising = Evidence(pd.DataFrame({"x": [3, 2, 1], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
+    rising = ClaimEvidence(pd.DataFrame({"x": [3, 2, 1], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
     assert not judge(check("monotonic", over="x", direction="rising"), rising).met
     assert judge(check("monotonic", over="x", direction="rising", tolerance=0.1), rising).met
 
 
-@pytest.mark.parametrize(
-    ("kind", "given", "words"),
-    [
-        (
-            "at_most",
-            {"rows": {"identify.cots": "length"}, "limit": 1},
-            "no run has a column identify.cots. Did you mean identify.cost?",
-        ),
-        (
-            "at_most",
-            {"rows": {"identify.cost": "position"}, "limit": 1},
-            "no run has identify.cost = position",
-        ),
-        (
-            "at_most",
-            {"column": "error.oy", "limit": 1},
-            "error.oy: 6 of the 12 selected runs have no such result",
-        ),
-        (
-            "ratio",
-            {
-                "of": {"size": 1e-5},
-                "over": {"identify.cost": "length"},
-                "each": "size",
-                "at_least": 1,
-            },
-            "have the values",
-        ),
-        (
-            "ratio",
-            {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "column": "zero", "at_least": 1},
-            "the runs of `over` have 0",
-        ),
-        (
-            "ordered",
-            {"by": "size", "order": [1e-6, 1e-5], "each": "size"},
-            "not every group of size has the same values",
-        ),
-        (
-            "at_most",
-            {"each": "label", "limit": 1},
-            "label: 6 of the 12 selected runs have no such value",
-        ),
-        (
-            "monotonic",
-            {"rows": {"size": 1e-5}, "over": "size", "direction": "rising"},
-            "one value alone neither rises nor falls",
-        ),
-    ],
-)
+# kind, a check of something that is not there, what is said
+ABSENT = yaml.safe_load("""
+- [at_most, {rows: {identify.cots: length}, limit: 1},
+   "no run has a column identify.cots. Did you mean identify.cost?"]
+- [at_most, {rows: {identify.cost: position}, limit: 1}, "no run has identify.cost = position"]
+- [at_most, {column: error.oy, limit: 1},
+   "error.oy: 6 of the 12 selected runs have no such result"]
+- [ratio, {of: {size: 1.0e-5}, over: {identify.cost: length}, each: size, at_least: 1},
+   "have the values"]
+- [ratio, {of: {size: 1.0e-5}, over: {size: 1.0e-6}, column: zero, at_least: 1},
+   "the runs of `over` have 0"]
+- [ordered, {by: size, order: [1.0e-6, 1.0e-5], each: size},
+   "not every group of size has the same values"]
+- [at_most, {each: label, limit: 1}, "label: 6 of the 12 selected runs have no such value"]
+- [monotonic, {rows: {size: 1.0e-5}, over: size, direction: rising},
+   "one value alone neither rises nor falls"]
+""")
+
+
+@pytest.mark.parametrize(("kind", "given", "words"), ABSENT)
 def test_a_check_of_what_is_not_there_is_refused(
     kind: str, given: dict[str, Any], words: str
 ) -> None:
@@ -278,7 +173,7 @@ APART: dict[str, Any] = {"first": {"label": "a"}, "second": {"label": "b"}}
 
 
 def test_recordings_are_apart_by_their_identified_errors_over_the_size_of_these() -> None:
-    evidence = Evidence(RECORDED)
+    evidence = ClaimEvidence(RECORDED)
     both = judge(check("apart", **APART, at_most=1.0), evidence)
     assert both.met
     assert both.result == "it: 0.0952 to 1 times their size"
@@ -287,13 +182,13 @@ def test_recordings_are_apart_by_their_identified_errors_over_the_size_of_these(
     length = {"rows": {"identify.cost": "length"}}
     assert judge(check("apart", **APART, **length, at_least=0.9), evidence).met
     with pytest.raises(InputError, match="need one run each of the same values and seeds"):
-        judge(check("apart", **APART, at_most=1.0), Evidence(RECORDED.iloc[:3]))
+        judge(check("apart", **APART, at_most=1.0), ClaimEvidence(RECORDED.iloc[:3]))
     with pytest.raises(ValueError, match="either at_least or at_most"):
         check("apart", **APART)
 
 
 def test_bars_are_of_each_parameter_or_of_each_group() -> None:
-    evidence: dict[ParameterSet, Evidence] = {"core": Evidence(RECORDED)}
+    evidence: dict[ParameterSet, ClaimEvidence] = {"core": ClaimEvidence(RECORDED)}
     rows: dict[str, Any] = {"identify.cost": "length"}
     plot = IdentifiedPlot(kind="identified", title="C_l", rows=rows, lines="label")
     drawn = plot_svg(plot, evidence).decode()
@@ -342,14 +237,14 @@ def test_the_size_of_a_run_is_the_largest_of_its_keys(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def identifiable() -> Evidence:
+def identifiable() -> ClaimEvidence:
     return identifiability_evidence(SCENARIOS / "irb2400.yaml")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("table", ["3.2", "3.3", "3.4", "3.5", "sec. 3.3"])
 def test_a_printed_table_is_equal_but_for_what_the_file_states(
-    table: str, identifiable: Evidence
+    table: str, identifiable: ClaimEvidence
 ) -> None:
     shipped = [
         check
@@ -692,7 +587,7 @@ def test_every_check_of_runs_can_fail_and_can_be_met(quickly: list[Judged]) -> N
                 outcomes = set()
                 for name in sets * 200:
                     table = scaled(result.evidence[name].table, rng)
-                    outcomes.add(judge(check, Evidence(table)).met)
+                    outcomes.add(judge(check, ClaimEvidence(table)).met)
                     if len(outcomes) == 2:
                         break
                 assert len(outcomes) == 2, (result.topic.name, i, key, j)
@@ -855,28 +750,20 @@ def test_no_round_is_the_plain_fit_away_from_the_ends() -> None:
     assert np.abs(found.fit.geometry.values - samples.true.values).max() < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [
-        ({"cost": "ml", "rod_sign": True}, "is of the thesis's costs on samples"),
-        ({"cost": "ml", "shift_rounds": 1}, "is of the thesis's costs on samples"),
-        ({"cost": "ml", "instants": "standing"}, "is of the thesis's costs on samples"),
-        ({"cost": "ml", "parameters": "all"}, "is of the thesis's costs; ml has"),
-        (
-            {"cost": "transform", "shift_rounds": 1, "instants": "moving"},
-            "with evenly spread samples only",
-        ),
-        ({"cost": "transform", "shift_rounds": 1, "rod_sign": True}, "is of logs on one clock"),
-        (
-            {"cost": "transform", "data": "files", "rod_sign": True},
-            "is of the thesis's costs on samples",
-        ),
-        (
-            {"cost": "transform", "form": "thesis", "rod_sign": True},
-            "linear in the vector form only",
-        ),
-    ],
-)
+# settings of `identify`, why they are refused
+REFUSED = yaml.safe_load("""
+- [{cost: ml, rod_sign: true}, "is of the thesis's costs on samples"]
+- [{cost: ml, shift_rounds: 1}, "is of the thesis's costs on samples"]
+- [{cost: ml, instants: standing}, "is of the thesis's costs on samples"]
+- [{cost: ml, parameters: all}, "is of the thesis's costs; ml has"]
+- [{cost: transform, shift_rounds: 1, instants: moving}, "with evenly spread samples only"]
+- [{cost: transform, shift_rounds: 1, rod_sign: true}, "is of logs on one clock"]
+- [{cost: transform, data: files, rod_sign: true}, "is of the thesis's costs on samples"]
+- [{cost: transform, form: thesis, rod_sign: true}, "linear in the vector form only"]
+""")
+
+
+@pytest.mark.parametrize(("asked", "words"), REFUSED)
 def test_sign_and_shift_are_refused_where_they_mean_nothing(
     asked: dict[str, object], words: str
 ) -> None:

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from ballbar.export import Format
 from ballbar.export.formats import FORMATS, exported
-from ballbar.export.names import Format
 from ballbar.export.result import Result, load_result
 from ballbar.export.rows import standard_rows
 from cell.arrays import Array

@@ -22,14 +22,15 @@ from scipy.spatial.transform import Rotation
 from ballbar import Calibration
 from ballbar.export.formats import exported
 from ballbar.export.into_urdf import into_file
-from ballbar.export.result import PoseResult, load_result
+from ballbar.export.result import Result, load_result
 from ballbar.export.ur_kinematics import LINKS, ur_chain
 from ballbar.result.compare_pose_results import ParameterDifference, compare_pose_results
+from ballbar.robot_file.urdf import parse_urdf
+from ballbar.robot_file.urdf_chain import chain_between
 from cell.arrays import Array
 from cell.chain import forward
 from cell.errors import DescriptionError, InputError
 from cell.geometry import nominal_chain
-from cell.urdf import chain_between, parse_urdf
 from ident.robot.inverse_calibration import corrected_arm_targets
 from tests.helpers.command_line import ballbar
 from tests.helpers.dh_tables import along_table, table
@@ -43,23 +44,23 @@ EXACT = 1e-9  # [m, rad]
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> PoseResult:
+def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Result:
     folder = tmp_path_factory.mktemp(request.param)
     write_pose_result(folder / "calibration.yaml", request.param, seed=1)
     loaded = load_result(folder)
-    assert isinstance(loaded, PoseResult)
+    assert isinstance(loaded, Result)
     return loaded
 
 
-def angles(result: PoseResult, count: int = 200) -> Array:
+def angles(result: Result, count: int = 200) -> Array:
     return np.random.default_rng(2).uniform(-1.5, 1.5, (count, result.robot.joints))
 
 
-def flange_of(result: PoseResult, q: Array) -> Array:
+def flange_of(result: Result, q: Array) -> Array:
     return forward(result.chain, q).poses()
 
 
-def target_of(result: PoseResult, q: Array, name: str) -> Array:
+def target_of(result: Result, q: Array, name: str) -> Array:
     place = result.calibration.targets[name]
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = place.rotation, place.origin
@@ -85,7 +86,7 @@ def read_mjcf(text: str, q: Array, site: str) -> Array:
 
 @pytest.mark.parametrize("read", [read_urdf, read_mjcf])
 def test_models_have_flange_and_targets_where_the_identified_robot_has_them(
-    read: Callable[[str, Array, str], Array], result: PoseResult
+    read: Callable[[str, Array, str], Array], result: Result
 ) -> None:
     q = angles(result)
     text = exported(result, "urdf" if read is read_urdf else "mjcf")
@@ -96,7 +97,7 @@ def test_models_have_flange_and_targets_where_the_identified_robot_has_them(
 
 
 @pytest.mark.parametrize(("to", "order"), [("hayati", "zZXxy"), ("dh", "zZXxy"), ("mdh", "xXzZy")])
-def test_tables_end_at_the_flange(to: str, order: str, result: PoseResult) -> None:
+def test_tables_end_at_the_flange(to: str, order: str, result: Result) -> None:
     q = angles(result)
     if to != "hayati" and result.robot.name != "panda":  # parallel axes, and a significant angle
         with pytest.raises(InputError, match=r"joints 2 and 3 are .* Export with --to hayati"):
@@ -119,14 +120,14 @@ def test_an_angle_below_its_own_sigma_is_dropped_and_said(tmp_path: Path) -> Non
     assert max(abs(float(row["d_m"])) for row in table(text)) < 2.0
 
 
-def test_screws_and_rapid_data_are_of_every_axis(result: PoseResult) -> None:
+def test_screws_and_rapid_data_are_of_every_axis(result: Result) -> None:
     screws = table(exported(result, "poe"))
     assert [row["row"] for row in screws][:-3] == [str(j + 1) for j in range(result.robot.joints)]
     data = dict(re.findall(r"CONST dnum (\w+)\{\d\} := \[(.*)\];", exported(result, "abb")))
     assert {len(values.split(",")) for values in data.values()} == {result.robot.joints}
 
 
-def test_every_format_states_fitted_ranges_and_what_it_leaves_out(result: PoseResult) -> None:
+def test_every_format_states_fitted_ranges_and_what_it_leaves_out(result: Result) -> None:
     for to in ("urdf", "mjcf", "hayati", "poe", "abb"):
         text = exported(result, to)  # type: ignore[arg-type]
         assert "outside the fitted range of a joint the error is unknown" in text
@@ -141,7 +142,7 @@ def test_every_format_states_fitted_ranges_and_what_it_leaves_out(result: PoseRe
     assert set(data["corrections"]) == {"unit_weights", "joint_harmonics"}
 
 
-def test_masses_are_written_only_where_the_robots_file_has_them(result: PoseResult) -> None:
+def test_masses_are_written_only_where_the_robots_file_has_them(result: Result) -> None:
     urdf, mjcf = exported(result, "urdf"), exported(result, "mjcf")
     known = result.robot.links is not None
     assert ("<inertial>" in urdf) == ("<inertial" in mjcf) == known
@@ -290,7 +291,7 @@ def test_the_command_writes_a_new_file_and_names_the_ranges(tmp_path: Path) -> N
 def test_corrected_targets_reach_the_nominal_poses(name: str, tmp_path: Path) -> None:
     write_pose_result(tmp_path / "calibration.yaml", name, seed=1)
     result = load_result(tmp_path)
-    assert isinstance(result, PoseResult)
+    assert isinstance(result, Result)
     arm = result.calibration.arm()
     q = np.array([[0.3, -0.7, 0.9, -1.1, 0.8, 0.6, 0.2]])[:, : result.robot.joints]
     if name == "panda":
@@ -313,7 +314,7 @@ def test_corrected_targets_reach_the_nominal_poses(name: str, tmp_path: Path) ->
 
 
 def test_a_prediction_outside_the_fitted_range_warns_and_has_no_finite_sigma(
-    result: PoseResult,
+    result: Result,
 ) -> None:
     arm = result.calibration.arm()
     q = np.zeros((2, result.robot.joints))
@@ -375,7 +376,7 @@ def test_a_result_that_was_edited_wrongly_is_refused_by_name(
 
 
 def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
-    tmp_path: Path, result: PoseResult
+    tmp_path: Path, result: Result
 ) -> None:
     loaded = Calibration.load(result.file.parent)
     assert loaded.sigma.keys() == set(loaded.file.identified)
@@ -417,7 +418,7 @@ def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
     """A stored result of a ur10, angles (N, 6) [rad] and the table measured of it unchanged."""
     rng = np.random.default_rng(6)
     result = load_result(write_pose_result(folder / "calibration.yaml", "ur10", seed=1))
-    assert isinstance(result, PoseResult)
+    assert isinstance(result, Result)
     arm = result.calibration.arm("big ball")
     drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
     q = rng.uniform(-1.5, 1.5, (count, 6))
@@ -504,7 +505,7 @@ def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
     assert copy.stat().st_size == first
 
 
-def test_the_drawn_arm_runs_along_the_rows_of_the_robot(result: PoseResult) -> None:
+def test_the_drawn_arm_runs_along_the_rows_of_the_robot(result: Result) -> None:
     from ballbar.replay.pose_replay import skeleton  # noqa: PLC0415
 
     q, chain = angles(result, 5), result.chain

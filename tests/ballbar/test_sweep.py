@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -29,7 +30,7 @@ from ballbar.sweep.file import Changes, Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
-from ballbar.sweep.run import Outcome, SweepError
+from ballbar.sweep.run import SweepError, SweepOutcome
 from ballbar.sweep.summary import failures_of, grid_points
 from ballbar.sweep.table import chunk_bytes, write_table
 from ballbar.sweep.workers import processes
@@ -62,104 +63,49 @@ def plan_of(folder: Path, text: str) -> Plan:
 # -- what a file may say
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "words"),
-    [
-        (
-            "vary: {errors.joint_nose.sigma_rad: [1.0]}\nseeds: {count: 1}\n",
-            4,
-            "unknown key errors.joint_nose. Did you mean joint_noise?",
-        ),
-        (
-            "vary:\n  errors.joint_noise.sigma_rad:\n    - 1.0e-5\n    - -1.0\nseeds: {count: 1}\n",
-            7,
-            "sigma_rad = -1.0: expected 0 or more.",
-        ),
-        (
-            "vary: {identify.samples: [many]}\nseeds: {count: 1}\n",
-            4,
-            "identify.samples = 'many': expected a whole number",
-        ),
-        (
-            "change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n",
-            6,
-            "unknown key errors.joint_noise.sigma.",
-        ),
-        (
-            "change: {cell.robot.a: 1}\nseeds: {count: 1}\n",
-            4,
-            "cell.robot.a: the value 'irb2400' above a has no keys of its own",
-        ),
-        (
-            "together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n",
-            6,
-            "clocks.skew = 1.0: expected 0.002 or less",
-        ),
-        (
-            "vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n",
-            4,
-            "the list has no item 3; its 3 items count from 0",
-        ),
-        (
-            "draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\n"
-            "draws: 9\nseeds: {count: 1}\n",
-            5,
-            "expected 0 or more",
-        ),
-        (
-            "vary: {seed: [1, 2]}\nseeds: {count: 1}\n",
-            4,
-            "vary.seed: the seeds of the runs are given under seeds.",
-        ),
-        (
-            "vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n",
-            5,
-            "seeds.count = 0: expected 1 or more.",
-        ),
-        (
-            "vary: {clocks.skew: []}\nseeds: {count: 1}\n",
-            4,
-            "vary.clocks.skew: expected at least 1 items",
-        ),
-        (
-            "draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n",
-            4,
-            "the number of draws is missing: add `draws: N`",
-        ),
-        ("draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"),
-        (
-            "draw: {clocks.skew: {log_uniform: [0, 1e-4]}}\ndraws: 3\nseeds: {count: 1}\n",
-            4,
-            "both bounds of log_uniform must be above 0",
-        ),
-        (
-            "draw: {clocks.skew: {uniform: [1, 0]}}\ndraws: 3\nseeds: {count: 1}\n",
-            4,
-            "the first bound must be below the second",
-        ),
-        (
-            "draw: {clocks.skew: {uniform: [0, 1], normal: [0, 1]}}\ndraws: 3\nseeds: {count: 1}\n",
-            4,
-            "give exactly one of uniform",
-        ),
-        (
-            "vary:\n  clocks: [{}]\n  clocks.skew: [0.0]\nseeds: {count: 1}\n",
-            6,
-            "clocks is given under vary already",
-        ),
-        (
-            "together:\n  - {clocks.skew: 0}\nvary:\n  clocks.skew: [0.0]\nseeds: {count: 1}\n",
-            7,
-            "clocks.skew is given under together already",
-        ),
-        (
-            "vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n",
-            None,
-            "path.file = 'no.yaml': ",
-        ),
-        ("loop: 3\nseeds: {count: 1}\n", 4, "unknown key loop."),
-    ],
-)
+# what follows the head of a sweep file, line of the fault, what is said
+WRONG = yaml.safe_load(r"""
+- ["vary: {errors.joint_nose.sigma_rad: [1.0]}\nseeds: {count: 1}\n", 4,
+   "unknown key errors.joint_nose. Did you mean joint_noise?"]
+- ["vary:\n  errors.joint_noise.sigma_rad:\n    - 1.0e-5\n    - -1.0\nseeds: {count: 1}\n", 7,
+   "sigma_rad = -1.0: expected 0 or more."]
+- ["vary: {identify.samples: [many]}\nseeds: {count: 1}\n", 4,
+   "identify.samples = 'many': expected a whole number"]
+- ["change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n", 6,
+   "unknown key errors.joint_noise.sigma."]
+- ["change: {cell.robot.a: 1}\nseeds: {count: 1}\n", 4,
+   "cell.robot.a: the value 'irb2400' above a has no keys of its own"]
+- ["together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n", 6,
+   "clocks.skew = 1.0: expected 0.002 or less"]
+- ["vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n", 4,
+   "the list has no item 3; its 3 items count from 0"]
+- ["draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\ndraws: 9\nseeds: {count: 1}\n", 5,
+   "expected 0 or more"]
+- ["vary: {seed: [1, 2]}\nseeds: {count: 1}\n", 4,
+   "vary.seed: the seeds of the runs are given under seeds."]
+- ["vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n", 5, "seeds.count = 0: expected 1 or more."]
+- ["vary: {clocks.skew: []}\nseeds: {count: 1}\n", 4,
+   "vary.clocks.skew: expected at least 1 items"]
+- ["draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n", 4,
+   "the number of draws is missing: add `draws: N`"]
+- ["draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"]
+- ["draw: {clocks.skew: {log_uniform: [0, 1e-4]}}\ndraws: 3\nseeds: {count: 1}\n", 4,
+   "both bounds of log_uniform must be above 0"]
+- ["draw: {clocks.skew: {uniform: [1, 0]}}\ndraws: 3\nseeds: {count: 1}\n", 4,
+   "the first bound must be below the second"]
+- ["draw: {clocks.skew: {uniform: [0, 1], normal: [0, 1]}}\ndraws: 3\nseeds: {count: 1}\n", 4,
+   "give exactly one of uniform"]
+- ["vary:\n  clocks: [{}]\n  clocks.skew: [0.0]\nseeds: {count: 1}\n", 6,
+   "clocks is given under vary already"]
+- ["together:\n  - {clocks.skew: 0}\nvary:\n  clocks.skew: [0.0]\nseeds: {count: 1}\n", 7,
+   "clocks.skew is given under together already"]
+- ["vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n", null,
+   "path.file = 'no.yaml': "]
+- ["loop: 3\nseeds: {count: 1}\n", 4, "unknown key loop."]
+""")
+
+
+@pytest.mark.parametrize(("text", "line", "words"), WRONG)
 def test_a_wrong_sweep_is_refused_with_file_line_and_words(
     text: str, line: int | None, words: str, tmp_path: Path
 ) -> None:
@@ -490,7 +436,7 @@ def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Pa
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, Outcome]:
+def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, SweepOutcome]:
     """A sweep computed without a break in this process."""
     folder = tmp_path_factory.mktemp("reference")
     sweep = loaded(folder, GRID.replace("count: 5", "count: 40"))
@@ -499,7 +445,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, Ou
 
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
-    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+    reference: tuple[LoadedSweep, SweepOutcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
     heard: list[str] = []
@@ -528,7 +474,7 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
 
 @pytest.mark.slow
 def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(
-    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+    reference: tuple[LoadedSweep, SweepOutcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
 
@@ -541,7 +487,7 @@ def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(
     assert table_bytes(swept(sweep, tmp_path / "out", inline)) == table_bytes(whole)
 
 
-def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, Outcome]) -> None:
+def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, SweepOutcome]) -> None:
     sweep, whole = reference
     written = whole.folder.table.stat().st_mtime_ns
     again = swept(sweep, whole.folder.path, inline, sweep_work.path_text)
@@ -550,7 +496,7 @@ def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, Outcome
 
 
 def test_a_torn_chunk_is_named_and_only_its_runs_are_repeated(
-    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+    reference: tuple[LoadedSweep, SweepOutcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
     plan = sweep.plan

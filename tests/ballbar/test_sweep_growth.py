@@ -11,7 +11,7 @@ import pytest
 from ballbar.scenario import Scenario
 from ballbar.sweep.growth import changed_keys, earlier_number
 from ballbar.sweep.plan import run_of
-from ballbar.sweep.run import Outcome
+from ballbar.sweep.run import SweepOutcome
 from cell.errors import InputError
 from tests.helpers import sweep_work
 from tests.helpers.sweeps import inline, loaded, swept, table_bytes
@@ -41,7 +41,7 @@ def ignored(done: int, stage: str) -> None:
 
 def run(
     folder: Path, text: str, name: str = "out", progress: Callable[[int, str], None] = ignored
-) -> tuple[Outcome, int]:
+) -> tuple[SweepOutcome, int]:
     """Outcome of a sweep in `folder/name`, and how many runs were computed."""
     seeds: list[int] = []
 

@@ -22,7 +22,7 @@ from ballbar.watch.alarms import standing
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.run import watch
 from ballbar.watch.show import Data, _facts, line
-from ballbar.watch.state import WHITE, WIDENED, Estimate, State
+from ballbar.watch.state import WHITE, WIDENED, Estimate, WatchState
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
 from ballbar.watch.watch import PATIENCE, Watch
 from cell.logs import RobotLog
@@ -57,7 +57,7 @@ def growing(recorded: Recorded, tmp_path: Path) -> GrowingRecording:
     return GrowingRecording(recorded.folder, tmp_path / "growing", CLOCK)
 
 
-def watched(growing: GrowingRecording, *instants: float, **options: float) -> list[State]:
+def watched(growing: GrowingRecording, *instants: float, **options: float) -> list[WatchState]:
     """The states of a watch at some instants [s]."""
     watch, states = Watch(growing.folder, **options), []
     for now in instants:
@@ -232,12 +232,12 @@ def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_t
 
 def test_a_clock_that_no_motion_shows_yet_is_said_to_be_not_determined() -> None:
     unknown = replace(ESTIMATE, clock=(1.5, 2e-5), clock_sigma=(0.21, 5e-3))
-    facts = _facts(State(1.0, {}, "", (), estimate=unknown).to_dict())
+    facts = _facts(WatchState(1.0, {}, "", (), estimate=unknown).to_dict())
     assert facts["clock"] == (
         "offset not determined (sigma 210 ms); skew not determined (sigma 5000 ppm)"
     )
     known = replace(ESTIMATE, clock=(1.5, 2e-5), clock_sigma=(2e-6, 3e-8))
-    facts = _facts(State(1.0, {}, "", (), estimate=known).to_dict())
+    facts = _facts(WatchState(1.0, {}, "", (), estimate=known).to_dict())
     assert facts["clock"] == (
         "offset +1500.0000 ms (sigma 2.0 us); skew +20.000 ppm (sigma 0.030 ppm)"
     )

@@ -91,7 +91,7 @@ def test_rows_of_any_axes_give_the_tip_of_the_product_of_exponentials(
     assert (a[square] >= 0.0).all()
 
 
-# apart from the GP25, whose flange is turned by 1.570796, not pi/2: cell.urdf rounds that
+# apart from the GP25, whose flange is turned by 1.570796, not pi/2: the reader of URDF rounds that
 @pytest.mark.parametrize("name", sorted(set(PUBLISHED) - {"gp25"}))
 def test_rows_of_a_published_robot_need_no_transform_around_them(name: str) -> None:
     axes = axes_of(PUBLISHED[name].joints)

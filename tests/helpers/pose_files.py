@@ -8,10 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from acquisition.pose_tables import read_poses
 from cell.arrays import Array
+from cell.errors import InputError, LogError
 from cell.load import load_robot
 from cell.rigid_fit import nominal_frames
 
@@ -32,6 +35,13 @@ TABLE = {
     "joints": {"columns": JOINTS, "unit": "deg"},
     "values": {"columns": ["x", "y", "z"], "unit": "mm"},
 }
+
+
+def refused(folder: Path, error: type[InputError] = LogError) -> str:
+    """The sentence with which the poses of a folder are refused."""
+    with pytest.raises(error) as caught:
+        read_poses(folder)
+    return str(caught.value).replace(str(folder), "FOLDER")
 
 
 def columns(*, angle: float = 180.0 / np.pi, length: float = 1000.0) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
 from ballbar.sweep.chunk import Row, Task, Trial, run_chunk
-from ballbar.sweep.run import Outcome, run_sweep
+from ballbar.sweep.run import SweepOutcome, run_sweep
 from ballbar.sweep.workers import Workers
 from tests.helpers import sweep_work
 from tests.helpers.simulated_recordings import SCENARIOS
@@ -51,9 +51,9 @@ def swept(
     workers: Callable[[Task], AbstractContextManager[Workers]],
     trial: Trial = sweep_work.figures,
     progress: Callable[[int, str], None] = lambda *_: None,
-) -> Outcome:
+) -> SweepOutcome:
     return run_sweep(sweep, folder, trial, workers, progress=progress)
 
 
-def table_bytes(outcome: Outcome) -> tuple[bytes, bytes]:
+def table_bytes(outcome: SweepOutcome) -> tuple[bytes, bytes]:
     return outcome.folder.table.read_bytes(), outcome.folder.csv.read_bytes()

@@ -16,7 +16,7 @@ from cell.geometry import bar_frames, robot_frames
 from planning import search as searching
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
 from planning.capsules import segment_distance
-from planning.clearance import FAR, nearest, nearest_of_runs
+from planning.clearance import FAR
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
@@ -24,9 +24,8 @@ from planning.first import first_path
 from planning.force import predicted_forces
 from planning.plan import known_path
 from planning.request import load_request
-from planning.search import RatedCandidate, neighbours, search
+from planning.search import RatedCandidate, evaluating_processes, neighbours, search
 from planning.trajectory import trajectories, trajectories_of_many
-from planning.workers import evaluating_processes
 from sim.path import Lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 
@@ -174,8 +173,8 @@ def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array)
     ]
     frames = [(robot_frames(t.nominal, t.q[::5]), bar_frames(t.nominal, t.b[::5])) for t in alone]
     for (robot, bar), t in zip(frames, alone, strict=True):
-        (found,) = nearest_of_runs(of, robot, bar, t.t[::5], within=FAR)
-        assert found == nearest(of, t.nominal, t.q, t.b, t.t)
+        (found,) = of.nearest_of_runs(robot, bar, t.t[::5], within=FAR)
+        assert found == of.nearest(t.nominal, t.q, t.b, t.t)
 
 
 def test_neighbours_of_a_path_have_one_cycle_more_or_less(evaluator: Evaluator) -> None:

@@ -1,4 +1,4 @@
-"""Everything on: every error source of a real cell, alike in scenarios, drawn robots and plans."""
+"""Everything on: all error sources of a real cell, one list for scenarios, robots and plans."""
 
 from __future__ import annotations
 

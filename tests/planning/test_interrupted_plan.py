@@ -1,4 +1,4 @@
-"""A plan that is interrupted or made anew leaves nothing that it does not stand for."""
+"""A plan that is interrupted or made again leaves nothing that it does not stand for."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def test_results_of_unlike_recordings_of_the_machine_are_taken(results: Results)
 def test_a_result_of_another_cell_is_refused(
     results: Results, changes: dict[str, str], words: str
 ) -> None:
-    """After one of a telescoping bar 1.9 um were foretold of a ball-bar, 18.4 without."""
+    """A result of a telescoping bar let a ball-bar be predicted at 1.9 um, 18.4 without."""
     result = results.write("one", **changes)
     with pytest.raises(InputError, match=words):
         said([result], request())

@@ -26,7 +26,7 @@ from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
-from planning.clearance import clearance, nearest
+from planning.clearance import clearance
 from planning.crlb import moving, predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
 from planning.files import path_data, planned_path_data
@@ -44,7 +44,7 @@ from planning.programs import (
 )
 from planning.questions import question
 from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
-from planning.search import SearchProgress, ranked, search
+from planning.search import SearchProgress, evaluating_processes, ranked, search
 from planning.targets import SAG, Targets, targets_of
 from planning.trajectory import trajectories
 from planning.verify import (
@@ -56,7 +56,6 @@ from planning.verify import (
     violations_in,
 )
 from planning.what_if import answers
-from planning.workers import evaluating_processes
 from planning.workspace import KeepOut
 from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous
@@ -200,24 +199,14 @@ def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(
     trajectory = trajectories(cell, manual, PlanTiming())[0]
     highest = trajectory.tip[:, 2].max()
     low, high = (-5.0, -5.0, highest + 1.0), (5.0, 5.0, highest + 2.0)
-    free = nearest(
-        clearance(cell, request().cell),
-        trajectory.nominal,
-        trajectory.q,
-        trajectory.b,
-        trajectory.t,
-    )
+    motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    free = clearance(cell, request().cell).nearest(*motion)
     above = request().cell.model_copy(
         update={"keep_out": (KeepOut(name="lamp", lower_m=low, upper_m=high),)}
     )
     lower = above.keep_out[0].model_copy(update={"lower_m": (-5.0, -5.0, highest - 0.5)})
-    found = nearest(
-        clearance(cell, above.model_copy(update={"keep_out": (lower,)})),
-        trajectory.nominal,
-        trajectory.q,
-        trajectory.b,
-        trajectory.t,
-    )
+    boxed = above.model_copy(update={"keep_out": (lower,)})
+    found = clearance(cell, boxed).nearest(*motion)
     assert "box lamp" in found.pair
     assert found.distance < free.distance
 
@@ -233,7 +222,7 @@ def test_capsules_are_as_far_apart_as_two_segments(manual: PathCandidate) -> Non
             p for p in of.pairs if {of.names[p[0]], of.names[p[1]]} == {"upper arm", "rod"}
         ),
     )
-    found = nearest(only, trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    found = only.nearest(trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
     k = int(np.flatnonzero(np.isclose(trajectory.t, found.t))[0])
     from cell.geometry import robot_frames  # noqa: PLC0415  the oracle's own
 

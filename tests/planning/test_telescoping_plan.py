@@ -29,12 +29,11 @@ from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import tcp_error
 from ident.verdict import Status
 from planning.candidate import PathCandidate, space_of
-from planning.clearance import nearest
 from planning.crlb import EXACT, predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
 from planning.first import first_path
 from planning.force import ERROR
-from planning.limits import leaning, violations
+from planning.limits import violations
 from planning.plan import assess
 from planning.planned_scenario import length_data
 from planning.questions import check_questions, question
@@ -194,7 +193,7 @@ def test_the_rod_leans_in_both_cups_as_far_as_the_tool_says(
                 "target": Cup(axis=(0.0, 0.0, 1.0), cone_deg=min(180.0, of_target + target)),
             }
         )
-        found = leaning(around, trajectory)
+        found = violations(evaluator.cell, evaluator.limits, trajectory, around)
         assert len(found) == count
         assert all(re.search(r"rod \d+ deg from the axis of the", v.sentence) for v in found)
 
@@ -216,7 +215,7 @@ def test_links_are_as_far_from_the_rod_as_their_axes_say(
         rod = seat[:, 0] + (0.1 + 0.8 * share[:, None]) * along[:, k]
         least = min(least, np.linalg.norm(arm[:, None] - rod[None], axis=2).min())
     apart = least - of.radii["link 3 along a"] - of.radii["rod"]
-    assert nearest(of, trajectory.nominal, q, b, t).distance <= apart + 2e-3
+    assert of.nearest(trajectory.nominal, q, b, t).distance <= apart + 2e-3
 
 
 def test_expected_lengths_are_those_of_the_erroneous_robot(
@@ -274,7 +273,7 @@ def test_a_better_sensor_predicts_less_and_a_rigid_hold_is_no_unknown(
 def test_a_result_does_not_make_the_sensor_better(
     evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
-    """Model dh states an excess of 1e-8 m and none of the joints: 3 um were foretold of 11 um."""
+    """Model dh states an excess of 1e-8 m and none of the joints: 3 um were predicted of 11 um."""
     on = evaluator.predictor
     alone = predict(on, trajectory, np.zeros(trajectory.t.size))
     of_dh = replace(on, excess=ExcessNoise(0.0, 0.0, 0.0, 1e-8))

@@ -44,7 +44,7 @@ def test_a_workspace_may_reach_to_the_ends_of_the_axes() -> None:
 def test_a_workspace_without_room_is_refused_by_its_key(
     name: str, upper: tuple[float, ...], words: str
 ) -> None:
-    """Of a single pose 0.0 um were foretold, since the base is aligned to it."""
+    """A single pose was predicted to give 0.0 um, since the base is aligned to it."""
     changes = [f"workspace.lower_deg={list(LOWER)}", f"workspace.upper_deg={list(upper)}"]
     with pytest.raises(DescriptionError, match=words):
         load_request(SCENARIOS / "plans" / f"{name}.yaml", overrides=changes)

@@ -14,10 +14,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ballbar.scenario import PoseScenario, Scenario
-from generators.scenario_reference.figures import PLOTS
+from generators.scenario_reference.figures import PLOTS, read_sizes
 from generators.scenario_reference.keys import list_item, unit_of, value_text
 from generators.scenario_reference.page import PAGE, page_text
-from generators.scenario_reference.sizes import read_sizes
 from generators.scenario_reference.sources import SOURCES
 
 SECTIONS = ("plant", "errors", "encoders", "clocks", "logs")

@@ -1,11 +1,10 @@
 """Every error source of a scenario, in the order of the page."""
 
+from generators.scenario_reference.plots import Source
 from generators.scenario_reference.sources.geometry import GEOMETRY
 from generators.scenario_reference.sources.logs import CLOCKS, FORMS, LOADS, LOGGERS
-from generators.scenario_reference.sources.pairs import PAIRS
 from generators.scenario_reference.sources.plant import BAR, GEARS
-from generators.scenario_reference.sources.sensors import ENCODERS, OUTLIERS, ROBOT_SENSORS
-from generators.scenario_reference.sources.source import Source as Source
+from generators.scenario_reference.sources.sensors import ENCODERS, OUTLIERS, PAIRS, ROBOT_SENSORS
 
 GROUPS: dict[str, tuple[Source, ...]] = {
     "Plant: gears and servo": GEARS,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from generators.scenario_reference import signals
-from generators.scenario_reference.plots import KINEMATIC, Plot, T, error, residual_plot
+from generators.scenario_reference.plots import KINEMATIC, Plot, Source, T, error, residual_plot
 from generators.scenario_reference.runs import Changes, merged
-from generators.scenario_reference.sources.source import Source
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_ENDS, AXIS_OFFSETS
 
 STATIC_OFF: Changes = {"errors": {"static": None}, "plant": {"kind": "kinematic"}}

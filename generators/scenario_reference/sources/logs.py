@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from cell.dialect import ABB_PERIOD
 from generators.scenario_reference import signals
-from generators.scenario_reference.plots import KINEMATIC, Plot, T, clock_plot, rows_plot
+from generators.scenario_reference.plots import KINEMATIC, Plot, Source, T, clock_plot, rows_plot
 from generators.scenario_reference.runs import merged
-from generators.scenario_reference.sources.source import Source
 from sim.logging.clocks import SAMPLE_TASKS
 from sim.logging.load_logs import BallbarLog
 

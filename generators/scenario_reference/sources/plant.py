@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from cell.descriptions import Cell
 from generators.scenario_reference import signals
-from generators.scenario_reference.plots import Plot, T, error, residual_plot
-from generators.scenario_reference.sources.source import Source
+from generators.scenario_reference.plots import Plot, Source, T, error, gear_plot, residual_plot
 from sim.plant.effects import CUSP_TERMS, UNLISTED_ORDERS
 from sim.plant.mjcf import BRISTLE_TRAVEL, HYSTERESIS_STIFFNESS
 
@@ -68,14 +67,7 @@ GEARS = (
         "Robot file: below 1 arcmin peak to peak, what RV reducers are allowed; the split over the "
         "orders is assumed.",
         "Residual with the gear's orders over its angle; independent of load.",
-        Plot(
-            signals.logged_gear_deg(1),
-            signals.behind_gear_urad(1),
-            ("axis 1 [deg]", "joint - log, change [urad]"),
-            {"": error("transmission_error")},
-            window=(3.0, 9.0),
-            points=450,
-        ),
+        gear_plot({"": error("transmission_error")}, window=(3.0, 9.0), points=450),
         of_machine=(
             "rad, axis 1; orders are in the file",
             lambda cell: [a for _, a in cell.robot.gears.harmonics[0]],
@@ -90,10 +82,7 @@ GEARS = (
         "Assumed: amplitude and pin count. Waveform: Yang & Blanche 1990, Mech. Mach. Theory "
         "25(5); thesis Fig. 2.4.",
         "N cycles a turn; harmonics 2 N, 3 N tell the cusped wave from the sine.",
-        Plot(
-            signals.logged_gear_deg(1),
-            signals.behind_gear_urad(1),
-            ("axis 1 [deg]", "joint - log, change [urad]"),
+        gear_plot(
             {
                 "cusped": error("cycloid_ripple"),
                 "harmonic": error("cycloid_ripple", waveform="harmonic"),
@@ -110,10 +99,7 @@ GEARS = (
         "Output side: a slow wave that a path of less than a turn can mistake for joint offset and "
         "geometry. "
         "Input side: one cycle a motor turn.",
-        Plot(
-            signals.logged_gear_deg(1),
-            signals.behind_gear_urad(1),
-            ("axis 1 [deg]", "joint - log, change [urad]"),
+        gear_plot(
             {
                 "output": error("sinusoidal_gear_error"),
                 "input": error("sinusoidal_gear_error", side="input"),
@@ -128,13 +114,7 @@ GEARS = (
         "As transmission_error.",
         "Assumed: an identified list of orders leaves out what is small.",
         "A wave of an order that no model of the gears has; a fit must look for it.",
-        Plot(
-            signals.logged_gear_deg(1),
-            signals.behind_gear_urad(1),
-            ("axis 1 [deg]", "joint - log, change [urad]"),
-            {"": error("unlisted_ripple")},
-            window=(3.0, 9.0),
-        ),
+        gear_plot({"": error("unlisted_ripple")}, window=(3.0, 9.0)),
     ),
     Source(
         "errors.gear_friction",

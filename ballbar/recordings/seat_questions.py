@@ -1,7 +1,7 @@
 """Which seat and which target each of several files of still poses belongs to.
 
 Files are taken one after the other. What one shares with those before it is shown by its poses and
-values (`pose_relations`); what it does not share is named by its path. Of sockets each file is a
+values (`file_relations`); what it does not share is named by its path. Of sockets each file is a
 seat, and the ball is one target. Where files show nothing there is no proposal, so `--yes` refuses.
 """
 
@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import PurePosixPath
 
-from ballbar.recordings.pair_of_files import MeasuredFile
-from ballbar.recordings.pose_relations import Relation, relation
+from ballbar.recordings.file_relations import MeasuredFile, Relation, relation
 from ballbar.recordings.questions import Ask, answer
 from cell.errors import InputError
 from cell.foreign_text import is_printable, one_line
@@ -153,14 +152,14 @@ def _place(
 def _relation(
     earlier: Sequence[MeasuredFile], own: Sequence[MeasuredFile], given: Sequence[Name | None]
 ) -> Relation:
-    """What a file shares with an earlier one, by the parts of both that are most alike.
+    """Whether a file shares seat and target with an earlier one, by the parts with most in common.
 
     A file has several parts where a column names their seats or targets.
     """
 
     def shared(pair: tuple[MeasuredFile, MeasuredFile]) -> tuple[bool | None, bool | None]:
-        alike = [getattr(pair[0].group, key) == getattr(pair[1].group, key) for key in KEYS]
-        seat, target = (a if known else None for a, known in zip(alike, given, strict=True))
+        equal = [getattr(pair[0].group, key) == getattr(pair[1].group, key) for key in KEYS]
+        seat, target = (e if known else None for e, known in zip(equal, given, strict=True))
         return seat, target
 
     def size(pair: tuple[MeasuredFile, MeasuredFile]) -> tuple[int, int]:

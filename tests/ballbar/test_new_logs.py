@@ -8,12 +8,12 @@ import pytest
 import yaml
 
 from acquisition.recording import read_recording
-from ballbar.commands import recordings
 from cell.clock import Clock
 from tests.helpers.command_line import ballbar
 from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, rsi, scope
 from tests.helpers.device_logs import bar_lines, robot_lines
 from tests.helpers.length_recordings import wire_run, write_folder
+from tests.helpers.terminal import at_the_terminal
 
 SAID = ["--robot", "irb2400", "--ballbar", "lund_600"]
 
@@ -109,19 +109,12 @@ def test_the_form_of_up_time_stamps_is_asked(logs: tuple[Path, Path], tmp_path: 
 def test_the_user_is_asked_at_the_prompt(
     logs: tuple[Path, Path], tmp_path: Path, monkeypatch
 ) -> None:
-    asked: list[str] = []
     answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
 
-    def prompt(question: str, default: str | None, *, show_default: bool, err: bool) -> str:
-        assert not err
-        assert not show_default, "a proposal from a file is a part of the question"
-        asked.append(question)
-        return default or next(
-            answer for start, answer in answers.items() if question.startswith(start)
-        )
+    def reply(question: str, _proposal: str | None) -> str | None:
+        return next((a for start, a in answers.items() if question.startswith(start)), None)
 
-    monkeypatch.setattr(recordings.typer, "prompt", prompt)
-    monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
+    asked = at_the_terminal(monkeypatch, reply)
     code, _, _ = ballbar("new", tmp_path / "made", *logs)
     assert code == 0
     assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -10,10 +9,10 @@ import pytest
 import yaml
 
 from acquisition.recording import read_recording
-from ballbar.commands import recordings
-from ballbar.recordings.new_dialect import counted
+from ballbar.recordings.dialect_questions import counted
 from tests.helpers.command_line import ballbar
 from tests.helpers.device_logs import BAR_T, ROBOT_T, bar_lines, robot_lines
+from tests.helpers.terminal import at_the_terminal, in_turn
 
 START = datetime(2026, 3, 31, 8, 15)
 NAMES = ["--robot", "irb2400", "--ballbar", "lund_600"]
@@ -45,34 +44,16 @@ def logs(tmp_path: Path) -> tuple[Path, Path]:
     return robot, bar
 
 
-@pytest.fixture
-def at_the_terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[list[str]], list[str]]:
-    """Answers questions one after the other, an empty answer being the proposal."""
-    questions: list[str] = []
-
-    def answering(replies: list[str]) -> list[str]:
-        left: Iterator[str] = iter(replies)
-
-        def prompt(question: str, default: str | None, *, show_default: bool, err: bool) -> str:
-            questions.append(question)
-            return next(left) or str(default)
-
-        monkeypatch.setattr(recordings.typer, "prompt", prompt)
-        monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
-        return questions
-
-    return answering
-
-
 @pytest.mark.slow
 def test_a_dialect_is_written_from_what_the_file_shows(
-    logs: tuple[Path, Path], tmp_path: Path, at_the_terminal: Callable[[list[str]], list[str]]
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    questions = at_the_terminal(["", "", "", "motors", "rad", "", "", "", "", ""])
+    replies = in_turn("", "", "", "motors", "rad", "", "", "", "", "")
+    asked = at_the_terminal(monkeypatch, replies)
     code, out, err = ballbar("new", tmp_path / "made", *logs, *NAMES)
     assert code == 0, err
-    assert "robot.csv fits no dialect" in questions[0]
-    assert "or new to write one" in questions[0]
+    assert "robot.csv fits no dialect" in asked[0][0]
+    assert "or new to write one" in asked[0][0]
     assert "decimal comma; Zeit in dates with time of day" in out
     dialect = yaml.safe_load((tmp_path / "made/robot-dialect.yaml").read_text())
     assert dialect == {
@@ -92,18 +73,17 @@ def test_a_dialect_is_written_from_what_the_file_shows(
 
 
 def test_an_answer_is_checked_when_it_is_given(
-    logs: tuple[Path, Path], tmp_path: Path, at_the_terminal: Callable[[list[str]], list[str]]
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    questions = at_the_terminal(
-        [
-            *("irb24", "irb2400", "tracker_point", "lund_600"),
-            *("comau-joint", "new", "Zeiten", "Zeit", "m1, m2", "", "gears", "motors", "°", "rad"),
-            *("new", "", "b1=x", "", "0", "", "14", "12"),
-        ]
+    replies = in_turn(
+        *("irb24", "irb2400", "tracker_point", "lund_600"),
+        *("comau-joint", "new", "Zeiten", "Zeit", "m1, m2", "", "gears", "motors", "°", "rad"),
+        *("new", "", "b1=x", "", "0", "", "14", "12"),
     )
+    asked = at_the_terminal(monkeypatch, replies)
     code, _, err = ballbar("new", tmp_path / "made", *logs)
     assert code == 0, err
-    again = [question.splitlines()[0] for question in questions if "\n" in question]
+    again = [question.splitlines()[0] for question, _ in asked if "\n" in question]
     for line, words in zip(
         again,
         (

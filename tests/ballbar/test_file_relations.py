@@ -6,8 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from ballbar.recordings.pair_of_files import MeasuredFile
-from ballbar.recordings.pose_relations import relation
+from ballbar.recordings.file_relations import MeasuredFile, relation
 from cell.poses import PoseTable
 from tests.helpers.drawn_pose_tables import SEAT, TARGET, drawn_robot, point_table
 

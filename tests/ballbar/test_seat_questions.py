@@ -14,11 +14,11 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from ballbar.commands import recordings
-from ballbar.recordings.new_seats import labels
+from ballbar.recordings.seat_questions import labels
 from tests.helpers import own_poses, real_robots
 from tests.helpers.command_line import ballbar
 from tests.helpers.own_poses import Array
+from tests.helpers.terminal import at_the_terminal, in_turn
 
 ARM = own_poses.irb120(np.random.default_rng(11))
 Q = ARM.drawn(np.random.default_rng(12), 60)
@@ -303,15 +303,8 @@ def test_at_a_terminal_the_proposal_is_accepted_or_replaced_by_names(
     code, _, err = new(tmp_path / "made", files, *POINTS)
     assert code == 2, "without a terminal nothing is taken in silence"
     assert "Proposed: yes; --yes takes it." in err
-    replies = iter(["perhaps", "No", "floor", "ball", " ", "floor", "cone"])
-    asked: list[tuple[str, str | None]] = []
-
-    def prompt(question: str, default: str | None, *, show_default: bool, err: bool) -> str:
-        asked.append((question, default))
-        return next(replies)
-
-    monkeypatch.setattr(recordings.typer, "prompt", prompt)
-    monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
+    replies = in_turn("perhaps", "No", "floor", "ball", " ", "floor", "cone")
+    asked = at_the_terminal(monkeypatch, replies)
     code, _, err = new(tmp_path / "made", files, *POINTS)
     assert code == 0, err
     assert "  b.csv: seat seat, target b\n    at equal joint angles its points are" in asked[0][0]

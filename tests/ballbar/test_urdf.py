@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ballbar.robot_file.urdf import parse_urdf, with_round_angles
+from ballbar.robot_file.urdf_chain import bodies, chain_between
 from cell.descriptions import Link
 from cell.errors import DescriptionError
-from cell.urdf import bodies, chain_between, parse_urdf, with_round_angles
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
 from tests.helpers.urdf_files import INERTIAL, Mass, urdf_text
 
@@ -107,7 +108,7 @@ def test_a_robot_on_a_rail_is_refused_by_the_name_of_the_rail() -> None:
         '<link name="world"/><joint name="rail" type="prismatic"><axis xyz="1 0 0"/>'
         '<parent link="world"/><child link="carriage"/></joint></robot>',
     )
-    urdf = parse_urdf(text, "cell.urdf")
+    urdf = parse_urdf(text, "workcell.urdf")
     with pytest.raises(DescriptionError, match=r"joint rail is prismatic.*--base and --tip"):
         chain_between(urdf)
     assert len(chain_between(urdf, base="carriage").joints) == 6

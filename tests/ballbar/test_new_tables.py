@@ -9,7 +9,6 @@ import pytest
 import yaml
 
 from acquisition.pose_tables import read_poses
-from ballbar.commands import recordings
 from cell.rigid_fit import nominal_frames
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_files import (
@@ -24,6 +23,7 @@ from tests.helpers.pose_files import (
     lines,
     write,
 )
+from tests.helpers.terminal import at_the_terminal, in_turn
 
 SAID = ["--robot", "ur5", "--instrument", "tracker_point"]
 
@@ -166,7 +166,7 @@ def test_without_header_the_columns_are_counted(tmp_path: Path) -> None:
         (["--yes"], "which robot?"),
         ([*SAID, "--values", "x,y"], "'x,y': 2 columns, expected 3"),
         ([*SAID, "--values", "x,y,q"], "column q missing"),
-        ([*SAID, "--joint-unit", "grad"], "'grad' is none of rad, deg."),
+        ([*SAID, "--joint-unit", "grad"], "'grad': expected rad or deg."),
         (["--robot", "ur4", *SAID[2:]], "unknown robot 'ur4'"),
         ([*SAID, "--value-unit", "m"], "Write `unit: mm` under values"),
     ],
@@ -185,21 +185,13 @@ def test_a_wrong_answer_at_the_prompt_is_said_and_asked_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = [*JOINTS, "a", "b", "c"]  # no name says that these are x, y, z
-    answers = iter(["a,b", "a,b,d", "a,b,c"])
-    questions: list[str] = []
-
-    def prompt(question: str, default: str | None, *, show_default: bool, err: bool) -> str:
-        questions.append(question)
-        return next(answers)
-
-    monkeypatch.setattr(recordings.typer, "prompt", prompt)
-    monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
+    asked = at_the_terminal(monkeypatch, in_turn("a,b", "a,b,d", "a,b,c"))
     path = table(tmp_path, lines(columns(), names))
     code, _, _ = ballbar("new", tmp_path / "made", "--poses", path, *SAID)
     assert code == 0
-    assert "which columns hold x, y and z?" in questions[0]
-    assert questions[1].startswith("'a,b': 2 columns, expected 3")
-    assert "column d missing" in questions[2]
+    assert "which columns hold x, y and z?" in asked[0][0]
+    assert asked[1][0].startswith("'a,b': 2 columns, expected 3")
+    assert "column d missing" in asked[2][0]
     np.testing.assert_allclose(read_poses(tmp_path / "made").q, Q, atol=1e-9)
 
 

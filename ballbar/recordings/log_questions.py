@@ -1,0 +1,329 @@
+"""Questions of `ballbar new` about two logs: the content of recording.yaml and of new dialects.
+
+What the files show is proposed, and the user confirms it at the prompt or by an option; what they
+cannot show is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, get_args
+
+from acquisition.sources import layout_of
+from acquisition.table.fields import split_fields
+from acquisition.table.header import read_header
+from acquisition.times import TIME_FORMS, recognised, words
+from ballbar.recordings.answers import Answers
+from ballbar.recordings.dialect_questions import new_dialect
+from ballbar.recordings.preview import LogPreview
+from ballbar.recordings.questions import Ask, answer, one_of, time_form, whole_number
+from cell.arrays import Array
+from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
+from cell.errors import InputError
+from cell.file_units import METRES, LogLengthUnit
+from cell.instrument import Instrument
+from cell.load import (
+    ballbar_names,
+    describes_instrument,
+    length_names,
+    load_ballbar,
+    load_instrument,
+    load_robot,
+    load_telescoping_bar,
+    robot_names,
+)
+from cell.logs import SourceName
+from cell.recording import SourceFile
+from cell.schema_errors import nearest
+from cell.selectors import find
+
+ENCODERS = ("b1", "b2", "b3", "b4", "b5")
+UNITS = get_args(LogLengthUnit)
+OWN = "new"  # the answer that asks for a dialect of one's own
+_ANGLES = {
+    "motors": "motor angles",
+    "axes": "axis angles as the controller shows them",
+    "joints": "joint angles of the DH model",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LogDescription:
+    """The content of recording.yaml, and that of new dialects by the names of their files."""
+
+    recording: dict[str, Any]
+    dialects: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def log_description(
+    robot_log: LogPreview, bar_log: LogPreview, answers: Answers, ask: Ask
+) -> LogDescription:
+    """The description that answers and files give; raises InputError where an answer is missing."""
+    if answers.ballbar and answers.instrument:
+        raise InputError("give either --ballbar or --instrument: one of them made the second log.")
+
+    def robot(name: str) -> str:
+        load_robot(name)
+        return name
+
+    def holder(name: str) -> str:
+        (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
+        return name
+
+    robots, bars = ", ".join(robot_names()), ", ".join((*ballbar_names(), *length_names()))
+    question = f"Which robot? ({robots}, or a .yaml file)"
+    head = {"schema": "ballbar-recording/1", "kind": "real"}
+    head["robot"] = answer(answers.robot, question, None, robot, ask)
+    question = f"Which ball-bar or other instrument? ({bars}, or a .yaml file)"
+    bar = answer(answers.ballbar or answers.instrument, question, None, holder, ask)
+    kind: SourceName = "length" if answers.instrument or describes_instrument(bar) else "ballbar"
+    description = LogDescription({**head, "instrument" if kind == "length" else "ballbar": bar})
+    sources: dict[str, dict[str, Any]] = {}
+    logs: tuple[tuple[SourceName, LogPreview, str | None, str | None], ...] = (
+        ("robot", robot_log, answers.robot_dialect, answers.robot_time),
+        (kind, bar_log, answers.ballbar_dialect, answers.ballbar_time),
+    )
+    for name, log, dialect_name, time in logs:
+        chosen = _chosen_dialect(name, dialect_name, log, ask)
+        dialect, sources[name] = _source(name, log, chosen, time, ask, description)
+        if answers.damaged_rows:
+            sources[name]["damaged_rows"] = answers.damaged_rows
+    description.recording["sources"] = sources
+    if kind == "length":
+        sources[kind] |= _length(bar_log, load_instrument(bar), dialect, answers, ask)
+    else:
+        encoders = _encoders(bar_log.columns, bar, answers, ask)
+        description.recording["encoders"] = encoders
+    description.recording["notes"] = ""
+    return description
+
+
+def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask: Ask) -> str:
+    """The dialect of a log; proposed if it is the only one that fits, a new one if none does."""
+    dialects = {name: load_dialect(name) for name in dialect_names()}
+    known = {name: dialect for name, dialect in dialects.items() if dialect.source == source}
+    fitting = [
+        name
+        for name, dialect in known.items()
+        if _fits(dialect, log)
+        # numbers that no name in the file calls torques
+        and not (dialect.container == "egm" and dialect.torques)
+    ]
+    table = log.container == "text" and source != "force"
+    own = f", or {OWN} to write one from what the file shows" if table else ""
+    choices = f"({', '.join(known)}, or a .yaml file{own})"
+
+    def check(name: str) -> str:
+        if table and name == OWN:
+            return name
+        dialect = _dialect(name)
+        if dialect.source != source:
+            other = f"that dialect is of a {dialect.source} log"
+            raise InputError(f"{other}, and {log.name} of {source}.")
+        _refuse_unfit(dialect, log)
+        return name
+
+    if fitting:
+        meaning = _meaning(known[fitting[0]], log)
+        question = f"{log.name} fits the dialect {fitting[0]}: {meaning}. Which dialect? {choices}"
+        return answer(given, question, fitting[0] if len(fitting) == 1 else None, check, ask)
+    question = f"{log.name} fits no dialect. Which one? {choices}"
+    return answer(given, question, OWN if table else None, check, ask)
+
+
+def _fits(dialect: Dialect, log: LogPreview) -> bool:
+    try:
+        _refuse_unfit(dialect, log)
+    except InputError:
+        return False
+    return True
+
+
+def _refuse_unfit(dialect: Dialect, log: LogPreview) -> None:
+    """Raises InputError unless the container, and for text the header, are those of the dialect."""
+    if dialect.container != log.container:
+        raise InputError(f"{log.name} is {log.container}, the dialect reads {dialect.container}.")
+    text = log.text
+    if text is None or log.container != "text":
+        return
+    source = SourceFile(files=(text.file,), dialect="")
+    shown = _shown_form(dialect, log)
+    if shown in ("date", "iec-time") and shown not in dialect.time.possible:
+        raise InputError(f"the time stamps of {log.name} are {words(shown)}, not of that dialect.")
+    if dialect.source in {"robot", "force"}:
+        read_header(text, layout_of(source, dialect))
+    else:
+        halves = set(dialect.time.halves or ()) if dialect.source != "length" else set[str]()
+        stamped = bool(halves) and halves <= set(log.columns)
+        if _stamp_column(log, dialect) is None and not stamped:
+            raise InputError(f"{log.name} has no column {dialect.time.column} of time stamps.")
+
+
+def _meaning(dialect: Dialect, log: LogPreview) -> str:
+    """Meaning of a log by a dialect, as the part of a sentence."""
+    if dialect.source == "robot":
+        what = f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
+    else:
+        what = "a length" if dialect.source == "length" else "raw counters"
+    possible = dialect.time.possible
+    form = possible[0] if len(possible) == 1 else _shown_form(dialect, log)
+    return what if form is None else f"{what}, time in {words(form)}"
+
+
+def _source(
+    name: SourceName,
+    log: LogPreview,
+    chosen: str,
+    time: str | None,
+    ask: Ask,
+    description: LogDescription,
+) -> tuple[Dialect, dict[str, Any]]:
+    """The chosen dialect and its source in recording.yaml; asks for a form of stamps that hides.
+
+    time : the form, where an option gave it. description : takes a dialect that is written.
+    """
+    source: dict[str, Any] = {"files": [f"raw/{log.name}"], "dialect": chosen}
+    if chosen == OWN and log.text is not None:
+        data, hidden = new_dialect(name, log, time, ask)
+        source["dialect"] = f"{name}-dialect.yaml"
+        description.dialects[source["dialect"]] = data
+        dialect = Dialect.model_validate(json.loads(json.dumps(data)))
+        return dialect, source if hidden is None else source | {"time": hidden}
+    dialect, column = _dialect(chosen), None
+    if log.text is not None:
+        column = _stamp_column(log, dialect)  # none for two halves: the reader knows
+    forms = dialect.time.forms
+    hides = bool(forms) and column is not None and _shown_form(dialect, log) not in forms
+    if time is not None or hides:
+        source["time"] = time_form(
+            log.name,
+            log.values(column),
+            periods=dialect.period_s,
+            given=time,
+            ask=ask,
+            proposed=dialect.time.possible,
+        )
+    return dialect, source
+
+
+def _shown_form(dialect: Dialect, log: LogPreview) -> TimeForm | None:
+    """The form that the stamp in the middle row of a table shows."""
+    text, name = log.text, _stamp_column(log, dialect)
+    if text is None or name is None:
+        return None
+    row = split_fields(text.lines[len(text.lines) // 2], log.separator)
+    column = log.columns.index(name)
+    if len(row) <= column:
+        return None
+    return recognised(row[column], dialect.time.forms) or recognised(row[column], TIME_FORMS)
+
+
+def _dialect(name: str) -> Dialect:
+    return dialect_file(Path(name)) if name.endswith(".yaml") else load_dialect(name)
+
+
+def _stamp_column(log: LogPreview, dialect: Dialect) -> str | None:
+    """Name of the column of the time stamps, None where the header shows none."""
+    return next((log.columns[k] for k in find(dialect.time.column, log.columns)), None)
+
+
+def _length(
+    log: LogPreview, instrument: Instrument, dialect: Dialect, answers: Answers, ask: Ask
+) -> dict[str, Any]:
+    """Column, unit and zero of a length; those proposed put the log inside the stroke."""
+    stamps = find(dialect.time.column, log.columns)
+    names = [name for k, name in enumerate(log.columns) if k not in stamps]
+    fitting = {name: likely_unit(instrument, log.values(name)) for name in names}
+    inside = [name for name, unit in fitting.items() if unit is not None]
+    proposal = inside[0] if len(inside) == 1 else names[0] if len(names) == 1 else None
+    question = f"Which column holds the length? Columns: {', '.join(names)}."
+    column = answer(answers.column, question, proposal, one_of(*names), ask)
+    unit, zero = fitting.get(column) or (None, None)
+    question = f"{column}: in which unit? ({', '.join(UNITS)})"
+    chosen = answer(answers.unit, question, unit, one_of(*UNITS), ask)
+    out: dict[str, Any] = {"column": column, "unit": chosen}
+    if answers.zero is not None:
+        return out | {"zero_m": answers.zero}
+    if zero:  # the column shows deviations
+        question = f"{column}: length where it shows zero, in m?"
+        return out | {"zero_m": answer(None, question, f"{zero:g}", _metres, ask)}
+    return out
+
+
+def likely_unit(instrument: Instrument, values: Array) -> tuple[str, float] | None:
+    """Unit and zero [m] that put all values (N,) of a column inside the instrument's range.
+
+    The largest unit, and lengths before deviations from the nominal one; None where none fits.
+    """
+    if not values.size:
+        return None
+    least, most = float(values.min()), float(values.max())
+    for zero in (0.0, instrument.nominal):
+        for unit in UNITS:
+            size = METRES[unit]
+            if instrument.lower <= zero + size * least and zero + size * most <= instrument.upper:
+                return unit, zero
+    return None
+
+
+def _metres(reply: str) -> float:
+    try:
+        return float(reply)
+    except ValueError:
+        raise InputError(f"{reply!r} is not a number. Write metres, such as 0.3.") from None
+
+
+def _encoders(
+    columns: Sequence[str], ballbar: str, answers: Answers, ask: Ask
+) -> dict[str, dict[str, Any]]:
+    """The encoders of recording.yaml: counter column, lines, bits, direction."""
+
+    def parsed(reply: str) -> Mapping[str, tuple[str, int]]:
+        return _parsed_encoders(reply.split(), columns)
+
+    if answers.encoder:
+        chosen = _parsed_encoders(answers.encoder, columns)
+    else:
+        proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
+        listed = ", ".join(columns)
+        question = f"Which column holds which encoder's counter? Columns: {listed}. (b1=COLUMN"
+        chosen = answer(None, f"{question} b2=COLUMN:-1 ...)", proposal, parsed, ask)
+    nominal = load_ballbar(ballbar)
+    question, check = "Lines of the encoders per turn?", whole_number(1, 10_000_000)
+    lines = answers.lines or answer(None, question, str(nominal.encoder_lines), check, ask)
+    question, check = "Bits of the interpolation (EL5021 object 8001:11)?", whole_number(8, 13)
+    bits = answers.bits or answer(None, question, str(nominal.encoder_bits), check, ask)
+    return {
+        name: {"column": column, "lines": lines, "bits": bits, "sign": direction}
+        for name, (column, direction) in sorted(chosen.items())
+    }
+
+
+def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[str, tuple[str, int]]:
+    """Encoder -> (counter column, direction +1 or -1), from `b1=COLUMN` or `b1=COLUMN:-1`.
+
+    columns : of the log, as far as they can be seen.
+
+    Raises InputError also for a name that is none of them.
+    """
+    encoders: dict[str, tuple[str, int]] = {}
+    for text in texts:
+        name, equals, column = text.partition("=")
+        direction = "1"
+        if column.endswith((":1", ":-1", ":+1")):
+            column, _, direction = column.rpartition(":")
+        if name not in ENCODERS or not equals or not column:
+            raise InputError(
+                f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
+                "direction; encoders are b1 to b5."
+            )
+        if columns and column not in columns:
+            hint = nearest(column, columns, noun="column")
+            raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
+        encoders[name] = (column, int(direction))
+    if not encoders:
+        raise InputError("no encoder was named: write b1=COLUMN, and so on.")
+    return encoders

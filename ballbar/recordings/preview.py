@@ -1,0 +1,79 @@
+"""Preview of a log before a dialect is known: its container, columns and first values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.formats.registry import container_of
+from acquisition.table.fields import HEAD, column_names, likely_separator, split_fields
+from acquisition.table.text import LogText, read_filled, text_of
+from cell.arrays import Array
+from cell.dialect import Container
+
+SHOWN = 2000  # rows, from the first, that are looked at
+
+
+@dataclass(frozen=True)
+class LogPreview:
+    """Container, columns and first values of a log."""
+
+    name: str
+    container: Container
+    text: LogText | None  # None for a binary file
+
+    @classmethod
+    def of(cls, log: Path) -> LogPreview:
+        """The preview of a file. Raises LogError if it cannot be opened."""
+        content = read_filled(log, log.name)
+        container = container_of(content.raw)
+        text = text_of(content, log.name) if container in ("text", "twincat-scope") else None
+        return cls(log.name, container, text)
+
+    @cached_property
+    def separator(self) -> str:
+        return "" if self.text is None else likely_separator(self.text)
+
+    @cached_property
+    def columns(self) -> list[str]:
+        """Names of its columns, as far as they can be seen.
+
+        In a TwinCAT Scope export they are the channels, in the last of the first lines that begins
+        with Name.
+        """
+        if self.text is None or self.container != "twincat-scope":
+            return [] if self.text is None else column_names(self.text)
+        named = [line for line in self.text.lines[:HEAD] if line.startswith("Name")]
+        fields = split_fields(named[-1], self.separator) if named else []
+        return [name for name in fields if name != "Name"]
+
+    @cached_property
+    def rows(self) -> list[list[str]]:
+        """The cells of the first rows below the header that have its number of fields."""
+        lines = [] if self.text is None else self.text.lines[:SHOWN]
+        rows = [split_fields(line, self.separator) for line in lines]
+        below = rows[rows.index(self.columns) + 1 :] if self.columns in rows else []
+        return [row for row in below if len(row) == len(self.columns)]
+
+    def cells(self, name: str) -> list[str]:
+        return [row[self.columns.index(name)] for row in self.rows]
+
+    def numbers(self, name: str) -> list[float | None]:
+        """The numbers of a column; None for a cell that is none."""
+        return [number(cell) for cell in self.cells(name)]
+
+    def values(self, name: str | None) -> Array:
+        """(N,) numbers of a column; none of it where a cell is no number."""
+        numbers = [] if name is None else self.numbers(name)
+        return np.array([] if None in numbers else numbers, dtype=np.float64)
+
+
+def number(cell: str) -> float | None:
+    """The number in a cell, with decimal point or comma; None if it holds none."""
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return None

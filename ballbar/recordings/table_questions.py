@@ -1,0 +1,203 @@
+"""Questions of `ballbar new` about a table of still poses: the content of poses.yaml.
+
+What names and numbers of the table show is taken and printed: columns of the joint angles, of the
+measured values and of their deviations, units, the convention of rotations. What they do not show
+is a question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from acquisition.declared_columns import AXES_OF
+from acquisition.faults.nominal_robot import orientations
+from acquisition.faults.robot_angles import Reading
+from acquisition.formats.table_file import FileKind, pose_text
+from acquisition.pose_rows import pose_stamps
+from acquisition.table.quantities import read_rows
+from acquisition.table.text import LogText
+from ballbar.recordings.answers import Answers
+from ballbar.recordings.proposals import (
+    ColumnNames,
+    angle_unit,
+    column_names,
+    column_values,
+    joint_columns,
+    length_unit,
+    named_column,
+    sigma_columns,
+    stated_unit,
+    value_columns,
+)
+from ballbar.recordings.questions import Ask, answer, one_of
+from ballbar.recordings.seat_questions import KEYS
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.errors import InputError, LogError
+from cell.file_units import METRES, AngleUnit
+from cell.instrument import Instrument
+from cell.load import instrument_names, load_instrument, load_robot, robot_names
+from cell.pose_file import PoseTime
+from cell.poses import COLUMNS
+
+T = TypeVar("T")
+Columns = list[int | str]
+_KINDS = {"length": "the length", "point": "x, y and z", "pose": "x, y, z and the rotation"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """A table, what the user answered by options, and who answers other questions about it."""
+
+    text: LogText
+    kind: FileKind
+    columns: ColumnNames
+    answers: Answers
+    ask: Ask
+
+    def answer(
+        self, given: str | None, question: str, proposal: str | None, check: Callable[[str], T]
+    ) -> T:
+        """The checked answer to a question about the table, as `questions.answer`."""
+        return answer(given, f"{self.text.file}: {question}", proposal, check, self.ask)
+
+    def named_columns(
+        self, given: str | None, question: str, seen: list[tuple[str, ...]], counts: tuple[int, ...]
+    ) -> Columns:
+        """Columns, one of `counts` many, that the user names; seen : those that are proposed.
+
+        The only ones that are seen are taken without a question.
+        """
+
+        def check(reply: str) -> Columns:
+            count = next((n for n in counts if reply.count(",") == n - 1), counts[0])
+            written = [part.strip() for part in reply.split(",") if part.strip()]
+            chosen: Columns = [int(p) if p.isdigit() else p for p in written]
+            if len(chosen) != count and not reply.startswith("re:"):
+                raise InputError(
+                    f"{reply!r}: {len(chosen)} columns, expected {count}, separated by commas."
+                )
+            if len(chosen) == count:
+                self.values(chosen)
+            return chosen
+
+        proposal = ", ".join(seen[0]) if seen else None
+        given = given or (proposal if len(seen) == 1 else None)
+        question = f"{question} Columns: {self.columns.words}."
+        return self.answer(given, question, proposal, check)
+
+    def values(self, columns: Columns) -> Array:
+        """(N, C) numbers of columns in their own units, rows with empty fields left out."""
+        return column_values(self.text, self.kind, columns)
+
+
+def table_description(
+    file: Path, answers: Answers, ask: Ask
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The head of poses.yaml, and what it says of a table beside its files."""
+    text, kind = pose_text(file, file.name)
+    table = _Table(text, kind, column_names(text), answers, ask)
+
+    def loaded(load: Callable[[str], T]) -> Callable[[str], tuple[str, T]]:
+        return lambda reply: (reply, load(reply))
+
+    question = f"which robot? ({', '.join(robot_names())}, or a .yaml file)"
+    name, robot = table.answer(answers.robot, question, None, loaded(load_robot))
+    question = f"which instrument? ({', '.join(instrument_names())}, or a .yaml file)"
+    measured_by, instrument = table.answer(
+        answers.instrument, question, None, loaded(load_instrument)
+    )
+    joints = _joints(table, robot)
+    declared = {"joints": joints, **_values(table, robot, instrument, joints)}
+    for key, pattern in zip(KEYS, (r"^(seat|station|setup)$", r"^(target|smr|ball)$"), strict=True):
+        if column := named_column(table.columns, pattern):
+            declared[key] = {"column": column}
+    if (time := named_column(table.columns, r"time|stamp|date")) and _tells_time(table, time):
+        declared["time"] = {"column": time}
+    if temperature := named_column(table.columns, r"temp"):
+        declared["temperature"] = {"column": temperature}
+    head = {"schema": "ballbar-poses/1", "kind": "real", "robot": name, "instrument": measured_by}
+    return head, declared
+
+
+def _tells_time(table: _Table, column: str) -> bool:
+    """Whether the stamps of a column show their form; a spreadsheet may have cut them."""
+    try:
+        rows = read_rows(table.text, table.kind, [column], [column])
+        return pose_stamps(PoseTime(column=column), column, rows)[0] is not None
+    except LogError:
+        return False
+
+
+def _joints(table: _Table, robot: Robot) -> dict[str, Any]:
+    """The joints of a table: columns and unit."""
+    axes, answers = robot.joints, table.answers
+    seen, columns = joint_columns(table.columns, axes), Columns()
+    if table.kind not in AXES_OF or answers.joints is not None or seen:
+        question = f"which {axes} columns hold the joint angles, in the order of the axes?"
+        columns = table.named_columns(answers.joints, question, seen, (axes,))
+    unit, certain = stated_unit([str(column) for column in columns]), None
+    if columns and not str(columns[0]).startswith("re:"):
+        guess, sure = angle_unit(table.values(columns))
+        certain = unit if unit in get_args(AngleUnit) else guess if sure else None
+        unit = certain or guess
+    question = "unit of the joint angles? (rad or deg)"
+    check = one_of(*get_args(AngleUnit))
+    chosen = table.answer(answers.joint_unit or certain, question, unit, check)
+    return {"columns": columns, "unit": chosen}
+
+
+def _values(
+    table: _Table, robot: Robot, instrument: Instrument, joints: dict[str, Any]
+) -> dict[str, Any]:
+    """The values and sigma of a table; nothing of a socket."""
+    measured, answers = instrument.measured, table.answers
+    if measured == "socket":
+        return {}
+    seen = value_columns(table.columns, measured, [str(column) for column in joints["columns"]])
+    question = f"which columns hold {_KINDS[measured]}? A difference is written as `x_t - x_dif`."
+    counts = (COLUMNS[measured], *((7,) if measured == "pose" else ()))
+    columns = table.named_columns(answers.values, question, seen, counts)
+    names = [str(column) for column in columns]
+    logged = table.values(joints["columns"] or [f"rax_{k + 1}" for k in range(robot.joints)])
+    q = Reading("axes", joints["unit"]).joints(robot, logged)
+    values: dict[str, Any] = {"columns": columns}
+    certain, proposal = stated_unit(names[:3]), None
+    if certain not in METRES:
+        certain = None
+        if len(columns) >= 3:
+            points = table.values(columns[:3])
+            proposal = length_unit(robot, q, points) if len(points) == len(q) else None
+    question = f"unit of {', '.join(names[:3])}? ({', '.join(METRES)})"
+    given = answers.value_unit or certain or proposal
+    values["unit"] = table.answer(given, question, proposal, one_of(*METRES))
+    if measured == "pose":
+        values |= _rotation(table, robot, q, columns, METRES[values["unit"]])
+    sigma = sigma_columns(table.columns, names)
+    return {"values": values, **({"sigma": {"columns": list(sigma)}} if sigma else {})}
+
+
+def _rotation(
+    table: _Table, robot: Robot, q: Array, columns: Columns, length: float
+) -> dict[str, Any]:
+    """Convention and unit of rotations: those with which they turn as the flange does.
+
+    length : [m] unit of the positions.
+    """
+    answers, raw = table.answers, table.values(columns)
+    expected = orientations(robot, q, length * raw[:, :3]) if len(raw) == len(q) else None
+    seen = None if expected is None else expected.fitting(raw[:, 3:])
+    convention, unit = (seen[0], seen[1]) if seen else (None, None)
+    question = (
+        "convention of the rotation? (XYZ and the like about moving axes, xyz about fixed ones, "
+        "rotvec, quat_wxyz, quat_xyzw)"
+    )
+    chosen = table.answer(answers.rotation or convention, question, None, str)
+    if chosen.startswith("quat"):
+        return {"rotation": chosen}
+    question, check = "unit of the rotation's angles? (rad or deg)", one_of(*get_args(AngleUnit))
+    turned = table.answer(answers.angle_unit or unit, question, None, check)
+    return {"angle_unit": turned, "rotation": chosen}
