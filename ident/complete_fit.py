@@ -268,7 +268,11 @@ def approached(pose: Pose, excess: ExcessNoise) -> Pose:
     thin = thinned(pose.model, pose.ballbars, samples=COARSE_SAMPLES, times=COARSE_SHARE)
     if thin is None:
         return pose
-    return replace(pose, x=fit_pose(Pose(thin[0], pose.x, thin[1]), excess, per_unknown=1e-2).x)
+    model, ballbars = thin
+    count = len(model.recordings)
+    robust = (*(np.ones(r.size) for r in model.recordings), *pose.robust[count:])
+    coarse = Pose(model, pose.x, ballbars, robust if pose.robust else ())
+    return replace(pose, x=fit_pose(coarse, excess, per_unknown=1e-2).x)
 
 
 def posed(
@@ -309,10 +313,11 @@ def posed(
         samples.ballbar_angles(r.geometry, r.clock)
         for r, samples in zip(recordings, every, strict=True)
     ]
-    if still is not None:
-        model = replace(model, table=still.table, angle_noise=rounding_noise(still.table.q))
-        ballbars += [np.zeros((group.size, 0)) for group in still.table.groups]
-    return Pose(model, x, ballbars)
+    if still is None:
+        return Pose(model, x, ballbars)
+    model = replace(model, table=still.table, angle_noise=rounding_noise(still.table.q))
+    ballbars += [np.zeros((group.size, 0)) for group in still.table.groups]
+    return Pose(model, x, ballbars, (*(np.ones(s.size) for s in every), *still.robust))
 
 
 def needs_loads(corrections: Sequence[Correction]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, parameter_named
 from cell.payload import TOOL, deviations_between
+from cell.placement import Placement
 from cell.statistics import rms
 from ident.causes import beside_fit
 from ident.consistency import AGREED, consistency
@@ -46,9 +47,11 @@ from ident.result import (
     FitStatistics,
     Identification,
     NamedCovariance,
+    PlacementEstimate,
     RecordingEstimate,
     Residuals,
     RobotEstimate,
+    TableEstimate,
 )
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, parts_without_scale, tcp_uncertainty
@@ -58,6 +61,8 @@ from ident.signals.step_fault import StepFault
 from ident.tracker import check_tracker
 from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge, masses_in_doubt
 
+# Unexplained part of still poses, in units of what is stated of instrument or tool, that is named
+APART = 3.0
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 
@@ -155,7 +160,48 @@ def result_of(
         verdict = verdict.with_warning(remark) if remark else verdict
     if orders and (remark := joint_error_remark(orders, robot.corrections)):
         verdict = verdict.with_warning(remark)
-    return Identification(robot, estimates, statistics, verdict)
+    poses = _poses(fit, stated)
+    if poses is not None and (remark := _contradiction(poses, rms(robot.tcp_sigma))):
+        verdict = verdict.with_warning(remark)
+    return Identification(robot, estimates, statistics, verdict, poses)
+
+
+def _poses(fit: Fit, stated: Uncertainty) -> TableEstimate | None:
+    """What still poses among the parts of a fit have of their own."""
+    layout, count = fit.model.unknowns, len(fit.model.recordings)
+    if fit.model.table is None:
+        return None
+    sigma = np.sqrt(np.diag(stated.covariance))
+
+    def placed(
+        place: Callable[[Array, str], Placement], parts: dict[str, slice]
+    ) -> dict[str, PlacementEstimate]:
+        return {
+            name: PlacementEstimate(place(fit.x, name), sigma[part][:3], name in layout.framed)
+            for name, part in parts.items()
+        }
+
+    points = fit.linear.evaluations[count:]
+    return TableEstimate(
+        table=fit.model.table,
+        seats=placed(layout.seat, layout.seats),
+        targets=placed(layout.target, layout.targets),
+        errors=tuple(np.linalg.norm(point.closure.error[:3], axis=0) for point in points),
+        ignored=sum(int((weight == 0.0).sum()) for weight in fit.linear.robust[count:]),
+        unexplained=fit.excess.position,
+    )
+
+
+def _contradiction(poses: TableEstimate, tcp_sigma: float) -> str:
+    """What is left of still poses beyond what noise and stated uncertainty explain, if anything."""
+    declared = np.concatenate([group.sigma[:, :3].ravel() for group in poses.table.groups])
+    if poses.unexplained <= APART * max(float(np.median(declared)), tcp_sigma):
+        return ""
+    return (
+        f"the still poses of {poses.table.name} lie {poses.unexplained * 1e3:.3f} mm along each "
+        "axis from where the recordings' robot puts them, beyond all noise: another robot, tool or "
+        "payload, or an instrument that moved. Identify both by themselves and compare them"
+    )
 
 
 def _substituted(robot: RobotEstimate) -> str:

@@ -21,7 +21,7 @@ from ident.complete_fit import fit_complete, settled
 from ident.corrections import supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
 from ident.estimates import result_of
-from ident.estimator.unknowns import PlacedPoses, bare_flange
+from ident.estimator.unknowns import PlacedPoses
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
@@ -31,7 +31,7 @@ from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
-from ident.start.placements import start_of_poses
+from ident.start.placements import placed_by
 from ident.tracker import judged_by_tracker
 from ident.verdict import AUTOCORRELATED, CORRELATED, UNEXPLAINED, Status, implausible, noise_status
 
@@ -93,10 +93,7 @@ def identify_together(
     causes, still = None, None
     if table is not None:
         listener.progress("finding seats and targets")
-        last, flange = bare_flange(cell.robot)
-        values = single[0].geometry.values.copy()
-        values[last] = flange
-        still = start_of_poses(table, single[0].geometry.with_values(values).robot)
+        still = placed_by(single[0].geometry, table)
     if any(map(_is_other_machine, single)):
         causes = Causes.of(cell, recordings, single)
     if causes and causes.hopeless:  # the complete fit would take long and come to nothing

@@ -95,14 +95,15 @@ def identify(
 ) -> None:
     """Identify a robot from one or several recordings; test the result on held-out ones.
 
-    Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml).
+    Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml), or
+    both: of one robot they make one fit.
     Writes calibration.yaml, import_report.json and report.html to DIR (default: the first
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
     from cell.pose_file import pose_file_path
 
-    if pose_file_path(recordings[0]).is_file():
+    if all(pose_file_path(recording).is_file() for recording in recordings):
         _identify_poses(
             recordings, validate or [], out_dir, joint_errors, rerun=rerun, as_json=as_json
         )

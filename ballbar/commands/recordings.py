@@ -140,7 +140,8 @@ def check(
 
     Nothing is identified.
     """
-    from ballbar.recordings.check import check_data, check_lines, holds_poses, repairs
+    from ballbar.recordings.check import check_data, check_lines, repairs
+    from ballbar.result.inputs import holds_poses
 
     poses = holds_poses(recording)
     if explain_reading and not as_json:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
 from ballbar.result.iterations import Step
@@ -51,6 +52,8 @@ class RunData:
     scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
     iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where requested
+    # name, folder and content of tables of still poses that were fitted together with them
+    tables: tuple[tuple[str, Path, PoseImport], ...] = ()
 
     @property
     def acceptable(self) -> bool:

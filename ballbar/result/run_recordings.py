@@ -6,17 +6,17 @@ their files must say so.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from acquisition.pose_tables import import_poses
 from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
+from ballbar.result.inputs import check_one_robot, distinct_names, holds_poses, joined
 from ballbar.result.run_data import FittedRecording, RunData, Validation
 from cell.errors import InputError
-from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell
 from cell.recording import load_recording_file
 from ident.held_out import held_out
@@ -35,13 +35,22 @@ def identify_recordings(
     settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
     listener: Listener = SILENT,
 ) -> RunData:
-    """One robot from one or several recordings, tried on the held-out ones.
+    """One robot from recordings, and tables of still poses of it, tried on held-out recordings.
 
     Raises InputError for bad files, for recordings that do not belong together and for settings
     that contradict them; StartError when the logs of a recording do not fit together.
     """
+    if still := [folder for folder in validate if holds_poses(folder)]:
+        raise InputError(
+            f"{still[0]}: is a table of still poses. A robot that was identified from recordings "
+            "is tried on recordings; name the table among those that are fitted."
+        )
+    tables = [folder for folder in folders if holds_poses(folder)]
+    names = distinct_names([*folders, *validate])
+    called = dict(zip([*folders, *validate], names, strict=True))
+    folders = [folder for folder in folders if folder not in tables]
     every = [*folders, *validate]
-    names = distinct_names(every)
+    names = [called[folder] for folder in every]
     _check_settings(settings)
     _check_same_cell(every)
     listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
@@ -53,7 +62,15 @@ def identify_recordings(
     cell = load(first.robot, first.measured_by, first.plate, relative_to=folders[0])
     options, count = settings.options, len(folders)
     logs = [logs_of(name, recording) for name, recording in zip(names, read, strict=True)]
-    result = identify_together(cell, logs[:count], options=options, listener=listener)
+    imported = [(called[folder], folder, import_poses(folder)) for folder in tables]
+    check_one_robot(tables, [content for _, _, content in imported])
+    result = identify_together(
+        cell,
+        logs[:count],
+        joined(imported) if imported else None,
+        options=options,
+        listener=listener,
+    )
     held = zip(validate, read[count:], logs[count:], strict=True)
     validations = tuple(
         _validated(result, folder, recording, own, options, listener)
@@ -65,33 +82,12 @@ def identify_recordings(
         result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
-        name=" + ".join(names[:count]),
+        name=" + ".join([*names[:count], *(called[folder] for folder in tables)]),
         recordings=tuple(FittedRecording(*parts) for parts in fitted),
         identification=result,
         validations=validations,
+        tables=tuple(imported),
     )
-
-
-def distinct_names(folders: Sequence[Path]) -> list[str]:
-    """Each folder's last part, or as many parts from the end as tell it from the others, printable.
-
-    Raises InputError when one of them is given twice.
-    """
-    whole = [folder.resolve() for folder in folders]
-    if twice := [str(folders[i]) for i, path in enumerate(whole) if path in whole[:i]]:
-        raise InputError(
-            f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
-            "as held out."
-        )
-    names = [""] * len(whole)
-    for parts in range(1, max(len(path.parts) for path in whole) + 1):
-        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in whole]
-        count = Counter(tails)
-        names = [
-            name or (tail if count[tail] == 1 else "")
-            for name, tail in zip(names, tails, strict=True)
-        ]
-    return names
 
 
 def validated(

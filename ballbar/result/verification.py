@@ -14,7 +14,8 @@ from acquisition.report import ImportReport, finding_line
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
 from ballbar.result.calibration_file import CalibrationFile
-from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
+from ballbar.result.inputs import distinct_names
+from ballbar.result.run_recordings import description_identity, logs_of
 from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path
 from cell.recording import RecordingFile

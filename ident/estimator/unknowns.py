@@ -179,6 +179,8 @@ class PlacedPoses:
     table: PoseTable
     seats: Mapping[str, Placement]  # in the robot's base frame
     targets: Mapping[str, Placement]  # in the flange's frame
+    # (N,) square root of each pose's robust weight, by group; empty where all count in full
+    robust: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

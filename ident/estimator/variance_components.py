@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from cell.arrays import Array
@@ -57,14 +58,15 @@ def excess_noise(fit: Fit) -> ExcessNoise:
     data = sum(r.size for r in fit.linear.residuals)
     share = np.sqrt(data / max(1, fit.degrees))
     components = COMPONENTS if fit.model.table is None else (*COMPONENTS, *OF_POSES)
+    robust = fit.linear.robust or [np.ones(point.samples.size) for point in fit.linear.evaluations]
     likelihoods = [
         _Likelihood.of(
             point,
             fit.model.backlash_uncertainty(fit.x, point),
-            share * point.closure.error,
+            share * point.closure.error * weight,
             components,
-        )
-        for point in fit.linear.evaluations
+        ).part(weight > 0.0)
+        for point, weight in zip(fit.linear.evaluations, robust, strict=True)
     ]
 
     def deviance(logs: Array) -> tuple[float, Array]:
@@ -99,6 +101,14 @@ class _Likelihood:
         units = [ExcessNoise(**{name: 1.0}) for name in components]
         added = [covariance(point.noise_columns(unit)) - silent for unit in units]
         return cls(error, logged, np.array(added))
+
+    def part(self, samples: NDArray[np.bool_]) -> _Likelihood:
+        """That of some of the samples."""
+        if samples.all():
+            return self
+        return _Likelihood(
+            self.error[:, samples], self.logged[..., samples], self.per_variance[..., samples]
+        )
 
     def deviance(self, variances: Array) -> tuple[float, Array]:
         """-2 log likelihood of the variances, and its derivatives (C,)."""

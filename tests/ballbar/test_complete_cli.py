@@ -21,8 +21,9 @@ from ballbar.replay.write import write_replay
 from ballbar.report.page import begin_parts, render_report
 from ballbar.result.calibration import load_calibration
 from ballbar.result.compare import identification_against_truth
+from ballbar.result.inputs import distinct_names
 from ballbar.result.run_data import RunData, Validation
-from ballbar.result.run_recordings import distinct_names, identify_recordings
+from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
 from cell.errors import DescriptionError, InputError
