@@ -23,8 +23,7 @@ from cell.recording import RecordingFile
 from planning.pose_request import PosePlanRequest
 from planning.request import PlanRequest
 from sim.path_files import LissajousFile, PushPullFile
-from sim.poses.truth import PoseTruthFile
-from sim.truth import TruthFile
+from sim.truth import PoseTruth, Truth
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 EXTENDABLE: dict[str, type[BaseModel]] = {
@@ -47,8 +46,8 @@ KINDS: dict[str, type[BaseModel]] = {
     "recording": RecordingFile,
     "poses": PosesFile,
     "calibration": CalibrationFile,
-    "truth": TruthFile,
-    "pose-truth": PoseTruthFile,
+    "truth": Truth,
+    "pose-truth": PoseTruth,
 }
 _BASE = {
     "type": "string",

@@ -18,6 +18,7 @@ from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import (
     SCENARIOS,
+    PoseScenario,
     Scenario,
     scenario_path,
     with_copied_descriptions,
@@ -27,10 +28,12 @@ from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.extended_yaml import files_of
 from cell.files import DESCRIPTIONS, claimed_folder
+from cell.pose_file import load_poses_file
 from cell.processes import Begin
 from cell.recording import load_recording_file
-from sim.recording_files import truth_path, write_recording
+from sim.recording_files import TABLE, truth_path, write_poses, write_recording
 from sim.simulate import Simulation, simulate
+from sim.still_poses import PoseSimulation, simulate_poses
 
 if TYPE_CHECKING:  # a run without --live imports no viewer
     from ballbar.replay.live import LiveRun
@@ -51,7 +54,7 @@ def simulate_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or a
     real recording.
     """
-    with _claimed_recording(folder):
+    with _claimed(folder, still=False):
         progress("simulating the cell")
         files = scenario_file.parent
         on_motion = live.moved if live else None
@@ -70,18 +73,46 @@ def simulate_scenario(
         return simulation
 
 
-@contextmanager
-def _claimed_recording(folder: Path) -> Iterator[None]:
-    """A folder that a simulated recording may be written to.
+def simulate_pose_scenario(
+    scenario: PoseScenario, scenario_file: Path, folder: Path, *, progress: Progress
+) -> PoseSimulation:
+    """Simulates a scenario of still poses and writes its table, and beside it truth and scenario.
 
-    Raises InputError where it holds something else, or a real recording, which is never replaced.
+    Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
+    poses.
     """
-    with claimed_folder(folder, {"recording.yaml", "raw", DESCRIPTIONS}, "a recording"):
-        if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
-            raise InputError(
-                f"{folder}: holds a real recording; nothing was written. Choose another folder "
-                "with --out."
-            )
+    with _claimed(folder, still=True):
+        progress("simulating the poses")
+        files = scenario_file.parent
+        try:
+            simulation = simulate_poses(scenario, relative_to=files)
+        except InputError as error:
+            raise InputError(f"{scenario_file}: {error}") from None
+        progress("writing the table")
+        write_scenario(scenario, files, folder)
+        write_poses(simulation, scenario, folder, relative_to=files)
+        return simulation
+
+
+@contextmanager
+def _claimed(folder: Path, *, still: bool) -> Iterator[None]:
+    """A folder that a simulated recording or table of still poses may be written to.
+
+    Raises InputError where it holds something else, or what was really measured, which is never
+    replaced.
+    """
+    marker, data, what = "recording.yaml", "raw", "a recording"
+    if still:
+        marker, data, what = "poses.yaml", TABLE, "a table of poses"
+    with claimed_folder(folder, {marker, data, DESCRIPTIONS}, what):
+        if (file := folder / marker).exists():
+            stored = load_poses_file(file) if still else load_recording_file(folder)
+            if stored.kind == "real":
+                real = "real poses" if still else "a real recording"
+                raise InputError(
+                    f"{folder}: holds {real}; nothing was written. Choose another folder with "
+                    "--out."
+                )
         yield
 
 

@@ -20,8 +20,7 @@ from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
 from ident.thesis.names import ENCODERS_NEEDED
-from sim.poses.settings import PoseSimulationSettings
-from sim.settings import SimulationSettings
+from sim.settings import PoseSimulationSettings, SimulationSettings
 
 SCENARIOS = ExtendableKind(
     what="scenario",
@@ -33,21 +32,24 @@ Limit = Annotated[float, Field(gt=0.0)] | None
 
 
 class TcpLimits(Strict):
-    """What every scenario can limit: errors against the truth, and what the fit says of itself."""
+    """Limits of an acceptable run, each stated at most; beyond one of them it exits with code 1.
+    Every scenario can state those on the tool's errors and on what the fit says of itself.
+    """
 
-    verdict: Literal["good", "suspect"] | None = Field(
-        None, description="Worst acceptable verdict; any worse than suspect fails the run anyway."
-    )
-    tcp_mean_mm: Limit = Field(None, description="Mean TCP error over the accuracy grid.")
-    tcp_max_mm: Limit = Field(None, description="Largest TCP error over the accuracy grid.")
-    tcp_sigma_mm: Limit = Field(
-        None,
-        description="Stated TCP uncertainty (1 sigma), mean over the same poses; with the scale of "
-        "plate and rod, or of a length's sensor. Of still poses in the instrument's scale.",
-    )
-    tcp_over_stated: Limit = Field(
-        None, description="Mean TCP error over the mean stated uncertainty, likewise."
-    )
+    verdict: Literal["good", "suspect"] | None = None
+    """Worst acceptable verdict; any worse than suspect fails the run anyway."""
+    tcp_mean_mm: Limit = None
+    """Mean TCP error over the accuracy grid; of still poses over random ones within the fitted
+    ranges of the joints.
+    """
+    tcp_max_mm: Limit = None
+    """Largest TCP error over the same poses."""
+    tcp_sigma_mm: Limit = None
+    """Stated TCP uncertainty (1 sigma), mean over the same poses; with the scale of plate and rod,
+    or of a length's sensor. Of still poses in the instrument's scale.
+    """
+    tcp_over_stated: Limit = None
+    """Mean TCP error over the mean stated uncertainty."""
 
 
 class AcceptSettings(TcpLimits):
@@ -57,39 +59,30 @@ class AcceptSettings(TcpLimits):
     would judge the machine (docs/validation.md compares times with named rivals).
     """
 
-    parameter_distance_mm_mrad: Limit = Field(
-        None,
-        description="Euclidean distance over the identified parameters, mm and mrad mixed (thesis "
-        "sec. 3.4).",
-    )
+    parameter_distance_mm_mrad: Limit = None
+    """Euclidean distance over the identified parameters, mm and mrad mixed (thesis sec. 3.4)."""
     clock_offset_us: Limit = None
     clock_skew_ppm: Limit = None
-    iterations: Annotated[int, Field(gt=0)] | None = Field(
-        None, description="From the automatic start to the result."
-    )
-    loop_closure_um: Limit = Field(
-        None,
-        description="Largest distance by which the simulated loop is open, by DH from the true "
-        "angles; `simulate` checks it too.",
-    )
-    rod_force_N: Limit = Field(
-        None, description="Largest force in the rod, pull or push; `simulate` checks it too."
-    )
-    held_out_ratio: Limit = Field(
-        None,
-        description="Residual on held_out_file over what noise and stated uncertainty explain.",
-    )
-    held_out_file: str = Field(
-        "",
-        description="Path file, relative to the scenario, on which the same machine is recorded "
-        "once more for held_out_ratio.",
-    )
-    corrected_mean_mm: Limit = Field(
-        None,
-        description="Of `ballbar rehearse`: mean distance of the tool from the wanted positions, "
-        "with corrected targets in the plant.",
-    )
-    corrected_max_mm: Limit = Field(None, description="Likewise the largest distance.")
+    iterations: Annotated[int, Field(gt=0)] | None = None
+    """From the automatic start to the result."""
+    loop_closure_um: Limit = None
+    """Largest distance by which the simulated loop is open, by DH from the true angles; `simulate`
+    checks it too.
+    """
+    rod_force_N: Limit = None
+    """Largest force in the rod, pull or push; `simulate` checks it too."""
+    held_out_ratio: Limit = None
+    """Residual on held_out_file over what noise and stated uncertainty explain."""
+    held_out_file: str = ""
+    """Path file, relative to the scenario, on which the same machine is recorded once more for
+    held_out_ratio.
+    """
+    corrected_mean_mm: Limit = None
+    """Mean distance of the tool from the wanted positions, by `ballbar rehearse` with corrected
+    targets in the plant.
+    """
+    corrected_max_mm: Limit = None
+    """Largest distance of the tool from the wanted positions, by `ballbar rehearse`."""
 
     @model_validator(mode="after")
     def _held_out(self) -> AcceptSettings:
@@ -134,7 +127,7 @@ class Scenario(SimulationSettings):
 
     @model_validator(mode="after")
     def _options_have_their_cost(self) -> Scenario:
-        """What is of the thesis's costs on samples is not asked of others."""
+        """Options of the thesis's costs on samples are not stated for other costs."""
         identify = self.identify
         for key in ("rod_sign", "shift_rounds", "instants"):
             given = getattr(identify, key) != IdentifySettings.model_fields[key].default
@@ -161,17 +154,11 @@ class Scenario(SimulationSettings):
         return self
 
 
-class PoseAcceptSettings(TcpLimits):
-    """Limits of an acceptable run, each stated at most; beyond one of them it exits with code 1.
-    In place of the accuracy grid stand random poses within the fitted ranges of the joints.
-    """
-
-
 class PoseScenario(PoseSimulationSettings):
     """One YAML file of scenarios/ with still poses."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    accept: PoseAcceptSettings = PoseAcceptSettings()
+    accept: TcpLimits = TcpLimits()
 
 
 def scenario_file(name: str | Path) -> Path:

@@ -28,7 +28,8 @@ from benchmarks.study import STUDIES, in_words, study_parser, write_table
 from cell.geometry import robot_frames
 from ident.robot.accuracy import position_error
 from ident.robot.inverse_calibration import corrected_targets
-from sim.plant.held_robot import HeldRobot, pose_distance
+from sim.plant.held import hold_machine, pose_distance
+from sim.true_robot import true_machine
 from tests.helpers.plant_robot import known_robot, robot_row
 
 OUT = STUDIES / "correct_in_plant.csv"
@@ -43,13 +44,13 @@ COLUMNS = (
 def say_rehearsed(day: Path) -> None:
     """Prints how far corrected targets of a rehearsal are off, and where that comes from."""
     file = day / SIMULATED / "path1.scenario.yaml"
-    plant = HeldRobot(load_scenario(file), relative_to=file.parent)
+    plant = true_machine(load_scenario(file), relative_to=file.parent)
     robot = load_result(day / RESULT).robot
     q, corrected = (read_targets(day / name, robot).q for name in (GIVEN, CORRECTED))
     wanted = robot_frames(plant.nominal, q)
     by_truth = corrected_targets(known_robot(plant), plant.nominal, q).q
     for words, targets in (("by the result", corrected), ("known", by_truth)):
-        held = plant.hold(targets)
+        held = hold_machine(plant, targets)
         aligned = position_error(wanted.tip.T, held.tool[:, :3, 3])
         print(
             f"corrected {words}: "

@@ -18,8 +18,7 @@ from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import reference_path
 from sim.path_files import load_lissajous
-from sim.plant.description import Plant
-from sim.plant.effects import plant_effects
+from sim.plant.effects import Plant, plant_effects
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 
 

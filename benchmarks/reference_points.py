@@ -25,12 +25,12 @@ import numpy as np
 
 from acquisition.pose_tables import read_poses
 from acquisition.reference_fit import fit_with_knocks
-from ballbar.result.compare_poses import compare_poses_with_truth
+from ballbar.result.compare import poses_against_truth
 from ballbar.scenario import PoseScenario, load_any_scenario
 from cell.statistics import rms
 from ident.identify_poses import identify_poses
-from sim.poses.files import write_poses
-from sim.poses.simulate import simulate_poses
+from sim.recording_files import write_poses
+from sim.still_poses import simulate_poses
 from tests.helpers.reference_points import (
     MOTIONS,
     SIGMA,
@@ -63,7 +63,7 @@ def mean_error(seed: int, drift: tuple[float, float], points: int) -> tuple[floa
         simulation = simulate_poses(settings, relative_to=Path())
         write_poses(simulation, settings, Path(folder) / "t", relative_to=Path())
         result = identify_poses(read_poses(Path(folder) / "t"))
-    error = compare_poses_with_truth(result, simulation.truth).tcp.mean
+    error = poses_against_truth(result, simulation.truth).tcp.mean
     return error, bool(result.findings.drifts)
 
 

@@ -29,7 +29,7 @@ def identified(scenario: Scenario, timestep: float) -> tuple[Identification, flo
     with tempfile.TemporaryDirectory() as folder:
         write_recording(simulation, settings, Path(folder) / "recording")
         result = identify_recordings([Path(folder) / "recording"]).identification
-    return result, simulation.truth.closure_position
+    return result, simulation.truth.closure.position_m
 
 
 def main() -> None:

@@ -39,6 +39,8 @@ from ident.estimator.samples import MARGIN, samples_of
 from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
 from ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
 from ident.verdict import Status
+from sim.errors.sensor_errors import JointNoise
+from sim.errors.static_errors import StaticErrors
 from sim.kinematic_samples import KinematicSamples
 from sim.recording_files import write_recording
 from sim.settings import (
@@ -46,11 +48,9 @@ from sim.settings import (
     ClockSettings,
     EncoderSettings,
     ErrorSettings,
-    JointNoise,
     PathSettings,
     PlantSettings,
     SimulationSettings,
-    StaticErrors,
 )
 from sim.simulate import simulate
 
@@ -116,7 +116,7 @@ def _bound(
 
 
 def logged(fitted: tuple[int, ...], duration: float, seed: int) -> list[str]:
-    """What the identification of a run in which nothing is wrong finds fault with."""
+    """Faults that an identification finds in a run in which nothing is wrong."""
     settings = SimulationSettings(
         cell=CellSettings(
             robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)

@@ -26,10 +26,23 @@ _UNIT = re.compile(rf"(?:^|_)({'|'.join(sorted(LARGEST, key=len, reverse=True))}
 class Strict(BaseModel):
     """A frozen model that refuses unknown keys, infinities, NaN, and numbers beyond any quantity.
 
-    The unit at the end of a key decides what is beyond; a sigma is not negative.
+    The unit at the end of a key decides what is beyond; a sigma is not negative. The docstring
+    below a key is its description in the references and in the JSON schemas.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        defer_build=True,
+        use_attribute_docstrings=True,
+    )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: object) -> None:
+        for field in cls.model_fields.values():
+            if field.description:  # lines of a docstring are one text
+                field.description = " ".join(field.description.split())
 
     @model_validator(mode="after")
     def _numbers_are_of_quantities(self) -> Self:
@@ -54,7 +67,7 @@ def _numbers(value: Any, loc: Loc) -> Iterator[tuple[Loc, float]]:
 
 
 def _beyond(key: str, value: float) -> str:
-    """What is expected of a number that its key does not allow; empty where it does."""
+    """The expectation that a number of this key does not meet; empty where it does."""
     unit = None if "_per_" in key else _UNIT.search(key)
     most = LARGEST_COUNT if isinstance(value, int) else LARGEST_OTHER
     most = LARGEST[unit[1]] if unit else most
@@ -81,4 +94,6 @@ TITLE_LENGTH = 200
 # Text that stands in reports, tables and comments of controller programs.
 Line = Annotated[str, Field(max_length=TITLE_LENGTH), AfterValidator(_one_printable_line)]
 Name = Annotated[Line, AfterValidator(_no_formula)]  # one that tables are read back by
+NotNegative = Annotated[float, Field(ge=0.0)]
+Positive = Annotated[float, Field(gt=0.0)]
 EncoderLines = Annotated[int, Field(gt=0, le=10_000_000)]  # of an encoder, per turn

@@ -19,9 +19,8 @@ import matplotlib.pyplot as plt
 from ballbar.scenario import load_scenario
 from cell.arrays import Array
 from cell.files import write_whole
-from sim.logging.tracker import OpticalTracker, drawn_tracker, tracker_rows
-from sim.motion import Motion
-from sim.plant.deflection import deflect
+from sim.logging.load_logs import OpticalTracker, drawn_tracker, tracker_rows
+from sim.motion import Motion, deflect
 from sim.simulate import Simulation, simulate
 from tests.helpers.log_analysis import force_near_singularity, pull_push
 from tests.helpers.simulated_recordings import singular_passage
@@ -164,10 +163,10 @@ def main() -> None:
         strain=strain * 1e6,
         backlash=backlash * 1e6,
         scenario=2e6 * pushed.truth.plant.rod_backlash_half_width_m,
-        low=path.truth.rod_force_min,
-        high=path.truth.rod_force_max,
-        full_low=full.truth.rod_force_min,
-        full_high=full.truth.rod_force_max,
+        low=path.truth.rod_force.min_N,
+        high=path.truth.rod_force.max_N,
+        full_low=full.truth.rod_force.min_N,
+        full_high=full.truth.rod_force.max_N,
         sphere_low=deviation.min() * 1e6,
         sphere_high=deviation.max() * 1e6,
         passage=_passage(),

@@ -42,7 +42,7 @@ from planning.request import PlanLimits, PlanRequest, tightened
 from planning.screen import UNREACHED, screen
 from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
-from sim.plant.description import servo_gains
+from sim.plant.effects import servo_gains
 
 NEARLY = 0.5  # excess of the motion's limits up to which forces and clearance are computed
 UNEXAMINED = 10.0  # added to the excess otherwise: more than forces and clearance come to

@@ -29,14 +29,13 @@ from sim.errors.plant_errors import (
     RodBacklash,
     RodStrain,
 )
-from sim.errors.static_errors import true_geometry
+from sim.errors.static_errors import StaticErrors, true_geometry
 from sim.motion import Motion
 from sim.path import reference_path
 from sim.path_files import PATH_STEP
-from sim.plant.description import Plant, servo_gains
-from sim.plant.effects import plant_effects
+from sim.plant.effects import Plant, plant_effects, servo_gains
 from sim.plant.mujoco_plant import run_plant
-from sim.settings import ErrorSettings, StaticErrors
+from sim.settings import ErrorSettings
 
 TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 # [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
-from cell.chain import Chain, Frames, cross, forward, joint_screws
+from cell.chain import cross, forward, joint_screws
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS, Geometry, bar_frames
 from cell.inverse import refine
-from sim.errors.sample_errors import RodPulled, delay_of
+from sim.errors.sample_errors import delay_of
 from sim.errors.sensor_effects import encoder_effects, resolver_effects
 from sim.errors.static_errors import true_geometry
 from sim.logging.encoders import motor_angles
@@ -43,24 +43,13 @@ CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need f
 CONVERGED = 1e-13  # [rad] of a step (cell.inverse.refine)
 Instants = Literal["all", "standing", "moving", "constant_speed"]
 COUNTED = (
-    "signal_noise",
-    "frozen_bits",
-    "amplitude_errors",
-    "slipped_periods",
-    "outliers",
-    "joint_lag",
+    "signal_noise", "frozen_bits", "amplitude_errors", "slipped_periods", "outliers", "joint_lag",
     "thermal_growth",
-)
+)  # fmt: skip
 STAMPED = (
-    "wander",
-    "robot_wander",
-    "step",
-    "quantum",
-    "jitter",
-    "dropped_rows",
-    "duplicated_rows",
+    "wander", "robot_wander", "step", "quantum", "jitter", "dropped_rows", "duplicated_rows",
     "restart",
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +182,14 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
     if path.delay != delay:
         raise ValueError(f"path sampled with a delay of {path.delay} s, settings ask for {delay} s")
     refuse_forces(settings)
-    _refuse_devices(settings)
     errors, cell, seed = settings.errors, path.cell, settings.seed
+    stated = [f"errors.{name}" for name in COUNTED if getattr(errors, name)]
+    stated += [f"clocks.{name}" for name in STAMPED if getattr(settings.clocks, name) is not None]
+    if stated:
+        raise InputError(
+            f"{stated[0]}: acts on device logs, and identify.data = samples has neither counters, "
+            "stamps nor a machine that changes. Use identify.data = files, or leave it out."
+        )
     true = true_geometry(
         path.nominal,
         errors,
@@ -202,8 +197,13 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
         transmission=cell.robot.transmission,
         seed=seed,
     )
-    rod = errors.rod_deviation
-    sign = _rod_sign(rod.pulled if rod else "rising", path, seed)
+    rod, sign = errors.rod_deviation, path.rising
+    if rod and rod.pulled == "drawn":
+        rng = stream(seed, "rod_deviation")
+        changes = rng.random(path.t.size) < np.gradient(path.t) / STRETCH
+        sign = np.where(np.cumsum(changes) % 2 == 0, 1.0, -1.0)
+    elif rod and rod.pulled == "counterclockwise":
+        sign = path.around
     longer = rod.amplitude_m * without_mean(sign) if rod else np.zeros_like(path.t)
     q = _follow(true, path, longer)
     logged = q + without_mean(_robot_log(settings, cell, q) - q)
@@ -214,31 +214,12 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
     return KinematicSamples(path.t, logged, b, sign, path.nominal, true)
 
 
-def _rod_sign(pulled: RodPulled, path: SampledPath, seed: int) -> Array:
-    """(N,) +1 where the rod is pulled, -1 where it is pushed."""
-    if pulled == "drawn":
-        rng = stream(seed, "rod_deviation")
-        changes = rng.random(path.t.size) < np.gradient(path.t) / STRETCH
-        return np.where(np.cumsum(changes) % 2 == 0, 1.0, -1.0)
-    return path.rising if pulled == "rising" else path.around
-
-
 def without_mean(error: Array) -> Array:
     """An error (N, ...) along the path without its mean.
 
     The mean would be a static error (thesis sec. 3.1).
     """
     return np.asarray(error - error.mean(axis=0))
-
-
-def _refuse_devices(settings: SimulationSettings) -> None:
-    stated = [f"errors.{name}" for name in COUNTED if getattr(settings.errors, name)]
-    stated += [f"clocks.{name}" for name in STAMPED if getattr(settings.clocks, name) is not None]
-    if stated:
-        raise InputError(
-            f"{stated[0]}: acts on device logs, and identify.data = samples has neither counters, "
-            "stamps nor a machine that changes. Use identify.data = files, or leave it out."
-        )
 
 
 def _follow(true: Geometry, path: SampledPath, longer: Array) -> Array:
@@ -250,28 +231,21 @@ def _follow(true: Geometry, path: SampledPath, longer: Array) -> Array:
     tip = target.tip + longer * target.z[2]
     q, chain = path.q.copy(), true.robot
     for _ in range(CHORDS):
-        error = _small_pose_error(target, tip, forward(chain, q))
+        frames = forward(chain, q)
+        # twice the rotation, to first order, and exact where it vanishes
+        turn = (
+            cross(frames.x[-1], target.x[-1])
+            + cross(frames.y[-1], target.y[-1])
+            + cross(frames.z[-1], target.z[-1])
+        )
+        error = np.concatenate((tip - frames.tip, 0.5 * turn))
         step = np.einsum("nij,jn->ni", path.inverse, error)
         q += step
         if np.abs(step).max() < CONVERGED:
             return q
-    return _newton(chain, path.q, target, tip)
-
-
-def _newton(chain: Chain, start: Array, target: Frames, tip: Array) -> Array:
     poses = target.poses()
     poses[:, :3, 3] = tip.T
-    return refine(chain, start, poses)
-
-
-def _small_pose_error(target: Frames, tip: Array, frames: Frames) -> Array:
-    """(6, N) [m, rad] pose error to first order of the rotation, exact where it vanishes."""
-    turn = (
-        cross(frames.x[-1], target.x[-1])
-        + cross(frames.y[-1], target.y[-1])
-        + cross(frames.z[-1], target.z[-1])
-    )
-    return np.concatenate((tip - frames.tip, 0.5 * turn))
+    return refine(chain, path.q, poses)
 
 
 def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:

@@ -1,18 +1,21 @@
-"""The motion of the mechanism over true time: output of all plants, input of all encoders."""
+"""The motion of the mechanism over true time: output of all plants, input of all encoders.
+
+The mechanism is deflected: a bent plate, a stretched rod, a shifted base.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
+from cell.chain import Frames, cross
 from cell.descriptions import Cell
-from cell.geometry import Geometry, robot_frames
-from cell.rotation import rotvec_from_matrix
-from sim.plant.deflection import bent_plate, deflect
+from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 
 # Called with each stretch of the motion once it is simulated: cell, true parameters, times (K,)
 # [s], robot angles (K, 6) and ball-bar angles (K, 5) [rad], or with the extension [m] of a rod that
@@ -80,17 +83,68 @@ class Motion:
         Elongation of the rod, bending of the plate, shift of the base and growth of the links are
         included. The result does not depend on the plant that made the motion.
         """
-        rows = slice(None, None, CLOSURE_STRIDE)
-        n = self.t[rows].size
-        ends = deflect(
-            self.geometry,
-            self.q[rows],
-            self.b[rows],
-            stretch=self.rod_stretch[rows],
-            plate=np.broadcast_to(self.plate[rows], n),
-            base=np.broadcast_to(self.base[rows], (n, 3)),
+        q, b, stretch, plate, base, growth = (
+            values[::CLOSURE_STRIDE]
+            for values in (self.q, self.b, self.rod_stretch, self.plate, self.base, self.growth)
         )
-        tool = ends.tool + np.broadcast_to(self.growth[rows], (n, 3)).T
+        ends = deflect(self.geometry, q, b, stretch=stretch, plate=plate, base=base)
+        tool = ends.tool + growth.T
         position = np.linalg.norm(ends.bar.tip - tool, axis=0)
         turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
         return position, np.linalg.norm(rotvec_from_matrix(turned), axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Deflected:
+    """Both ends of the loop at N samples."""
+
+    robot: Frames  # of the rigid robot up to the undeflected tool
+    bar: Frames  # with the rod stretched and the base shifted
+    tool_rotation: Array  # (3, 3, N)
+    tool: Array  # (3, N) [m]
+    hinge: Array  # (3, N) [m] where the plate bends
+
+
+def deflect(
+    geometry: Geometry,
+    q: Array,
+    b: Array,
+    *,
+    stretch: Array | float = 0.0,
+    plate: Array,
+    base: Array | None = None,
+) -> Deflected:
+    """Both ends of the loop of a deflected mechanism.
+
+    q, b : (N, 6), (N, 5) [rad] joint angles. stretch : (N,) [m] elongation of the rod. plate : (N,)
+        or (1,) [rad] bending angle about the plate's y. base : (N, 3) or (1, 3) [m] shift of the
+        base.
+    """
+    robot, rigid = robot_frames(geometry, q), bar_frames(geometry, b)
+    origin = rigid.origin + (0.0 if base is None else base.T)
+    origin[3:] += stretch * rigid.z[2]
+    bar = replace(rigid, origin=origin)
+    rotation, tool, hinge = bent_plate(geometry, robot, plate)
+    return Deflected(robot, bar, rotation, tool, hinge)
+
+
+def bent_plate(geometry: Geometry, robot: Frames, plate: Array) -> tuple[Array, Array, Array]:
+    """Rotation (3, 3, N) and position (3, N) [m] of the tool, and the hinge (3, N) [m].
+
+    robot : its frames up to the undeflected tool. plate : (N,) [rad] bending angle about its y.
+    """
+    hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
+    if not plate.any():
+        return robot.rotation(), robot.tip, hinge
+    bend = matrix_from_rotvec(plate * robot.y[-1])
+    tool = hinge + np.einsum("ijn,jn->in", bend, robot.tip - hinge)
+    return np.einsum("ijn,jkn->ikn", bend, robot.rotation()), tool, hinge
+
+
+def turning(axes: Array, points: Array, end: Array) -> Array:
+    """(K, 6, N) motion [m/rad, -] of a point `end` for unit turns about K axes.
+
+    axes : (K, 3, N) unit vectors. points : (K, 3, N) [m] on the axes. end : (3, N) [m].
+    """
+    turns = zip(axes, points, strict=True)
+    return np.stack([np.concatenate((cross(axis, end - point), axis)) for axis, point in turns])

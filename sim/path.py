@@ -26,6 +26,7 @@ FOLLOWED = 2  # configurations of an arm without closed form that a path is foll
 PER_CYCLE, LEAST_PHASES = 24, 96  # phases at which such an arm is led to the path
 LEAST_AXES = 6  # that bring a tool to any pose
 LARGEST_STEP = 1.0  # [rad] between two phases; more is a jump to another configuration
+BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project
 RAMP = 2.0  # [s] from a dwell to the cruising speed of the phase, and back: below 1 Hz
 
 
@@ -40,7 +41,11 @@ class RodHarmonic:
 
 @dataclass(frozen=True, eq=False)
 class Lissajous:
-    """Harmonics of the five ball-bar angles, and of the rod where it telescopes."""
+    """Harmonics of the five ball-bar angles, and of the commanded rod.
+
+    Where the rod telescopes, it follows. Where it is rigid and the angles are held, the soft servo
+    pulls and pushes on it (thesis Fig. 5.8).
+    """
 
     centre: Array  # (5,) [rad]
     amplitude: Array  # (5,) [rad]
@@ -53,16 +58,6 @@ class Lissajous:
         return self.centre + self.amplitude * np.sin(
             2.0 * np.pi * self.cycles * s[:, None] + self.phase
         )
-
-    @property
-    def middle(self) -> Array:
-        """(5,) [rad] about which the angles swing."""
-        return self.centre
-
-    @property
-    def most_cycles(self) -> int:
-        """Cycles per run of the fastest harmonic."""
-        return int(self.cycles.max())
 
     def lengthening(self, s: Array) -> Array:
         """(N,) [m] elongation of the commanded rod; 0 for a path on the sphere."""
@@ -79,36 +74,6 @@ class ReferencePath:
     b: Array  # (K, 5) [rad] ball-bar angles the nominal mechanism would take
     q: Array  # (K, 6) [rad] joint command, nominal inverse kinematics
     speed: Array  # (K, 6) [rad/s]
-
-
-@dataclass(frozen=True, eq=False)
-class PushPull:
-    """One held pose, from which the command moves to and fro along the rod (thesis Fig. 5.8).
-
-    The soft servo then pulls and pushes on the rod.
-    """
-
-    held: Array  # (5,) [rad] ball-bar angles
-    travel: float  # [m] amplitude of the commanded length; the servo makes a force of it
-    cycles: int  # per run
-
-    @property
-    def middle(self) -> Array:
-        """(5,) [rad] the held pose."""
-        return self.held
-
-    @property
-    def most_cycles(self) -> int:
-        """Cycles per run of the motion along the rod."""
-        return self.cycles
-
-    def angles(self, s: Array) -> Array:
-        """(N, 5) [rad] at phases s (N,): those of the held pose."""
-        return np.tile(self.held, (s.size, 1))
-
-    def lengthening(self, s: Array) -> Array:
-        """(N,) [m] elongation of the commanded rod at phases s (N,)."""
-        return np.asarray(self.travel * np.sin(2.0 * np.pi * self.cycles * s))
 
 
 def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> Array:
@@ -152,7 +117,7 @@ def _ramp_integral(x: Array) -> Array:
 def reference_path(
     robot: Robot,
     nominal: Geometry,
-    shape: Lissajous | PushPull,
+    shape: Lissajous,
     *,
     duration: float,
     dwell: float,
@@ -177,28 +142,28 @@ def reference_path(
     if beginning is not None:
         turned = [float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()) for q in branches]
         branches = [branches[int(np.argmin(turned))]]
-    q = _branch_in_range(robot, t, [_turned(robot, nominal, branch) for branch in branches])
+    if has_closed_form(nominal.robot):  # less whole turns: about 0, or about the axis ranges
+        branches = [q - 2.0 * np.pi * np.round(q.mean(axis=0) / (2.0 * np.pi)) for q in branches]
+    else:
+        branches = [in_range(robot, q) for q in branches]
+    q = _branch_in_range(robot, t, branches)
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
     return ReferencePath(t, b, q, speed)
 
 
-def tool_poses(
-    nominal: Geometry, shape: Lissajous | PushPull, s: Array, share: float = 1.0
-) -> Array:
+def tool_poses(nominal: Geometry, shape: Lissajous, s: Array, share: float = 1.0) -> Array:
     """(N, 4, 4) tool frames of a path at phases s (N,), or of its motion scaled by a share of 1."""
     b, lengthening = shape.angles(s), shape.lengthening(s)
     if share != 1.0:
-        b, lengthening = shape.middle + share * (b - shape.middle), share * lengthening
+        b, lengthening = shape.centre + share * (b - shape.centre), share * lengthening
     frames = bar_frames(nominal, b)
     poses = frames.poses()
     poses[:, :3, 3] += (lengthening * frames.z[2]).T
     return poses
 
 
-def branches_along(
-    robot: Robot, nominal: Geometry, shape: Lissajous | PushPull, s: Array
-) -> list[Array]:
+def branches_along(robot: Robot, nominal: Geometry, shape: Lissajous, s: Array) -> list[Array]:
     """Joint angles (N, J) [rad] at phases s (N,) in the configurations that reach all of a path.
 
     In closed form where the arm has one: then they continue from sample to sample. Otherwise the
@@ -216,7 +181,7 @@ def branches_along(
             f"robot {robot.name} has {chain.rows} axes; a path of the tool in place and direction "
             f"needs {LEAST_AXES}. Measure still poses, or take a path that was recorded."
         )
-    grid = np.linspace(0.0, 1.0, max(LEAST_PHASES, PER_CYCLE * shape.most_cycles) + 1)
+    grid = np.linspace(0.0, 1.0, max(LEAST_PHASES, PER_CYCLE * int(shape.cycles.max())) + 1)
     middle = tool_poses(nominal, shape, grid[:1], 0.0)
     starts = best_branches(robot, chain, middle, count=FOLLOWED)[:, 0]
     starts = starts[~np.isnan(starts).any(axis=1)]
@@ -233,9 +198,7 @@ def branches_along(
     return out
 
 
-def _out_of_reach(
-    nominal: Geometry, shape: Lissajous | PushPull, t: Array, phase: Array
-) -> InputError:
+def _out_of_reach(nominal: Geometry, shape: Lissajous, t: Array, phase: Array) -> InputError:
     """Says where a path that no configuration reaches is lost."""
     remedy = "move the ball-bar (cell.ballbar_position_m, metres) or shrink the path"
     if not has_closed_form(nominal.robot):
@@ -246,13 +209,6 @@ def _out_of_reach(
     return InputError(
         f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles {angles} deg); {remedy}"
     )
-
-
-def _turned(robot: Robot, nominal: Geometry, q: Array) -> Array:
-    """(N, J) [rad] joint angles less whole turns: about 0 in closed form, else about the ranges."""
-    if not has_closed_form(nominal.robot):
-        return in_range(robot, q)
-    return np.asarray(q - 2.0 * np.pi * np.round(q.mean(axis=0) / (2.0 * np.pi)))
 
 
 def _branch_in_range(robot: Robot, t: Array, branches: list[Array]) -> Array:

@@ -1,36 +1,44 @@
-"""A simulated recording as files: device logs, recording.yaml, and the truth beside the folder."""
+"""Files of a simulation, and the truth beside their folder.
+
+A recording is device logs and recording.yaml, a table of still poses is poses.csv and poses.yaml.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.dialect import load_dialect
-from cell.files import write_yaml
+from cell.dialect import Dialect, load_dialect
+from cell.files import portable_name, write_whole, write_yaml
 from cell.instrument import Instrument
+from cell.poses import Measured
 from cell.recording import TrackerFile
-from sim.logging.clocks import BAR_EPOCH_NS
+from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
-from sim.logging.load_logs import motor_torques, sensor_rows
-from sim.logging.loggers import LoggedRows
+from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 from sim.logging.robot_files import robot_source, write_robot_log
-from sim.logging.tracker import tracker_rows
-from sim.logging.writers import (
-    write_ballbar_log,
-    write_force_torque,
-    write_lengths,
-    write_tracker_points,
-)
-from sim.settings import SimulationSettings
+from sim.settings import PoseSimulationSettings, SimulationSettings
 from sim.streams import stream
 
 if TYPE_CHECKING:
     from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
+_DC_FILETIME = 125_911_584_000_000_000  # [100 ns] from 1601 to 2000
 SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row
+TABLE = "poses.csv"
+# columns of each kind of instrument
+_COLUMNS: dict[Measured, tuple[str, ...]] = {
+    "length": ("length [mm]",),
+    "point": ("x [mm]", "y [mm]", "z [mm]"),
+    "pose": ("x [mm]", "y [mm]", "z [mm]", "rx [rad]", "ry [rad]", "rz [rad]"),
+    "socket": (),
+}
 
 
 def truth_path(folder: Path) -> Path:
@@ -40,65 +48,39 @@ def truth_path(folder: Path) -> Path:
 
 def write_recording(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
     """Write `folder/raw/*`, the truth beside the folder, and `folder/recording.yaml` last."""
+    logs, drawn, seed = settings.logs, simulation.truth.logs, settings.recording_seed
+    motion, robot_rows, raw = simulation.motion, simulation.times.robot_true, folder / "raw"
+    first, last = float(robot_rows[0]), float(robot_rows[-1])
     _write_robot(simulation, settings, folder)
-    if settings.logs.force_sensor:
-        _write_force(simulation, settings, folder)
+    if sensor := logs.force_sensor:
+        stamps, readings = sensor_rows(
+            motion, first, last, sensor=sensor, drawn=drawn.loads, seed=seed
+        )
+        _write_table(raw / "force.csv", "time,fx,fy,fz,tx,ty,tz", "%.5f", stamps, readings)
     if simulation.encoders:
         _write_ballbar(simulation, settings, folder)
     if simulation.instrument:
         _write_lengths(simulation, settings, simulation.instrument, folder)
-    _write_tracker(simulation, settings, folder)
+    if logs.tracker and drawn.tracker:
+        stamps, points = tracker_rows(
+            motion, first, last, tracker=logs.tracker, drawn=drawn.tracker, seed=seed
+        )
+        _write_table(raw / "tracker.csv", "time,x,y,z", "%.5f", stamps, points * 1e3)
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
 
 
 def _write_robot(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
     robot, times, seed = simulation.cell.robot, simulation.times, settings.recording_seed
-    rows = simulation.rows.robot
+    rows, torques = simulation.rows.robot, None
     q = simulation.motion.shown_at(times.robot_true)
     motors = motor_angles(robot, q, settings.errors, simulation.resolvers, seed)
-    torques = None
-    if settings.logs.torque:
+    if log := settings.logs.torque:
+        loads = simulation.truth.logs.loads
         torques = motor_torques(
-            robot,
-            simulation.motion,
-            times.robot_true,
-            log=settings.logs.torque,
-            drawn=simulation.truth.logs.loads,
-            seed=seed,
+            robot, simulation.motion, times.robot_true, log=log, drawn=loads, seed=seed
         )[rows]
     write_robot_log(folder, settings.logs, robot, times.robot_stamp[rows], motors[rows], torques)
-
-
-def _write_force(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
-    if settings.logs.force_sensor is None:
-        return
-    times = simulation.times.robot_true
-    stamps, readings = sensor_rows(
-        simulation.motion,
-        float(times[0]),
-        float(times[-1]),
-        sensor=settings.logs.force_sensor,
-        drawn=simulation.truth.logs.loads,
-        seed=settings.recording_seed,
-    )
-    write_force_torque(folder / "raw" / "force.csv", stamps, readings)
-
-
-def _write_tracker(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
-    tracker, drawn = settings.logs.tracker, simulation.truth.logs.tracker
-    if tracker is None or drawn is None:
-        return
-    times, seed = simulation.times.robot_true, settings.recording_seed
-    stamps, points = tracker_rows(
-        simulation.motion,
-        float(times[0]),
-        float(times[-1]),
-        tracker=tracker,
-        drawn=drawn,
-        seed=seed,
-    )
-    write_tracker_points(folder / "raw" / "tracker.csv", stamps, points)
 
 
 def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
@@ -116,7 +98,7 @@ def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder:
             status[f"b{e.joint}"] = e.status(times.bar_task, times.bar_true)
     files, dialect = _files("ballbar", simulation.rows), load_dialect(settings.logs.ballbar.dialect)
     for file, rows in zip(files, simulation.rows.ballbar, strict=True):
-        write_ballbar_log(
+        _write_counts(
             folder / file,
             dialect,
             times.bar_stamp[rows],
@@ -136,7 +118,81 @@ def _write_lengths(
         read = np.rint(read / sensor.resolution_m) * sensor.resolution_m
     stamps: Array = SENSOR_EPOCH + (times.bar_stamp - BAR_EPOCH_NS).astype(np.float64) * 1e-9
     for file, rows in zip(_files("length", simulation.rows), simulation.rows.ballbar, strict=True):
-        write_lengths(folder / file, stamps[rows], read[rows])
+        _write_table(folder / file, "time,length", "%.7f", stamps[rows], read[rows] * 1e3)
+
+
+def _write_counts(
+    path: Path,
+    dialect: Dialect,
+    stamps: NDArray[np.int64],
+    counts: Mapping[str, NDArray[np.uint32]],
+    status: Mapping[str, NDArray[np.int64]],
+) -> None:
+    """Write a ball-bar log: time, counters and status words, lines that end in CRLF.
+
+    stamps : (N,) [ns] distributed clock time since 2000-01-01. counts : (N,) uint32 counter values
+        by column name. status : (N,) words by encoder, for the columns of the dialect. Source:
+        notes/log_formats secs. A.6, A.7.
+    """
+    words = {name: status[encoder] for encoder, name in dialect.status.items() if encoder in status}
+    columns: dict[str, NDArray[np.integer[Any]]] = {**counts, **words}
+    if dialect.container == "twincat-scope":
+        write_whole(path, _scope_export(stamps, columns))
+        return
+    rows = np.column_stack((stamps, *(c.astype(np.int64) for c in columns.values())))
+    separator = dialect.separators[0]
+    lines = [
+        separator.join((dialect.time.column, *columns)),
+        *(separator.join(map(str, row)) for row in rows.tolist()),
+    ]
+    write_whole(path, ("\r\n".join(lines) + "\r\n").encode("ascii"))
+
+
+def _scope_export(
+    stamps: NDArray[np.int64], columns: Mapping[str, NDArray[np.integer[Any]]]
+) -> bytes:
+    """An export of TwinCAT Scope: channels with one column of times, ms from its start."""
+    start, end = (int(stamp) // 100 + _DC_FILETIME for stamp in stamps[[0, -1]])
+    elapsed = (stamps - stamps[0]).astype(np.float64) * 1e-6  # [ms]
+    step = f"{np.median(np.diff(elapsed)):g}"
+    count = len(columns)
+    metadata = {
+        "Name": list(columns),
+        "SymbolComment": [""] * count,
+        "Data-Type": ["UINT32"] * count,
+        "SampleTime[ms]": [step] * count,
+        "VariableSize": ["4"] * count,
+        "Offset": ["0"] * count,
+        "ScaleFactor": ["1"] * count,
+        "BitMask": ["0xffffffffffffffff"] * count,
+        "Unit": ["(None)"] * count,
+        "Unit ScaleFactor": ["1"] * count,
+        "Unit Offset": ["0"] * count,
+    }
+    head = [
+        "Name\tballbar",
+        "File\tballbar.csv",
+        f"Starttime of export\t{start}",
+        f"Endtime of export\t{end}",
+        "",
+        "",
+        *("\t".join((key, *values)) for key, values in metadata.items()),
+        "",
+    ]
+    values = np.column_stack([c.astype(np.int64) for c in columns.values()])
+    rows = [
+        "\t".join((f"{time:g}", *map(str, row)))
+        for time, row in zip(elapsed.tolist(), values.tolist(), strict=True)
+    ]
+    return ("\n".join([*head, *rows]) + "\n").encode("ascii")
+
+
+def _write_table(path: Path, head: str, form: str, stamps: Array, values: Array) -> None:
+    """Write a table of text: stamps (N,) [s] to a microsecond, then values (N,) or (N, K)."""
+    rows = np.column_stack((stamps, values))
+    line = ",".join(("%.6f", *[form] * (rows.shape[1] - 1)))
+    lines = [head, *(line % tuple(row) for row in rows.tolist())]
+    write_whole(path, ("\n".join(lines) + "\n").encode("ascii"))
 
 
 def _files(log: str, rows: LoggedRows) -> list[str]:
@@ -191,3 +247,56 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
         },
         "notes": "",
     }
+
+
+def write_poses(
+    simulation: PoseSimulation, settings: PoseSimulationSettings, folder: Path, *, relative_to: Path
+) -> None:
+    """Write the table, the truth beside the folder, and `folder/poses.yaml` last.
+
+    relative_to : folder of the scenario; descriptions of one's own that it names are copied.
+    """
+    names = _COLUMNS[simulation.instrument.measured]
+    axes = [f"A{k + 1} [deg]" for k in range(simulation.robot.joints)]
+    points = [f"{point.name}_{axis} [mm]" for point in settings.poses.reference for axis in "xyz"]
+    table: dict[str, object] = {"files": [TABLE], "joints": {"columns": axes, "unit": "deg"}}
+    if names:
+        values: dict[str, object] = {"columns": list(names), "unit": "mm"}
+        if simulation.instrument.measured == "pose":
+            values |= {"rotation": "rotvec", "angle_unit": "rad"}
+        table["values"] = values
+    if points:
+        table["reference"] = {"columns": points}
+    table |= {
+        "seat": {"column": "seat"},
+        "target": {"column": "target"},
+        "time": {"column": "time [s]", "form": "s"},
+    }
+    place = {"relative_to": relative_to, "folder": folder}
+    content: dict[str, object] = {
+        "schema": "ballbar-poses/1",
+        "kind": "simulated",
+        "robot": portable_name(settings.cell.robot, "robot", **place),
+        "instrument": portable_name(settings.cell.instrument, "instrument", **place),
+        "tables": [table],
+    }
+    seats = [place.name for place in settings.poses.seats]
+    if simulation.instrument.distance is not None and len(seats) == 2:
+        content["distances"] = [{"pairs": [seats]}]
+    head = ("time [s]", "seat", "target", *axes, *names, *points)
+    write_whole(folder / TABLE, _table(simulation, head, names).encode())
+    simulation.truth.write(truth_path(folder))
+    write_yaml(folder / "poses.yaml", content)
+
+
+def _table(simulation: PoseSimulation, head: tuple[str, ...], names: tuple[str, ...]) -> str:
+    """The rows as text, below a head; names : of the instrument's columns."""
+    rows, lines = simulation.rows, [",".join(head)]
+    values = rows.values * [1e3 if "mm" in name else 1.0 for name in names]
+    values = np.hstack((values, rows.reference.reshape(len(values), -1) * 1e3))
+    axes = np.rad2deg(rows.axes)
+    for k, (seat, target) in enumerate(zip(rows.seat, rows.target, strict=True)):
+        angles = [f"{angle:.10f}" for angle in axes[k]]  # 2e-12 rad
+        read = ["" if np.isnan(value) else f"{value:.8f}" for value in values[k]]
+        lines.append(",".join((f"{rows.time[k]:.3f}", seat, target, *angles, *read)))
+    return "\n".join(lines) + "\n"

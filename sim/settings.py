@@ -1,17 +1,17 @@
-"""The simulated half of a scenario: the cell, its motion, its errors and its logs.
+"""The simulated half of a scenario: the cell, its motion or its still poses, its errors and logs.
 
-Every key carries its unit. Every error source is absent by default. The docstrings and descriptions
-are printed in the scenario reference.
+Every key carries its unit. Every error source is absent by default. The docstrings are printed in
+the scenario reference.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.schema import Strict
+from cell.schema import NotNegative, Positive, Strict
 from cell.schema_errors import wrong_key
 from sim.errors.clock_errors import (
     LEAD,
@@ -23,34 +23,35 @@ from sim.errors.clock_errors import (
     StampJitter,
     StampQuantum,
 )
-from sim.errors.outliers import Outliers
 from sim.errors.plant_errors import PlantErrors
+from sim.errors.pose_errors import PoseErrors
 from sim.errors.sample_errors import SampleErrors
-from sim.errors.sensor_errors import EncoderNumber, SensorErrors
+from sim.errors.sensor_errors import EncoderNumber, JointLag, JointNoise, Outliers, SensorErrors
+from sim.errors.static_errors import CellErrors
 from sim.logging.load_logs import DeviceLogs
 from sim.streams import recording_seed
 
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
 Position = Annotated[tuple[Coordinate, ...], Field(min_length=3, max_length=3)]
 
 
 class CellSettings(Strict):
-    """What stands in the cell, and where."""
+    """The machines of the cell, and where the instrument stands."""
 
-    robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    ballbar: str | None = Field(
-        None, description="A ball-bar with encoders: a file of cell/instruments, or a path."
-    )
-    instrument: str | None = Field(
-        None,
-        description="In place of ballbar, an instrument that measures a length: a telescoping "
-        "ball-bar or a draw-wire.",
-    )
-    plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
-    ballbar_position_m: Position = Field(
-        description="Centre of the sphere, or seat of the instrument, in the robot's base frame."
-    )
+    robot: str
+    """A file of cell/robots, or a path that ends in .yaml."""
+    ballbar: str | None = None
+    """A ball-bar with encoders: a file of cell/instruments, or a path."""
+    instrument: str | None = None
+    """An instrument in place of ballbar that measures a length: a telescoping ball-bar or a
+    draw-wire.
+    """
+    plate: str = "plate_250"
+    """A file of cell/plates, or a path."""
+    ballbar_position_m: Position
+    """Centre of the sphere, or seat of the instrument, in the robot's base frame."""
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> CellSettings:
@@ -67,33 +68,27 @@ class CellSettings(Strict):
 class PathSettings(Strict):
     """The reference path and its timing."""
 
-    kind: Literal["lissajous", "push_pull", "recorded"] = Field(
-        description="A motion over the sphere, pull and push on the rod at one pose, or the motion "
-        "of the robot of a recording."
-    )
-    file: str = Field(
-        "", description="Path file for lissajous and push_pull, relative to the scenario."
-    )
-    recording: str = Field(
-        "", description="Folder of the recording for recorded, relative to the scenario."
-    )
-    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
-        description="Duration of the whole run with its dwells; for recorded, from the first row."
-    )
-    dwell_s: Annotated[float, Field(ge=1.0)] = Field(
-        4.0, description="Duration of the dwell at both ends and at each stop; not for recorded."
-    )
-    stops: Annotated[int, Field(ge=0, le=50)] = Field(
-        2, description="Number of dwells between the ends; not for recorded."
-    )
+    kind: Literal["lissajous", "push_pull", "recorded"]
+    """A motion over the sphere, pull and push on the rod at one pose, or the motion of the robot of
+    a recording.
+    """
+    file: str = ""
+    """Path file for lissajous and push_pull, relative to the scenario."""
+    recording: str = ""
+    """Folder of the recording for recorded, relative to the scenario."""
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)]
+    """Duration of the whole run with its dwells; for recorded, from the first row."""
+    dwell_s: Annotated[float, Field(ge=1.0)] = 4.0
+    """Duration of the dwell at both ends and at each stop; not for recorded."""
+    stops: Annotated[int, Field(ge=0, le=50)] = 2
+    """Number of dwells between the ends; not for recorded."""
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> PathSettings:
         """The keys of the kind are given, and no others."""
-        recorded = self.kind == "recorded"
-        needed, unused = (
-            ("recording", ("file", "dwell_s", "stops")) if recorded else ("file", ("recording",))
-        )
+        needed, unused = "file", ["recording"]
+        if self.kind == "recorded":
+            needed, unused = "recording", ["file", "dwell_s", "stops"]
         if not getattr(self, needed):
             raise ValueError(f"kind {self.kind} needs {needed}")
         for key in unused:
@@ -103,148 +98,34 @@ class PathSettings(Strict):
 
 
 class RodAndWire(Strict):
-    """What a telescoping rod or a wire does to the robot in MuJoCo."""
+    """Forces of a telescoping rod or a wire on the robot in MuJoCo."""
 
-    rod_mass_kg: Annotated[float, Field(gt=0.0)] = Field(
-        0.25, description="Mass of a telescoping rod. Assumed."
-    )
-    rod_spring_N_per_m: Annotated[float, Field(ge=0.0)] = Field(
-        500.0, description="Spring of a rod's length sensor, without force at mid range. Assumed."
-    )
-    rod_friction_N: Annotated[float, Field(ge=0.0)] = Field(
-        0.3,
-        description="Friction of a rod's slide; what is left of it at a still pose is drawn. "
-        "Assumed.",
-    )
-    wire_tension_N: Annotated[float, Field(gt=0.0)] = Field(
-        6.0, description="Tension of a draw-wire. Assumed."
-    )
+    rod_mass_kg: Positive = 0.25
+    """Mass of a telescoping rod. Assumed."""
+    rod_spring_N_per_m: NotNegative = 500.0
+    """Spring of a rod's length sensor, without force at mid range. Assumed."""
+    rod_friction_N: NotNegative = 0.3
+    """Friction of a rod's slide; what is left of it at a still pose is drawn. Assumed."""
+    wire_tension_N: Positive = 6.0
+    """Tension of a draw-wire. Assumed."""
 
 
 class PlantSettings(RodAndWire):
     """The model that turns the command into motion."""
 
-    kind: Literal["mujoco", "kinematic"] = Field(
-        "mujoco", description="MuJoCo, or exact inverse kinematics without forces."
-    )
-    timestep_s: Annotated[float, Field(ge=1e-4, le=5e-3)] = Field(
-        1e-3, description="Time step of MuJoCo."
-    )
-    servo: str = Field("soft", description="A gain set of the robot's file.")
-    gravity_compensation: bool = Field(
-        True, description="Whether the servo command carries the robot's nominal weight."
-    )
+    kind: Literal["mujoco", "kinematic"] = "mujoco"
+    """MuJoCo, or exact inverse kinematics without forces."""
+    timestep_s: Annotated[float, Field(ge=1e-4, le=5e-3)] = 1e-3
+    """Time step of MuJoCo."""
+    servo: str = "soft"
+    """A gain set of the robot's file."""
+    gravity_compensation: bool = True
+    """Whether the servo command carries the robot's nominal weight."""
 
 
-class StaticErrors(Strict):
-    """Deviations of the true geometry from the nominal one, from a table or drawn."""
-
-    table: Literal["thesis_3_1"] | None = Field(
-        None, description="Deviations of thesis Table 3.1; none to draw them."
-    )
-    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Standard deviation of drawn lengths."
-    )
-    sigma_rad: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Standard deviation of drawn angles."
-    )
-    parameters: Literal["thesis", "robot", "all"] = Field(
-        "thesis",
-        description="Which parameters are drawn: those of Table 3.1; these and whatever else of "
-        "the robot can be identified; or all of robot, ball-bar and base except the plate's "
-        "length.",
-    )
-
-    @model_validator(mode="after")
-    def _table_or_sigmas(self) -> StaticErrors:
-        drawn = self.sigma_m is not None and self.sigma_rad is not None
-        if (self.table is None) != drawn:
-            raise ValueError("give either table, or both sigma_m and sigma_rad")
-        if self.table and self.parameters != "thesis":
-            raise wrong_key(
-                "parameters",
-                message="Table 3.1 has its own; to draw others, give sigma_m and sigma_rad "
-                "instead of table",
-            )
-        return self
-
-
-class BallbarAxes(Strict):
-    """The axes of gimbal and universal joint do not intersect and are not square; both are drawn
-    (notes/parameters, joints_mechanical).
-    """
-
-    sigma_m: Annotated[float, Field(ge=0.0)] = Field(
-        5.0e-6, description="Standard deviation of the intersection offsets."
-    )
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        5.0e-5, description="Standard deviation of the squareness errors."
-    )
-    parameters: Literal["between", "all"] = Field(
-        "between",
-        description="Which are drawn: those between the axes, or also those before the first axis "
-        "and behind the last one, which act as the base's height and as the plate do.",
-    )
-
-
-class BaseTilt(Strict):
-    """The base of the ball-bar is not parallel to the robot's (notes/parameters, base).
-    Two angles are drawn.
-    """
-
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        1.0e-3, description="Standard deviation of the tilt about x and about y."
-    )
-
-
-class PlateLength(Strict):
-    """The plate's length, which fixes the scale, deviates from its nominal value; it is drawn."""
-
-    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Standard deviation; by default that of the plate file."
-    )
-
-
-class MotorOffsets(Strict):
-    """The zeros of the robot's motors are off, as after a calibration by marks; they are drawn.
-    Couplings of the wrist carry an offset on to other joints. Axis 1 has none: it is the base's.
-    """
-
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        0.05, description="Standard deviation at the motor; 0.4 to 1.1 mrad at a joint. Assumed."
-    )
-
-
-class JointLag(Strict):
-    """The robot logs its angles behind a low-pass filter of first order, one for each motor.
-    Its time constants are drawn. The lag of axis 1 is part of the clock offset.
-    """
-
-    time_constant_s: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
-        0.01,
-        description="Mean time constant; EGM delays by 10 to 20 ms (notes/log_formats sec. D).",
-    )
-    spread: Annotated[float, Field(ge=0.0)] = Field(
-        0.1, description="Standard deviation of its logarithm over the motors. Assumed."
-    )
-
-
-class JointNoise(Strict):
-    """The logged robot angles have white noise."""
-
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        description="Standard deviation at the joint."
-    )
-
-
-class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
+class ErrorSettings(CellErrors, PlantErrors, SensorErrors, SampleErrors):
     """Error sources; each is absent unless named."""
 
-    static: StaticErrors | None = None
-    ballbar_axes: BallbarAxes | None = None
-    base_tilt: BaseTilt | None = None
-    plate_length: PlateLength | None = None
-    motor_offsets: MotorOffsets | None = None
     joint_lag: JointLag | None = None
     joint_noise: JointNoise | None = None
     outliers: Outliers | None = None
@@ -253,19 +134,14 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
 class EncoderSettings(Strict):
     """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are drawn."""
 
-    fitted: tuple[EncoderNumber, ...] = Field(
-        (1, 2, 3, 4, 5), description="Joints with an encoder; [] for a ball-bar without encoders."
-    )
-    bits: Annotated[int, Field(ge=8, le=13)] = Field(
-        12, description="Interpolation of one line (EL5021 8001:11)."
-    )
-    noise_sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        0.0, description="Standard deviation of white noise, before quantisation."
-    )
-    directions: Literal["declared", "unknown"] = Field(
-        "declared",
-        description="Encoder directions are drawn; recording.yaml states them, or +1 for all.",
-    )
+    fitted: tuple[EncoderNumber, ...] = (1, 2, 3, 4, 5)
+    """Joints with an encoder; [] for a ball-bar without encoders."""
+    bits: Annotated[int, Field(ge=8, le=13)] = 12
+    """Interpolation of one line (EL5021 8001:11)."""
+    noise_sigma_rad: NotNegative = 0.0
+    """Standard deviation of white noise, before quantisation."""
+    directions: Literal["declared", "unknown"] = "declared"
+    """Encoder directions are drawn; recording.yaml states them, or +1 for all."""
 
     @model_validator(mode="after")
     def _distinct(self) -> EncoderSettings:
@@ -277,20 +153,16 @@ class EncoderSettings(Strict):
 class LengthSettings(Strict):
     """The sensor of a telescoping ball-bar or draw-wire; clocks holds for its log too."""
 
-    noise_scale: Annotated[float, Field(ge=0.0)] = Field(
-        1.0, description="Factor on the white noise that the instrument's file states."
-    )
-    zero_scale: Annotated[float, Field(ge=0.0)] = Field(
-        1.0,
-        description="Factor on the standard deviation of the zero that the instrument's file "
-        "states; its error is drawn.",
-    )
-    resolution_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
-        1.0e-7, description="Step of the logged length; 0 for no rounding."
-    )
-    rate_hz: Annotated[float, Field(ge=1.0, le=10_000.0)] = Field(
-        100.0, description="Rows per second."
-    )
+    noise_scale: NotNegative = 1.0
+    """Factor on the white noise that the instrument's file states."""
+    zero_scale: NotNegative = 1.0
+    """Factor on the standard deviation of the zero that the instrument's file states; its error is
+    drawn.
+    """
+    resolution_m: Annotated[float, Field(ge=0.0, le=0.01)] = 1.0e-7
+    """Step of the logged length; 0 for no rounding."""
+    rate_hz: Annotated[float, Field(ge=1.0, le=10_000.0)] = 100.0
+    """Rows per second."""
 
 
 class ClockSettings(Strict):
@@ -298,19 +170,18 @@ class ClockSettings(Strict):
     Both times count from the first row of their own log.
     """
 
-    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
-        0.0, description="Clock offset: robot time at the first row of the ball-bar."
-    )
-    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
-        0.0,
-        description="Clock rate error: seconds that the robot's clock gains in each second of the "
-        "ball-bar's; 30 ppm is 3.0e-5.",
-    )
-    overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
-        0.0, description="Share of the ball-bar's rows that come one 5 ms task late."
-    )
-    wander: ClockWander | None = Field(None, description="Of the ball-bar's clock.")
-    robot_wander: ClockWander | None = Field(None, description="Of the robot's clock.")
+    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0
+    """Clock offset: robot time at the first row of the ball-bar."""
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
+    """Clock rate error: seconds that the robot's clock gains in each second of the ball-bar's; 30
+    ppm is 3.0e-5.
+    """
+    overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
+    """Share of the ball-bar's rows that come one 5 ms task late."""
+    wander: ClockWander | None = None
+    """Wander of the ball-bar's clock."""
+    robot_wander: ClockWander | None = None
+    """Wander of the robot's clock."""
     step: ClockStep | None = None
     quantum: StampQuantum | None = None
     jitter: StampJitter | None = None
@@ -353,14 +224,12 @@ class SimulationSettings(Strict):
     length: LengthSettings = LengthSettings()
     clocks: ClockSettings = ClockSettings()
     logs: DeviceLogs = DeviceLogs()
-    seed: Annotated[int, Field(ge=0)] = Field(
-        0, description="Seed of all drawn values; each error source has its own stream."
-    )
-    recording: Annotated[int, Field(ge=1)] = Field(
-        1,
-        description="Which recording of the machine of this seed: noise, clocks and lost rows are "
-        "drawn anew for each, everything else is the same.",
-    )
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of all drawn values; each error source has its own stream."""
+    recording: Annotated[int, Field(ge=1)] = 1
+    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn again for
+    each, everything else is the same.
+    """
 
     @property
     def recording_seed(self) -> int:
@@ -397,3 +266,85 @@ class SimulationSettings(Strict):
                 message = f"joint {encoder} has no encoder; encoders.fitted are: {fitted}"
                 raise wrong_key(*key, "encoder", message=message)
         return self
+
+
+class PoseCell(Strict):
+    """The machines of the cell."""
+
+    robot: str
+    """A file of cell/robots, or a path that ends in .yaml."""
+    instrument: str
+    """A file of cell/instruments, or a path."""
+
+
+class PlacementSettings(Strict):
+    """A place with a name."""
+
+    name: Name
+    position_m: Position
+    rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
+    """Orientation, as rotation vector; only where it is measured."""
+
+
+class PosesSettings(Strict):
+    """The poses at which the robot stands, drawn at random within what robot and instrument reach.
+
+    A tracker measures every target at each pose. A rod, a wire or a socket has poses of its own for
+    each pair of seat and target; the robot is moved until the reading is within the range.
+    """
+
+    count: Annotated[int, Field(ge=10, le=100_000)]
+    """Poses of each seat; of a rod, wire or socket for each target too."""
+    seed: Annotated[int, Field(ge=0)] | None = None
+    """Seed of the poses, to keep them while errors vary; by default seed."""
+    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
+    """Time from one pose to the next."""
+    seats: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
+    """Placements of the instrument in the robot's base frame."""
+    targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
+    """Balls or reflectors in the flange's frame."""
+    reference: tuple[PlacementSettings, ...] = ()
+    """Three or more fixed points in the robot's base frame, which a tracker reads once at each
+    pose.
+    """
+    axis_lower_deg: tuple[float, ...] | None = None
+    """Limits of the axis angles; by default those of the robot."""
+    axis_upper_deg: tuple[float, ...] | None = None
+    lowest_m: float = 0.0
+    """Least height of flange and target in the robot's base frame."""
+    elevation_min_deg: Annotated[float, Field(ge=-90.0, le=80.0)] = -90.0
+    """Least elevation of a rod or wire over the horizontal."""
+    tilt_max_deg: Annotated[float, Field(ge=10.0, le=180.0)] = 180.0
+    """Largest angle between straight down and the line from flange to target."""
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        for key, places in (
+            ("seats", self.seats),
+            ("targets", self.targets),
+            ("reference", self.reference),
+        ):
+            names = [place.name for place in places]
+            if len(set(names)) < len(names):
+                raise wrong_key(key, message=f"names must differ; there are {', '.join(names)}")
+        return self
+
+
+class PosePlant(RodAndWire):
+    """The plant that holds the robot at a pose."""
+
+    kind: Literal["auto", "mujoco", "kinematic"] = "auto"
+    """MuJoCo, in static equilibrium with the rod or wire; or kinematic, with the robot's own weight
+    as only load. auto takes MuJoCo for a rod or wire on elastic gears.
+    """
+
+
+class PoseSimulationSettings(Strict):
+    """Everything that a simulated table of still poses is made from."""
+
+    cell: PoseCell
+    poses: PosesSettings
+    plant: PosePlant = PosePlant()
+    errors: PoseErrors = PoseErrors()
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of all drawn values; each error source has its own stream."""

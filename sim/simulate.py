@@ -11,40 +11,32 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import Geometry, nominal_geometry
 from cell.instrument import Instrument
 from cell.logs import RobotLog
 from sim.errors.sample_errors import refuse_sample_errors
-from sim.errors.sensor_effects import (
-    EncoderEffects,
-    ResolverEffects,
-    encoder_effects,
-    resolver_effects,
-)
-from sim.errors.static_errors import true_geometry
-from sim.logging.clocks import LogTimes, log_times
-from sim.logging.encoders import BarEncoder
-from sim.logging.joint_lag import joint_lags, with_lags
-from sim.logging.load_logs import drawn_loads
-from sim.logging.log_truth import FirstRows, LogTruth
-from sim.logging.loggers import LoggedRows, logged_rows
+from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects
+from sim.logging.clocks import LoggedRows, LogTimes, log_times, logged_rows
+from sim.logging.encoders import BarEncoder, joint_lags, with_lags
+from sim.logging.load_logs import drawn_loads, drawn_tracker
 from sim.logging.robot_files import robot_period
-from sim.logging.tracker import drawn_tracker
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
-from sim.plant.description import Plant, servo_gains
-from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.effects import Plant, servo_gains
 from sim.plant.instrument_plant import run_with_instrument
-from sim.plant.kinematic_plant import refuse_forces, run_kinematic
-from sim.plant.measured_motion import check_stroke, run_free
+from sim.plant.kinematic_plant import (
+    check_stroke,
+    refuse_forces,
+    run_free,
+    run_kinematic,
+    with_growth,
+)
 from sim.plant.mjcf import ROBOT_JOINTS
 from sim.plant.mujoco_plant import run_plant
-from sim.plant.thermal_growth import with_growth
-from sim.scenario_cell import scenario_cell, scenario_instrument
 from sim.settings import SimulationSettings
 from sim.streams import stream
-from sim.truth import PlantTruth, Truth, plant_truth
+from sim.true_robot import TrueMachine, true_machine
+from sim.truth import ClosureError, FirstRows, ForceRange, LogTruth, TrueClock, Truth, plant_truth
 
 # [rad/s] joint speed up to which a recording begins in a dwell: ten times what its noise leaves
 # after smoothing
@@ -81,112 +73,91 @@ def simulate(
     Raises InputError for a scenario that cannot be run.
     """
     refuse_sample_errors(settings.errors)
-    chosen, errors, seed = settings.cell, settings.errors, settings.seed
-    cell = scenario_cell(chosen, relative_to=relative_to)
-    instrument = scenario_instrument(chosen, relative_to=relative_to)
-    period = robot_period(settings.logs, cell.robot)
-    nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
-    true = true_geometry(
-        nominal,
-        errors,
-        plate_sigma=cell.plate.length_sigma,
-        transmission=cell.robot.transmission,
-        zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
-        seed=seed,
+    seed = settings.recording_seed
+    machine = true_machine(settings, relative_to=relative_to)
+    cell, instrument, robot = machine.cell, machine.instrument, machine.cell.robot
+    period = robot_period(settings.logs, robot)
+    path = scenario_path(
+        settings.path, cell, machine.nominal, relative_to=relative_to, recorded=recorded
     )
-    path = scenario_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
-    effects = plant_effects(errors, cell, seed)
-    plant = _Plant(settings, cell, instrument, true, effects)
-    lags = joint_lags(errors.joint_lag, joints=cell.robot.joints, seed=seed)
-    motion = with_lags(plant.motion(path, on_motion=on_motion), cell.robot, lags)
+    run = _in_mujoco if machine.dynamic else _kinematic
+    motion = run(settings, machine, path, on_motion)
+    motion = with_growth(motion, robot, machine.effects, free=instrument is not None)
+    lags = joint_lags(settings.errors.joint_lag, joints=robot.joints, seed=settings.seed)
+    motion = with_lags(motion, robot, lags)
     if instrument:
         check_stroke(instrument, motion)
     encoders = () if instrument else _encoders(settings, cell)
-    resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
-    rate = settings.length.rate_hz if instrument else None
     times = log_times(
         float(motion.t[-1]),
         settings.clocks,
         period=period,
         task=settings.logs.ballbar.task_s,
-        rate=rate,
-        seed=settings.recording_seed,
+        rate=settings.length.rate_hz if instrument else None,
+        seed=seed,
     )
-    rows = logged_rows(times, settings.clocks, seed=settings.recording_seed)
-    logs = _log_truth(settings, encoders, resolvers, times, rows, lags)
+    rows = logged_rows(times, settings.clocks, seed=seed)
     return Simulation(
         cell=cell,
         instrument=instrument,
         path=path,
         motion=motion,
         encoders=encoders,
-        resolvers=resolvers,
+        resolvers=machine.resolvers,
         times=times,
         rows=rows,
-        truth=_truth(settings, motion, encoders, plant_truth(effects), logs),
+        truth=_truth(settings, machine, motion, encoders, times, rows, lags),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Plant:
-    """The plant that a scenario chooses."""
+def _kinematic(
+    settings: SimulationSettings,
+    machine: TrueMachine,
+    path: ReferencePath,
+    on_motion: MotionCallback | None,
+) -> Motion:
+    """The motion of the kinematic plant."""
+    refuse_forces(settings)
+    run = run_free if machine.instrument else run_kinematic
+    motion = run(machine.cell.robot, machine.true, machine.effects, path)
+    if on_motion is not None:
+        b = np.column_stack((motion.b, motion.rod_stretch)) if machine.instrument else motion.b
+        on_motion(machine.cell, machine.true, motion.t, motion.q, b)
+    return motion
 
-    settings: SimulationSettings
-    cell: Cell
-    instrument: Instrument | None
-    true: Geometry
-    effects: PlantEffects
 
-    def motion(self, path: ReferencePath, *, on_motion: MotionCallback | None) -> Motion:
-        kinematic = self.settings.plant.kind == "kinematic"
-        motion = (self._kinematic if kinematic else self._mujoco)(path, on_motion)
-        free = self.instrument is not None
-        return with_growth(motion, self.cell.robot, self.effects, free=free)
-
-    def _kinematic(self, path: ReferencePath, on_motion: MotionCallback | None) -> Motion:
-        refuse_forces(self.settings)
-        run = run_free if self.instrument else run_kinematic
-        motion = run(self.cell.robot, self.true, self.effects, path)
-        if on_motion is not None:
-            b = np.column_stack((motion.b, motion.rod_stretch)) if self.instrument else motion.b
-            on_motion(self.cell, self.true, motion.t, motion.q, b)
-        return motion
-
-    def _mujoco(self, path: ReferencePath, on_motion: MotionCallback | None) -> Motion:
-        chosen, robot = self.settings.plant, self.cell.robot
-        if robot.joints != len(ROBOT_JOINTS):
-            raise InputError(
-                f"plant.kind = mujoco: the dynamic plant is built for {len(ROBOT_JOINTS)} axes, "
-                f"robot {robot.name} has {robot.joints}. Use plant.kind = kinematic."
-            )
-        if self.settings.path.kind == "recorded":
-            _refuse_moving_start(path)
-        sensed = self.settings.logs.force_sensor is not None
-        effects, gains = (
-            replace(self.effects, force_sensor=sensed),
-            servo_gains(robot, chosen.servo),
+def _in_mujoco(
+    settings: SimulationSettings,
+    machine: TrueMachine,
+    path: ReferencePath,
+    on_motion: MotionCallback | None,
+) -> Motion:
+    """The motion of the dynamic plant."""
+    chosen, robot = settings.plant, machine.cell.robot
+    if robot.joints != len(ROBOT_JOINTS):
+        raise InputError(
+            f"plant.kind = mujoco: the dynamic plant is built for {len(ROBOT_JOINTS)} axes, "
+            f"robot {robot.name} has {robot.joints}. Use plant.kind = kinematic."
         )
-        plant = Plant(self.cell, self.true, effects, gains)
-        run = run_plant
-        if self.instrument:
-            run = partial(run_with_instrument, instrument=self.instrument, forces=chosen)
-        return run(
-            plant,
-            path,
-            timestep=chosen.timestep_s,
-            gravity_compensation=chosen.gravity_compensation,
-            on_motion=on_motion,
-        )
-
-
-def _refuse_moving_start(path: ReferencePath) -> None:
     fastest = float(np.abs(path.speed[0]).max())
-    if fastest > AT_REST:
+    if settings.path.kind == "recorded" and fastest > AT_REST:
         raise InputError(
             f"path.recording: the robot moves at its first row ({np.degrees(fastest):.1f} deg/s), "
             "and plant.kind = mujoco starts from rest. Take a recording that begins at rest, or "
             "plant.kind = kinematic."
         )
+    effects = replace(machine.effects, force_sensor=settings.logs.force_sensor is not None)
+    plant = Plant(machine.cell, machine.true, effects, servo_gains(robot, chosen.servo))
+    run = run_plant
+    if machine.instrument:
+        run = partial(run_with_instrument, instrument=machine.instrument, forces=chosen)
+    return run(
+        plant,
+        path,
+        timestep=chosen.timestep_s,
+        gravity_compensation=chosen.gravity_compensation,
+        on_motion=on_motion,
+    )
 
 
 def _encoders(settings: SimulationSettings, cell: Cell) -> tuple[BarEncoder, ...]:
@@ -213,43 +184,24 @@ def _encoders(settings: SimulationSettings, cell: Cell) -> tuple[BarEncoder, ...
 
 def _truth(
     settings: SimulationSettings,
+    machine: TrueMachine,
     motion: Motion,
     encoders: tuple[BarEncoder, ...],
-    plant: PlantTruth,
-    logs: LogTruth,
-) -> Truth:
-    true = motion.geometry
-    offsets = {f"btheta{e.joint}": true[f"btheta{e.joint}"] + e.offset for e in encoders}
-    position, angle = motion.closure()
-    return Truth(
-        geometry=true.replaced(offsets),
-        directions={f"b{e.joint}": e.direction * e.declared for e in encoders},
-        offset=settings.clocks.offset_s + sum(logs.joint_lag_s[:1]),
-        skew=settings.clocks.skew,
-        seed=settings.seed,
-        closure_position=float(position.max()),
-        closure_angle=float(angle.max()),
-        rod_force_min=float(motion.rod_force.min()),
-        rod_force_max=float(motion.rod_force.max()),
-        plant=plant,
-        logs=logs,
-    )
-
-
-def _log_truth(
-    settings: SimulationSettings,
-    encoders: tuple[BarEncoder, ...],
-    resolvers: ResolverEffects | None,
     times: LogTimes,
     rows: LoggedRows,
     lags: Array,
-) -> LogTruth:
-    clocks = settings.clocks
-    first = FirstRows(robot_s=float(times.robot_true[0]), ballbar_s=float(times.bar_true[0]))
-    return LogTruth(
-        first_rows=first,
+) -> Truth:
+    """The truth of a run. lags : (J,) or (0,) [s] of the filters of the motors' angles."""
+    true, clocks = motion.geometry, settings.clocks
+    offsets = {f"btheta{e.joint}": true[f"btheta{e.joint}"] + e.offset for e in encoders}
+    geometry = true.replaced(offsets)
+    position, angle = motion.closure()
+    logs = LogTruth(
+        first_rows=FirstRows(
+            robot_s=float(times.robot_true[0]), ballbar_s=float(times.bar_true[0])
+        ),
         encoders={f"b{e.joint}": e.effects for e in encoders if e.effects != EncoderEffects()},
-        resolvers=resolvers,
+        resolvers=machine.resolvers,
         joint_lag_s=tuple(lags.tolist()),
         clock_wander=times.wander,
         robot_clock_wander=times.robot_wander,
@@ -259,3 +211,17 @@ def _log_truth(
         tracker=drawn_tracker(settings.logs.tracker, settings.seed),
         rows=rows.counts if clocks.dropped_rows or clocks.duplicated_rows else {},
     )
+    content = {
+        "schema": "ballbar-truth/2",
+        "seed": settings.seed,
+        "parameters": dict(zip(geometry.table.names, geometry.values.tolist(), strict=True)),
+        "directions": {f"b{e.joint}": e.direction * e.declared for e in encoders},
+        "clock": TrueClock(offset_s=clocks.offset_s + sum(lags[:1].tolist()), skew=clocks.skew),
+        "closure": ClosureError(position_m=float(position.max()), angle_rad=float(angle.max())),
+        "rod_force": ForceRange(
+            min_N=float(motion.rod_force.min()), max_N=float(motion.rod_force.max())
+        ),
+        "plant": plant_truth(machine.effects),
+        "logs": logs,
+    }
+    return Truth.model_validate(content)

@@ -1,36 +1,53 @@
-"""The truth of a simulated recording: true parameters and drawn errors, in a file of their own.
+"""The truth of what was simulated, in a file of its own beside the recording or the table.
 
 Tests, claims and the report open it; acquisition and identification do not.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
+from cell.arrays import Array
+from cell.chain import KINDS, Chain
+from cell.descriptions import Robot
 from cell.files import write_yaml
 from cell.geometry import Geometry, table_of_names
+from cell.rotation import matrix_from_rotvec
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
+from sim.errors.clock_errors import ClockStep, LoggerRestart
 from sim.errors.plant_errors import ThermalGrowth
-from sim.logging.log_truth import LogTruth
-from sim.plant.effects import RIGID_ROD, PlantEffects, Ripple
-from sim.plant.masses import Masses
+from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
+from sim.logging.clocks import RowCounts, WanderCurve
+from sim.logging.load_logs import DrawnLoads, TrackerTruth
+from sim.plant.effects import RIGID_ROD, Masses, PlantEffects, Ripple
+from sim.true_robot import TrueArm
 
-SCHEMA = "ballbar-truth/2"
+Vector = tuple[float, ...]
 
 
 class RippleTruth(Strict):
     """Harmonic error of a gear at output angle g: amplitude * sin(cycles * g + phase)."""
 
     axis: int
-    cycles_per_turn: float
+    cycles_per_turn: int | float
     amplitude_rad: float
     phase_rad: float
+
+    @classmethod
+    def of(cls, ripple: Ripple) -> Self:
+        """The harmonic as the truth file states it."""
+        return cls(
+            axis=ripple.gear + 1,
+            cycles_per_turn=ripple.order,
+            amplitude_rad=ripple.amplitude,
+            phase_rad=ripple.phase,
+        )
 
 
 class BodyTruth(Strict):
@@ -45,9 +62,9 @@ class PlantTruth(Strict):
     effect was off.
     """
 
-    gear_stiffness_N_m_per_rad: tuple[float, ...] | None
-    gear_backlash_half_width_rad: tuple[float, ...]
-    gear_hysteresis_half_width_rad: tuple[float, ...]
+    gear_stiffness_N_m_per_rad: Vector | None
+    gear_backlash_half_width_rad: Vector
+    gear_hysteresis_half_width_rad: Vector
     transmission_error: tuple[RippleTruth, ...]
     gear_friction_scale: float
     rod_stiffness_N_per_m: float | None
@@ -72,104 +89,204 @@ class PlantTruth(Strict):
 
 def plant_truth(effects: PlantEffects) -> PlantTruth:
     """The effects of one machine as the truth file states them."""
-    stiffness = effects.gear_stiffness
+    stiffness, masses = effects.gear_stiffness, effects.masses
+    bodies = {}
+    if masses is not None:
+        rows = zip(masses.names, masses.mass.tolist(), masses.centre.tolist(), strict=True)
+        bodies = {name: BodyTruth(mass_kg=mass, com_m=tuple(com)) for name, mass, com in rows}
     return PlantTruth(
         gear_stiffness_N_m_per_rad=None if stiffness is None else tuple(stiffness.tolist()),
         gear_backlash_half_width_rad=tuple(effects.gear_backlash.tolist()),
         gear_hysteresis_half_width_rad=tuple(effects.gear_hysteresis.tolist()),
-        transmission_error=tuple(_ripple_truth(ripple) for ripple in effects.ripples),
+        transmission_error=tuple(RippleTruth.of(ripple) for ripple in effects.ripples),
         gear_friction_scale=effects.friction_scale,
         rod_stiffness_N_per_m=None if effects.rod_stiffness == RIGID_ROD else effects.rod_stiffness,
         rod_backlash_half_width_m=effects.rod_backlash,
         bar_friction_N_m=effects.bar_friction,
         plate_stiffness_N_per_m=effects.plate_stiffness,
         base_stiffness_N_per_m=effects.base_stiffness,
-        bodies=_bodies(effects.masses),
+        bodies=bodies,
         thermal_growth=effects.growth,
     )
 
 
-def _bodies(masses: Masses | None) -> dict[str, BodyTruth]:
-    if masses is None:
-        return {}
-    rows = zip(masses.names, masses.mass.tolist(), masses.centre.tolist(), strict=True)
-    return {name: BodyTruth(mass_kg=mass, com_m=tuple(com)) for name, mass, com in rows}
+class FirstRows(Strict):
+    """Times of the first rows of both logs, from the start of the path."""
+
+    robot_s: float
+    ballbar_s: float
 
 
-def _ripple_truth(ripple: Ripple) -> RippleTruth:
-    return RippleTruth(
-        axis=ripple.gear + 1,
-        cycles_per_turn=ripple.order,
-        amplitude_rad=ripple.amplitude,
-        phase_rad=ripple.phase,
-    )
+class LogTruth(Strict):
+    """Errors of sensors, clocks and loggers.
 
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """True parameters of one recording.
-
-    The encoder offsets stand in btheta of `geometry`: `b = direction * angle + btheta`, where
-    `angle` is the logged one with the declared direction applied.
+    Angles are positive along the DH angle of the joint; times count from the start of the path.
     """
 
-    geometry: Geometry
-    directions: dict[str, int]  # -1 where the direction that recording.yaml declares is wrong
-    offset: float  # [s]
-    skew: float  # [1]
-    seed: int
-    closure_position: float  # [m] largest loop-closure error of the plant
-    closure_angle: float  # [rad]
-    rod_force_min: float  # [N]
-    rod_force_max: float  # [N]
-    plant: PlantTruth
-    logs: LogTruth
+    first_rows: FirstRows
+    encoders: dict[str, EncoderEffects] = Field(default_factory=dict)  # of b1.., if any
+    resolvers: ResolverEffects | None = None
+    # [s] time constant of each motor's filter; that of the first is in the clock offset
+    joint_lag_s: Vector = ()
+    clock_wander: WanderCurve | None = None  # of the ball-bar's clock
+    robot_clock_wander: WanderCurve | None = None
+    clock_step: ClockStep | None = None
+    restart: LoggerRestart | None = None
+    rows: dict[str, RowCounts] = Field(default_factory=dict)  # robot, ballbar
+    loads: DrawnLoads = DrawnLoads()
+    tracker: TrackerTruth | None = None
 
-    def write(self, path: Path) -> None:
-        """Write the truth file, whole or not at all."""
-        content: dict[str, object] = {
-            "schema": SCHEMA,
-            "seed": self.seed,
-            "parameters": dict(
-                zip(self.geometry.table.names, self.geometry.values.tolist(), strict=True)
-            ),
-            "directions": dict(self.directions),
-            "clock": {"offset_s": self.offset, "skew": self.skew},
-            "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
-            "rod_force": {"min_N": self.rod_force_min, "max_N": self.rod_force_max},
-            "plant": self.plant.model_dump(mode="json"),
-            "logs": self.logs.stated(),
+    def stated(self) -> dict[str, object]:
+        """Plain data without absent entries."""
+        filled = {
+            key: _filled(value) for key, value in self.model_dump(mode="json").items() if value
         }
-        write_yaml(path, content)
+        return {key: value for key, value in filled.items() if value}
 
 
-class _Clock(Strict):
+def _filled(value: Any) -> Any:
+    """Plain data without empty entries, at any depth."""
+    if isinstance(value, dict):
+        return {key: _filled(inner) for key, inner in value.items() if inner not in (None, [], {})}
+    return [_filled(inner) for inner in value] if isinstance(value, list) else value
+
+
+class TrueClock(Strict):
+    """The clock's map from the ball-bar's log to the robot's."""
+
     offset_s: float
     skew: float
 
 
-class _Closure(Strict):
+class ClosureError(Strict):
+    """Largest loop-closure error of the plant."""
+
     position_m: float
     angle_rad: float
 
 
-class _Force(Strict):
+class ForceRange(Strict):
+    """Least and largest force in the rod."""
+
     min_N: float
     max_N: float
 
 
-class TruthFile(Strict):
-    """Schema of the truth file."""
+class Truth(Strict):
+    """True parameters of one recording, as its truth file states them.
+
+    The encoder offsets stand in btheta of `geometry`: `b = direction * angle + btheta`, where
+    `angle` is the logged one with the declared direction applied. A direction is -1 where the one
+    that recording.yaml declares is wrong.
+    """
 
     schema_: Annotated[Literal["ballbar-truth/2"], Field(alias="schema")]
     seed: int
     parameters: dict[str, float]
     directions: dict[str, int]
-    clock: _Clock
-    closure: _Closure
-    rod_force: _Force
+    clock: TrueClock
+    closure: ClosureError
+    rod_force: ForceRange
     plant: PlantTruth
     logs: LogTruth
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """True parameters, with the encoders' offsets."""
+        table = table_of_names(self.parameters)
+        return Geometry(np.array([self.parameters[name] for name in table.names]), table)
+
+    def write(self, path: Path) -> None:
+        """Write the truth file, whole or not at all."""
+        content = self.model_dump(mode="json", by_alias=True)
+        write_yaml(path, content | {"logs": self.logs.stated()})
+
+
+class TruePlace(Strict):
+    """A seat in the robot's base frame, or a target in the flange's."""
+
+    position_m: Vector
+    rotvec_rad: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def position(self) -> Array:
+        """(3,) [m]"""
+        return np.array(self.position_m)
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3)"""
+        return matrix_from_rotvec(np.array(self.rotvec_rad)[:, None])[:, :, 0]
+
+
+class SeatMotion(Strict):
+    """How the seats move against the robot's base from the first pose to the last.
+
+    They turn about the base's origin.
+    """
+
+    shift_m: Vector
+    turn_rad: Vector
+
+    def at(self, seat: TruePlace, share: Array) -> tuple[Array, Array]:
+        """Origin (3, N) and rotation (3, 3, N) of a seat at shares (N,) of the whole time."""
+        turn = matrix_from_rotvec(np.array(self.turn_rad)[:, None] * share)
+        shift = np.array(self.shift_m)[:, None] * share
+        origin = np.einsum("ijn,j->in", turn, seat.position) + shift
+        return origin, np.einsum("ijn,jk->ikn", turn, seat.rotation)
+
+
+class DHRows(Strict):
+    """DH parameters of all rows [m, rad]."""
+
+    a: Vector
+    d: Vector
+    alpha: Vector
+    theta: Vector
+    beta: Vector
+
+
+class PoseTruth(Strict):
+    """The truth of a table of still poses, as its truth file states it.
+
+    Outliers and unsettled poses are lines of the table, its header being line 1. The force is the
+    least and the largest along rod or wire.
+    """
+
+    schema_: Annotated[Literal["ballbar-poses-truth/1"], Field(alias="schema")]
+    seed: int
+    robot: str
+    dh: DHRows
+    joint_harmonics: tuple[RippleTruth, ...]
+    unit_weights_rad_per_m: tuple[Vector, ...]
+    gear_stiffness_N_m_per_rad: Vector | None
+    seats: dict[str, TruePlace]
+    targets: dict[str, TruePlace]
+    drift: SeatMotion
+    outliers: tuple[int, ...]
+    unsettled: tuple[int, ...]
+    plant: Literal["mujoco", "kinematic"]
+    force_N: tuple[float, float] | None
+
+    def arm(self, robot: Robot) -> TrueArm:
+        """The true arm. robot : nominal."""
+        stiffness = self.gear_stiffness_N_m_per_rad
+        ripples = tuple(
+            Ripple(r.axis - 1, r.cycles_per_turn, r.amplitude_rad, r.phase_rad)
+            for r in self.joint_harmonics
+        )
+        return TrueArm(
+            robot=robot,
+            chain=Chain(*(np.array(getattr(self.dh, kind)) for kind in KINDS)),
+            effects=PlantEffects(
+                gear_stiffness=None if stiffness is None else np.array(stiffness), ripples=ripples
+            ),
+            weights=np.array(self.unit_weights_rad_per_m),
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the truth file, whole or not at all."""
+        write_yaml(path, self.model_dump(mode="json", by_alias=True))
 
 
 def load_truth(path: Path) -> Truth:
@@ -178,19 +295,15 @@ def load_truth(path: Path) -> Truth:
     Raises DescriptionError if the file cannot be read, is wrong, or has another schema.
     """
     document = load_yaml(path)
-    check_schema(document, SCHEMA, "Simulate the recording again.")
-    file = parse_model(document, TruthFile)
-    table = table_of_names(file.parameters)
-    return Truth(
-        geometry=Geometry(np.array([file.parameters[name] for name in table.names]), table),
-        directions=file.directions,
-        offset=file.clock.offset_s,
-        skew=file.clock.skew,
-        seed=file.seed,
-        closure_position=file.closure.position_m,
-        closure_angle=file.closure.angle_rad,
-        rod_force_min=file.rod_force.min_N,
-        rod_force_max=file.rod_force.max_N,
-        plant=file.plant,
-        logs=file.logs,
-    )
+    check_schema(document, "ballbar-truth/2", "Simulate the recording again.")
+    return parse_model(document, Truth)
+
+
+def load_pose_truth(path: Path) -> PoseTruth:
+    """The truth of a simulated table of still poses.
+
+    Raises DescriptionError if the file cannot be read, is wrong, or has another schema.
+    """
+    document = load_yaml(path)
+    check_schema(document, "ballbar-poses-truth/1", "Simulate the poses again.")
+    return parse_model(document, PoseTruth)

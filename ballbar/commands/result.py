@@ -18,8 +18,6 @@ from cell.files import write_new, write_whole
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.compensation.frames import FrameOptions
     from ballbar.export.result import Result
-    from ballbar.result.calibration import Calibration
-    from ballbar.result.compare import Comparison
 
 commands = typer.Typer()
 
@@ -96,58 +94,12 @@ def compare(
     """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
-    from ballbar.result.calibration import Calibration
+    from ballbar.result.compare import compare_files
 
-    model = Calibration.load(calibration)
-    if not model.of_logs:
-        _compare_poses(model, reference, as_json=as_json)
-        return
-    comparison = _compared(model, reference)
+    comparison = compare_files(calibration, reference)
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
-
-
-def _compare_poses(result: Calibration, reference: Path, *, as_json: bool) -> None:
-    """A result of still poses against another one, or against the truth."""
-    from ballbar.result.calibration import Calibration
-    from ballbar.result.compare_pose_results import (
-        compare_pose_results,
-        compare_pose_truth,
-        result_comparison_data,
-        say_result_comparison,
-    )
-    from sim.poses.truth import load_pose_truth
-
-    if reference.name.endswith(".truth.yaml"):
-        comparison = compare_pose_truth(result, load_pose_truth(reference, result.robot))
-    else:
-        comparison = compare_pose_results(result, Calibration.load(reference))
-    if as_json:
-        say_json(result_comparison_data(comparison))
-    say_result_comparison(out, comparison)
-
-
-def _compared(model: Calibration, reference: Path) -> Comparison:
-    from ballbar.result.calibration import Calibration
-    from ballbar.result.compare import compare, compare_with_truth
-    from sim.truth import load_truth
-
-    file, cell = model.file, model.cell()
-    identified = list(file.identified)
-    if reference.name.endswith(".truth.yaml"):
-        truth = load_truth(reference)
-        clock = file.logs[0].clock
-        at = (clock.offset_s, clock.skew) if clock else None
-        return compare_with_truth(model.unloaded_robot(cell), model.nominal, truth, identified, at)
-    other = Calibration.load(reference)
-    if other.file_of_logs().robot != file.robot:
-        raise InputError(
-            f"{other.path}: is of robot {other.file.robot}, {model.path} of {file.robot}. "
-            "Compare calibrations of the same robot."
-        )
-    shared = [name for name in identified if name in other.file.identified]
-    return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
 
 
 @commands.command(
@@ -175,38 +127,18 @@ def verify(
     seats (and new targets) are fitted. Exits with 1 when the calibration does not hold, and with 2
     when these measurements cannot tell.
     """
-    verify_one = _verify_poses if (folder / "poses.yaml").exists() else _verify_recording
-    raise typer.Exit(verify_one(result, folder, as_json=as_json))
-
-
-def _verify_poses(result: Path, folder: Path, *, as_json: bool) -> int:
     from ballbar.result.verification import (
         exit_code,
         say_verification,
         verification_data,
-        verify_poses,
-    )
-
-    outcome, remarks = verify_poses(result, folder)
-    if as_json:
-        say_json(verification_data(outcome, remarks))
-    say_verification(out, outcome, remarks)
-    return exit_code(outcome)
-
-
-def _verify_recording(result: Path, folder: Path, *, as_json: bool) -> int:
-    from ballbar.result.verification import (
-        exit_code,
-        recording_verification_data,
-        say_verification,
         verify_folder,
     )
 
     outcome, remarks = verify_folder(result, folder)
     if as_json:
-        say_json(recording_verification_data(outcome, remarks))
+        say_json(verification_data(outcome, remarks))
     say_verification(out, outcome, remarks)
-    return exit_code(outcome)
+    raise typer.Exit(exit_code(outcome))
 
 
 @commands.command(

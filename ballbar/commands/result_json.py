@@ -12,64 +12,50 @@ import yaml
 
 from ballbar.result.calibration import Calibration
 from ballbar.result.names import OUTPUTS
+from ballbar.result.run_data import PoseRun, RunData
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.claims.run import Judged
     from ballbar.result.compare import Comparison
     from ballbar.result.limits import Limit
-    from ballbar.result.pose_run import PoseRun
-    from ballbar.result.run_data import RunData
-    from ballbar.run_poses import PoseScenarioRun
     from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
-    from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 
-def run_data(data: RunData, folder: Path) -> dict[str, object]:
-    """JSON of `run` and `identify`: the calibration written to `folder`, comparison and limits."""
-    return {
-        "acceptable": data.acceptable,
-        "sentence": data.identification.verdict.sentence,
-        "folder": str(folder),
-        "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
-        "calibration": Calibration.load(folder).file.model_dump(mode="json", by_alias=True),
-        "plant": plant_data(data.simulation) if data.simulation else None,
-        "comparison": comparison_data(data.comparison) if data.comparison else None,
-        "limits": [asdict(limit) for limit in data.limits],
-    }
+def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
+    """JSON of `run` and `identify`: the calibration written to `folder`, comparison and limits.
 
-
-def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
-    """JSON of `identify` on still poses: the calibration written to `folder`."""
+    An identification from still poses without simulation has neither plant nor limits.
+    """
     file = Calibration.load(folder).file
-    return {
+    result: dict[str, object] = {
         "acceptable": run.acceptable,
         "sentence": run.identification.verdict.sentence,
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
         "calibration": file.model_dump(mode="json", by_alias=True),
     }
-
-
-def pose_scenario_data(data: PoseScenarioRun, folder: Path) -> dict[str, object]:
-    """JSON of `run` on a scenario of still poses: as `pose_run_data`, comparison and limits."""
-    return pose_run_data(data.run, folder) | {
-        "acceptable": data.acceptable,
-        "plant": data.simulation.plant,
-        "comparison": {
-            "tcp_error": _tcp(data.comparison.tcp),
-            "tcp_error_nominal": _tcp(data.comparison.tcp_nominal),
-        },
-        "limits": [asdict(limit) for limit in data.limits],
+    limits = [asdict(limit) for limit in run.limits]
+    if isinstance(run, RunData):
+        plant: object = plant_data(run.simulation) if run.simulation else None
+        comparison = comparison_data(run.comparison) if run.comparison else None
+        return result | {"plant": plant, "comparison": comparison, "limits": limits}
+    if run.simulation is None or run.comparison is None:
+        return result
+    errors = {
+        "tcp_error": _tcp(run.comparison.tcp),
+        "tcp_error_nominal": _tcp(run.comparison.tcp_nominal),
     }
+    return result | {"plant": run.simulation.plant, "comparison": errors, "limits": limits}
 
 
 def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:
     """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
     from sim.recording_files import truth_path
 
-    force = simulation.truth.force
+    force = simulation.truth.force_N
     return {
         "recording": str(folder),
         "truth": str(truth_path(folder)),
@@ -96,15 +82,27 @@ def plant_data(simulation: Simulation) -> dict[str, object]:
     """Largest loop-closure error of the simulated plant, and the range of the force in the rod."""
     truth = simulation.truth
     return {
-        "closure_position_m": float(truth.closure_position),
-        "closure_angle_rad": float(truth.closure_angle),
-        "rod_force_min_N": float(truth.rod_force_min),
-        "rod_force_max_N": float(truth.rod_force_max),
+        "closure_position_m": float(truth.closure.position_m),
+        "closure_angle_rad": float(truth.closure.angle_rad),
+        "rod_force_min_N": float(truth.rod_force.min_N),
+        "rod_force_max_N": float(truth.rod_force.max_N),
     }
 
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:
-    """JSON of `compare`: errors are model minus reference."""
+    """JSON of `compare`, SI units: errors are model minus reference."""
+    if comparison.target:
+        return {
+            "target": comparison.target,
+            "tcp_difference": _distances(comparison.tcp),
+            "tcp_difference_nominal": _distances(comparison.tcp_nominal),
+            "cross_validated_mean_m": list(comparison.predicted),
+            "parameters": {
+                name: {"difference": size, "z": comparison.z[name]}
+                for name, size in comparison.deviations.items()
+            },
+            "axes_with_unlike_ranges": list(comparison.unlike_ranges),
+        }
     return {
         "tcp_error": _tcp(comparison.tcp),
         "tcp_error_nominal": _tcp(comparison.tcp_nominal),
@@ -193,8 +191,9 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
 
 
 def _tcp(error: TcpError) -> dict[str, float]:
-    return {
-        "mean_m": float(error.mean),
-        "max_m": float(error.maximum),
-        "mean_without_scale_m": float(error.error_without_scale.mean()),
-    }
+    without_scale = float(error.error_without_scale.mean())
+    return _distances(error) | {"mean_without_scale_m": without_scale}
+
+
+def _distances(error: TcpError) -> dict[str, float]:
+    return {"mean_m": float(error.mean), "max_m": float(error.maximum)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from acquisition.recording import Recording
 from acquisition.report import Finding, ImportReport, report_lines
 from ballbar.units import MM, MS
 from cell.arrays import Array
+from cell.errors import InputError
 from cell.logs import segment_starts
 from cell.pose_file import PosesFile
 from cell.poses import PoseGroup
@@ -22,6 +24,22 @@ from cell.robot_angles import joints_to_axes
 
 SEGMENTS_SHOWN = 8  # first segments of a log that are listed
 GROUPS_SHOWN = 40
+
+
+def holds_poses(path: Path) -> bool:
+    """Whether a folder or file is a table of still poses rather than a recording.
+
+    Raises InputError for a folder that holds both.
+    """
+    if not path.is_dir():
+        return path.suffix == ".yaml" and path.name != "recording.yaml"
+    poses = (path / "poses.yaml").exists()
+    if poses and (path / "recording.yaml").exists():
+        raise InputError(
+            f"{path}: holds poses.yaml and recording.yaml. Name {path / 'poses.yaml'}, or move the "
+            "recording into a folder of its own."
+        )
+    return poses
 
 
 def check_lines(

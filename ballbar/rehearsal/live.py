@@ -28,10 +28,10 @@ from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.errors import FailureError, InputError
 from cell.load import load_robot
+from sim.live.delivery import Pace
 from sim.live.device_logs import GrowingRecording, Logs, device_logs
 from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
-from sim.live.pace import Pace
 from sim.logging.load_logs import BallbarLog, DeviceLogs, RobotLog
 
 if TYPE_CHECKING:  # pyads is an extra
@@ -234,7 +234,7 @@ def _recorded(
     *,
     identify: bool,
 ) -> LivePath:
-    """What a simulated PLC and a simulated controller deliver, by the recorder."""
+    """The recording of a simulated PLC and a simulated controller by the recorder."""
     pace = Pace(speed)
     with _devices(logs, scenario, pace) as (plc, robot, port):
         options = RecordOptions(
@@ -244,10 +244,7 @@ def _recorded(
             robot=scenario.cell.robot,
             ballbar=scenario.cell.measured_by,
             plate=scenario.cell.plate,
-            duration=None,
-            live=False,
             identify=identify,
-            accuracy=None,
         )
         follower = _Follower(None, cause, pace)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.compensation.targets_file import (
-    Correction,
+    CorrectedTable,
     axis_columns,
     correct_file,
     read_targets,
@@ -22,7 +22,8 @@ from cell.geometry import robot_frames
 from cell.robot_angles import joints_to_axes
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
-from sim.plant.held_robot import HeldRobot, pose_distance
+from sim.plant.held import hold_machine, pose_distance
+from sim.true_robot import true_machine
 
 TARGETS = 50
 GIVEN, CORRECTED = "targets.csv", "targets-corrected.csv"
@@ -37,7 +38,7 @@ class HeldTargets:
     aligned: Array  # [m] the same after the best rigid motion of the base
 
 
-def correct_targets(folder: Path, result: Result) -> Correction:
+def correct_targets(folder: Path, result: Result) -> CorrectedTable:
     """Writes targets into the folder, and corrected ones beside them.
 
     They are the first of the accuracy box that can be corrected; at singularities none can.
@@ -75,10 +76,10 @@ def hold_targets(
     relative_to : folder of the scenario's file.
     """
     given, corrected = (read_targets(folder / name, result.robot).q for name in (GIVEN, CORRECTED))
-    robot = HeldRobot(scenario, relative_to=relative_to)
-    planned, after = robot_frames(robot.nominal, given), robot.hold(corrected)
+    robot = true_machine(scenario, relative_to=relative_to)
+    planned, after = robot_frames(robot.nominal, given), hold_machine(robot, corrected)
     return HeldTargets(
-        before=pose_distance(planned, robot.hold(given))[0],
+        before=pose_distance(planned, hold_machine(robot, given))[0],
         after=pose_distance(planned, after)[0],
         aligned=position_error(planned.tip.T, after.tool[:, :3, 3]).error,
     )

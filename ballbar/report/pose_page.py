@@ -29,8 +29,8 @@ from ballbar.report.provenance import InputFile, hashed, versions, without_folde
 from ballbar.report.summary import Tile
 from ballbar.report.tcp_view import TcpRow, tcp_row
 from ballbar.result.calibration_content import KNOWN
-from ballbar.result.compare_poses import PoseComparison
-from ballbar.result.pose_run import PoseRun
+from ballbar.result.compare import Comparison
+from ballbar.result.run_data import PoseRun
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from cell.files import write_whole
@@ -96,7 +96,7 @@ class TruthSection:
 
 
 def write_pose_report(
-    path: Path, run: PoseRun, comparison: PoseComparison | None = None, *, command: str
+    path: Path, run: PoseRun, comparison: Comparison | None = None, *, command: str
 ) -> None:
     """Write the report, whole or not at all.
 
@@ -107,7 +107,7 @@ def write_pose_report(
 
 
 def render_pose_report(
-    run: PoseRun, comparison: PoseComparison | None = None, *, command: str, written: datetime
+    run: PoseRun, comparison: Comparison | None = None, *, command: str, written: datetime
 ) -> str:
     """The page as text; the same inputs give the same text."""
     result = run.identification
@@ -158,7 +158,7 @@ def _subtitle(run: PoseRun) -> str:
     return f"{table.robot.title}; {table.size} still poses, {kinds}."
 
 
-def _tiles(result: PoseIdentification, comparison: PoseComparison | None) -> list[Tile]:
+def _tiles(result: PoseIdentification, comparison: Comparison | None) -> list[Tile]:
     validation, fit = result.cross_validation, result.fit
     orders = result.search.orders if result.search else ()
     fitted, before = result.residual_means
@@ -183,7 +183,7 @@ def _tiles(result: PoseIdentification, comparison: PoseComparison | None) -> lis
     ]
 
 
-def _tcp_tile(comparison: PoseComparison) -> Tile:
+def _tcp_tile(comparison: Comparison) -> Tile:
     tcp, before = comparison.tcp, comparison.tcp_nominal
     return Tile(
         "TCP error against the truth",
@@ -192,7 +192,7 @@ def _tcp_tile(comparison: PoseComparison) -> Tile:
     )
 
 
-def _truth(result: PoseIdentification, comparison: PoseComparison) -> TruthSection:
+def _truth(result: PoseIdentification, comparison: Comparison) -> TruthSection:
     tcp, before = comparison.tcp, comparison.tcp_nominal
     curves = [
         Curve("nominal robot", before.error, BEFORE),

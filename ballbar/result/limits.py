@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ballbar.result.compare import Comparison
-from ballbar.scenario import AcceptSettings, PoseAcceptSettings, TcpLimits
+from ballbar.scenario import AcceptSettings, TcpLimits
 from ballbar.units import MM, PPM, UM, US
 from cell.arrays import Array
 from cell.number_text import significant_text
@@ -16,10 +15,6 @@ from ident.result import Identification
 from ident.robot.accuracy import TcpError
 from ident.verdict import Status
 from sim.truth import Truth
-
-if TYPE_CHECKING:  # a run of recordings does without still poses
-    from ballbar.result.compare_poses import PoseComparison
-    from ident.pose_result import PoseIdentification
 
 Measured = dict[str, tuple[str, float, str]]  # what, value and unit of each key of `accept`
 
@@ -53,11 +48,11 @@ def _counted_or_measured(value: float) -> str:
 
 def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:
     """The limits of what was simulated: they need no identification."""
-    force = max(-truth.rod_force_min, truth.rod_force_max)
+    force = max(-truth.rod_force.min_N, truth.rod_force.max_N)
     measured: Measured = {
         "loop_closure_um": (
             "loop closure of the plant, largest",
-            truth.closure_position * UM,
+            truth.closure.position_m * UM,
             "um",
         ),
         "rod_force_N": ("force in the rod, largest", force, "N"),
@@ -86,11 +81,11 @@ def result_limits(
 
 
 def tcp_limits(
-    identified: Identification, comparison: Comparison, accept: TcpLimits
+    status: Status, sigma: Array, comparison: Comparison, accept: TcpLimits
 ) -> tuple[Limit, ...]:
-    """The limits that every scenario can state, of recordings that were taken live."""
-    measured = _tcp(comparison.tcp, identified.robot.tcp_sigma)
-    return (*_verdict(identified.verdict.status, accept), *_stated(measured, accept))
+    """The limits that every scenario can state; sigma : (G,) [m] stated TCP uncertainty."""
+    measured = _tcp(comparison.tcp, sigma)
+    return (*_verdict(status, accept), *_stated(measured, accept))
 
 
 def corrected_limits(distance: Array, accept: AcceptSettings) -> tuple[Limit, ...]:
@@ -101,14 +96,6 @@ def corrected_limits(distance: Array, accept: AcceptSettings) -> tuple[Limit, ..
         "corrected_max_mm": ("corrected targets in the plant, largest", largest * MM, "mm"),
     }
     return _stated(measured, accept)
-
-
-def pose_limits(
-    identified: PoseIdentification, comparison: PoseComparison, accept: PoseAcceptSettings
-) -> tuple[Limit, ...]:
-    """Likewise of still poses."""
-    measured = _tcp(comparison.tcp, identified.tcp_sigma)
-    return (*_verdict(identified.verdict.status, accept), *_stated(measured, accept))
 
 
 def _tcp(error: TcpError, sigma: Array) -> Measured:

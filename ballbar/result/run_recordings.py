@@ -1,31 +1,60 @@
-"""Recording folders to an identified robot: one, or several in one fit, and held-out ones.
+"""Recordings or tables of still poses to an identified robot: one, several, and held-out ones.
 
-Recordings that are fitted or validated together must be of the same robot, ball-bar and plate:
-their files must say so.
+Recordings that are fitted or validated together must be of the same robot, ball-bar and plate,
+tables of the same robot: their files must say so.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition.pose_tables import import_poses
+from acquisition.pose_tables import PoseImport, import_poses
 from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
+from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.inputs import check_one_robot, distinct_names, holds_poses, joined
-from ballbar.result.run_data import FittedRecording, RunData, Validation
+from ballbar.result.calibration import Calibration
+from ballbar.result.run_data import FittedRecording, PoseRun, RunData, Validation
 from cell.errors import InputError
+from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell
+from cell.poses import KnownDistance, PoseGroup, PoseTable
 from cell.recording import load_recording_file
 from ident.held_out import held_out
+from ident.held_out_poses import held_out_poses
 from ident.identify import identify_together
+from ident.identify_poses import PoseOptions, Progress, identify_poses
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.start.automatic import StartError
 from ident.tracker import judged_by_tracker
+
+
+def identify_files(
+    paths: Sequence[Path],
+    validate: Sequence[Path] = (),
+    *,
+    settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
+    joint_errors: str = "auto",
+    listener: Listener = SILENT,
+) -> RunData | PoseRun:
+    """One robot from recordings, tables of still poses or both, tried on held-out ones.
+
+    settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
+    without, and the path of a result keeps its own.
+
+    Raises as `identify_recordings` and `identify_pose_folders`.
+    """
+    if not all(map(holds_poses, paths)):
+        return identify_recordings(paths, validate, settings=settings, listener=listener)
+    options = PoseOptions(search=joint_errors == "auto")
+    if joint_errors not in ("auto", "none"):
+        options = replace(options, learned=Calibration.load(joint_errors).joint_errors())
+    return identify_pose_folders(paths, validate, options=options, progress=listener.progress)
 
 
 def identify_recordings(
@@ -45,9 +74,8 @@ def identify_recordings(
             f"{still[0]}: is a table of still poses. A robot that was identified from recordings "
             "is tried on recordings; name the table among those that are fitted."
         )
+    called = dict(zip([*folders, *validate], distinct_names([*folders, *validate]), strict=True))
     tables = [folder for folder in folders if holds_poses(folder)]
-    names = distinct_names([*folders, *validate])
-    called = dict(zip([*folders, *validate], names, strict=True))
     folders = [folder for folder in folders if folder not in tables]
     every = [*folders, *validate]
     names = [called[folder] for folder in every]
@@ -62,12 +90,11 @@ def identify_recordings(
     cell = load(first.robot, first.measured_by, first.plate, relative_to=folders[0])
     options, count = settings.options, len(folders)
     logs = [logs_of(name, recording) for name, recording in zip(names, read, strict=True)]
-    imported = [(called[folder], folder, import_poses(folder)) for folder in tables]
-    check_one_robot(tables, [content for _, _, content in imported])
+    still_poses = read_tables(tables, [called[folder] for folder in tables])
     result = identify_together(
         cell,
         logs[:count],
-        joined(imported) if imported else None,
+        _joined(still_poses) if still_poses else None,
         options=options,
         listener=listener,
     )
@@ -82,12 +109,104 @@ def identify_recordings(
         result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
-        name=" + ".join([*names[:count], *(called[folder] for folder in tables)]),
+        name=" + ".join([*names[:count], *(name for name, _, _ in still_poses)]),
         recordings=tuple(FittedRecording(*parts) for parts in fitted),
         identification=result,
         validations=validations,
-        tables=tuple(imported),
+        tables=still_poses,
     )
+
+
+def identify_pose_folders(
+    folders: Sequence[Path],
+    validate: Sequence[Path] = (),
+    *,
+    options: PoseOptions = PoseOptions(),  # noqa: B008  frozen
+    progress: Progress = lambda _: None,
+) -> PoseRun:
+    """One robot from one or several tables of still poses, tried on the held-out ones.
+
+    Raises InputError for bad files, for tables of unlike robots and for logs among them.
+    """
+    every = [*folders, *validate]
+    if logs := [folder for folder in every if not holds_poses(folder)]:
+        raise InputError(
+            f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
+            "is tried on still poses; name the recording among those that are fitted."
+        )
+    names = distinct_names(every)
+    progress("reading the poses")
+    read = read_tables(every, names)
+    fitted = read[: len(folders)]
+    result = identify_poses(_joined(fitted), options, progress)
+    held = tuple(
+        (folder, content, held_out_poses(result, replace(content.table, name=name)))
+        for name, folder, content in read[len(folders) :]
+    )
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in held)
+    result = replace(result, elsewhere=elsewhere)
+    return PoseRun(" + ".join(name for name, _, _ in fitted), fitted, result, held)
+
+
+def read_tables(
+    folders: Sequence[Path], names: Sequence[str]
+) -> tuple[tuple[str, Path, PoseImport], ...]:
+    """Name, folder and content of tables of still poses.
+
+    Raises InputError for bad files, and where they are of unlike robots.
+    """
+    read = [import_poses(folder) for folder in folders]
+    for folder, content in zip(folders, read, strict=True):
+        first = read[0].table.robot
+        if content.table.robot.title != first.title:
+            raise InputError(
+                f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
+                ". Tables that belong together must be of one robot."
+            )
+    return tuple(zip(names, folders, read, strict=True))
+
+
+def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
+    """Several tables as one: each has seats of its own, targets of one name are one target."""
+    if len(tables) == 1:
+        name, _, content = tables[0]
+        return replace(content.table, name=name)
+    groups: list[PoseGroup] = []
+    distances: list[KnownDistance] = []
+    for name, _, content in tables:
+        groups += [replace(g, seat=f"{name}/{g.seat}") for g in content.table.groups]
+        distances += [
+            replace(d, seats=(f"{name}/{d.seats[0]}", f"{name}/{d.seats[1]}"))
+            for d in content.table.distances
+        ]
+    return PoseTable(
+        " + ".join(name for name, _, _ in tables),
+        tables[0][2].table.robot,
+        tuple(groups),
+        tuple(distances),
+    )
+
+
+def distinct_names(folders: Sequence[Path]) -> list[str]:
+    """Each folder's last part, or as many parts from the end as tell it from the others, printable.
+
+    Raises InputError when one of them is given twice.
+    """
+    whole = [folder.resolve() for folder in folders]
+    if twice := [str(folders[i]) for i, path in enumerate(whole) if path in whole[:i]]:
+        raise InputError(
+            f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
+            "as held out."
+        )
+    names = [""] * len(whole)
+    for parts in range(1, max(len(path.parts) for path in whole) + 1):
+        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in whole]
+        count = Counter(tails)
+        names = [
+            name or (tail if count[tail] == 1 else "")
+            for name, tail in zip(names, tails, strict=True)
+        ]
+    return names
 
 
 def validated(

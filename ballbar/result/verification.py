@@ -11,14 +11,13 @@ from rich.markup import escape
 
 from acquisition.pose_tables import import_poses
 from acquisition.report import ImportReport, finding_line
+from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
 from ballbar.result.calibration_file import CalibrationFile
-from ballbar.result.inputs import distinct_names
-from ballbar.result.run_recordings import description_identity, logs_of
+from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path
-from cell.recording import RecordingFile
 from ident.options import SILENT, Listener
 from ident.pose_verification import Verification, verify
 from ident.start.automatic import StartError
@@ -30,37 +29,43 @@ from ident.verification import RecordingVerification, verify_recording
 WARMER = 2.0
 
 
-def verify_poses(result: Path, folder: Path) -> tuple[Verification, tuple[str, ...]]:
-    """Whether the calibration.yaml of still poses holds for the poses.yaml in a folder.
-
-    Returns also what the reader found in its tables. Raises InputError for a result of logs, and
-    for a table of another robot, with too few poses, or that fits no place of the instrument.
-    """
-    calibration = Calibration.load(result)
-    file, content, path = calibration.path, calibration.file, pose_file_path(folder)
-    mean = calibration.cross_validated
-    _check_same("robot", (load_poses_file(path).robot, path.parent), (content.robot, file))
-    read = import_poses(path)
-    try:
-        outcome = verify(calibration.arm(), calibration.targets, mean, read.table)
-    except PoseStartError as error:
-        raise InputError(f"{folder}: cannot be held against {file}: {error}") from None
-    return replace(outcome, doubt=_doubt(content.fit.status)), reading_remarks(read.report)
-
-
 def verify_folder(
     result: Path, folder: Path, *, listener: Listener = SILENT
-) -> tuple[RecordingVerification, tuple[str, ...]]:
-    """Whether the calibration.yaml of recordings holds for the recording in a folder.
+) -> tuple[Verification | RecordingVerification, tuple[str, ...]]:
+    """Whether a calibration.yaml holds for the recording or the still poses in a folder.
 
-    Returns also what is to be said of the temperatures and of the reading. Raises InputError for a
-    result of still poses or one without covariance, for a recording of a sensed length, and for one
-    that cannot be read, is of another robot, ball-bar or plate, or whose logs do not fit together.
+    Returns also what is to be said of the temperatures and of the reading. Raises InputError for
+    measurements of another kind than the result's, of a sensed length while the robot moves, or of
+    another robot, ball-bar or plate; for those that cannot be read, are too few, or do not fit
+    together; and for a result of recordings without covariance.
     """
     calibration = Calibration.load(result)
-    file, content = calibration.path, calibration.file_of_logs()
-    recording = read_with_causes(folder)
-    _check_same_cell(content, file, recording.description, folder)
+    try:
+        if holds_poses(folder):
+            outcome, remarks = _verify_poses(calibration, folder)
+            return replace(outcome, doubt=_doubt(calibration)), remarks
+        measured, remarks = _verify_recording(calibration, folder, listener)
+        return replace(measured, doubt=_doubt(calibration)), remarks
+    except (PoseStartError, StartError) as error:
+        place = f"{folder}: cannot be held against {calibration.path}"
+        raise InputError(f"{place}: {error}") from None
+
+
+def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification, tuple[str, ...]]:
+    mean, path = calibration.cross_validated, pose_file_path(folder)
+    _check_same(calibration, path.parent, {"robot": load_poses_file(path).robot})
+    read = import_poses(path)
+    outcome = verify(calibration.arm(), calibration.targets, mean, read.table)
+    return outcome, reading_remarks(read.report)
+
+
+def _verify_recording(
+    calibration: Calibration, folder: Path, listener: Listener
+) -> tuple[RecordingVerification, tuple[str, ...]]:
+    content, recording = calibration.file_of_logs(), read_with_causes(folder)
+    recorded = recording.description
+    names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
+    _check_same(calibration, folder, names)
     if recording.length_log is not None:
         raise InputError(
             f"{folder}: a length hardly tells its own clock, so one short recording of it cannot "
@@ -68,17 +73,14 @@ def verify_folder(
             "still poses."
         )
     logs = logs_of(distinct_names([folder])[0], recording)
-    try:
-        outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
-    except StartError as error:
-        raise InputError(f"{folder}: cannot be held against {file}: {error}") from None
-    outcome = replace(outcome, doubt=_doubt(content.fit.status))
-    warmth = temperature_remarks(content, recording.description.temperature_C)
+    outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
+    warmth = temperature_remarks(content, recorded.temperature_C)
     return outcome, (*warmth, *reading_remarks(recording.report))
 
 
-def _doubt(status: str) -> str:
+def _doubt(calibration: Calibration) -> str:
     """What to say of a result whose own verdict was a misfit or worse; empty otherwise."""
+    status = calibration.file.fit.status
     if status not in [s for s in Status if s.severity >= Status.MISFIT.severity]:
         return ""
     return f'the stored result\'s own verdict is "{status}", so identify the robot again'
@@ -99,22 +101,15 @@ def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[st
     )
 
 
-def _check_same_cell(
-    content: CalibrationFile, file: Path, recorded: RecordingFile, folder: Path
-) -> None:
-    _check_same("robot", (recorded.robot, folder), (content.robot, file))
-    _check_same("instrument", (recorded.measured_by, folder), (content.instrument, file))
-    _check_same("plate", (recorded.plate, folder), (content.plate, file))
-
-
-def _check_same(what: str, measured: tuple[str, Path], stored: tuple[str, Path]) -> None:
-    """measured : name of a description, and its folder. stored : name, and calibration.yaml."""
-    (here, folder), (name, file) = measured, stored
-    if description_identity(here, folder) != description_identity(name, file.parent):
-        raise InputError(
-            f"{folder}: is of {what} {here}, {file} of {name}, or their files differ. A result is "
-            "tried on measurements of the same robot, instrument and plate."
-        )
+def _check_same(calibration: Calibration, folder: Path, measured: dict[str, str]) -> None:
+    """measured : names of the descriptions in a folder, by the keys of calibration.yaml."""
+    for key, here in measured.items():
+        name, file = getattr(calibration.file, key), calibration.path
+        if description_identity(here, folder) != description_identity(name, file.parent):
+            raise InputError(
+                f"{folder}: is of {key} {here}, {file} of {name}, or their files differ. A result "
+                "is tried on measurements of the same robot, instrument and plate."
+            )
 
 
 def reading_remarks(report: ImportReport) -> tuple[str, ...]:
@@ -143,21 +138,33 @@ def exit_code(verification: Verification | RecordingVerification) -> int:
     return 0 if verification.holds else 1
 
 
-def verification_data(verification: Verification, remarks: Sequence[str]) -> dict[str, object]:
-    """JSON of `verify` with still poses, SI units."""
+def verification_data(
+    outcome: Verification | RecordingVerification, remarks: Sequence[str]
+) -> dict[str, object]:
+    """JSON of `verify`, SI units."""
     return {
-        "holds": verification.holds,
-        "comparable": verification.comparable,
-        "sentence": verification.sentence,
-        "warnings": [*verification.warnings, *remarks],
-        "poses": int(verification.error.size),
-        "poses_outside_fitted_ranges": verification.outside,
-        "mean_error_m": float(verification.error.mean()),
-        "expected_mean_error_m": float(verification.predicted),
-        "largest_mean_error_m": float(verification.largest_mean),
-        "sum_of_squares": float(verification.square),
-        "degrees_of_freedom": verification.freedom,
-        "limit": float(verification.limit),
+        "holds": outcome.holds,
+        "comparable": outcome.comparable,
+        "sentence": outcome.sentence,
+        "warnings": [*outcome.warnings, *remarks],
+        **(
+            _of_recording(outcome)
+            if isinstance(outcome, RecordingVerification)
+            else _of_poses(outcome)
+        ),
+    }
+
+
+def _of_poses(outcome: Verification) -> dict[str, object]:
+    return {
+        "poses": int(outcome.error.size),
+        "poses_outside_fitted_ranges": outcome.outside,
+        "mean_error_m": float(outcome.error.mean()),
+        "expected_mean_error_m": float(outcome.predicted),
+        "largest_mean_error_m": float(outcome.largest_mean),
+        "sum_of_squares": float(outcome.square),
+        "degrees_of_freedom": outcome.freedom,
+        "limit": float(outcome.limit),
         "causes": [
             {
                 "kind": cause.kind,
@@ -165,22 +172,15 @@ def verification_data(verification: Verification, remarks: Sequence[str]) -> dic
                 "size": cause.size.tolist(),
                 "sigma": cause.sigma.tolist(),
                 "sum_of_squares_left": float(cause.square),
-                "named": cause in verification.named,
+                "named": cause in outcome.named,
             }
-            for cause in verification.causes[:5]
+            for cause in outcome.causes[:5]
         ],
     }
 
 
-def recording_verification_data(
-    outcome: RecordingVerification, remarks: Sequence[str]
-) -> dict[str, object]:
-    """JSON of `verify` with a recording, SI units."""
+def _of_recording(outcome: RecordingVerification) -> dict[str, object]:
     return {
-        "holds": outcome.holds,
-        "comparable": outcome.comparable,
-        "sentence": outcome.sentence,
-        "warnings": [*outcome.warnings, *remarks],
         "position_rms_m": outcome.identified.position_rms,
         "angle_rms_rad": outcome.identified.angle_rms,
         "normalised_innovation": outcome.innovation,

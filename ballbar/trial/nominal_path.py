@@ -13,8 +13,8 @@ from cell.geometry import Geometry, nominal_geometry
 from cell.logs import RobotLog
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
-from sim.scenario_cell import scenario_cell
 from sim.settings import CellSettings, PathSettings
+from sim.true_robot import scenario_cell
 
 
 def recorded_log(path: PathSettings, folder: Path) -> RobotLog | None:

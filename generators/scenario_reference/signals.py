@@ -8,8 +8,7 @@ import numpy as np
 
 from cell.arrays import Array
 from generators.scenario_reference.runs import View
-from sim.logging.load_logs import motor_torques, sensor_rows
-from sim.logging.tracker import tracker_rows
+from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 
 Signal = Callable[[View], Array]
 
@@ -35,7 +34,7 @@ def logged_gear_deg(gear: int) -> Signal:
 
 
 def behind_gear_urad(gear: int) -> Signal:
-    """What one gear really turns, minus what the log says [urad]."""
+    """True turn of one gear minus that of the log [urad]."""
     return lambda view: 1e6 * view.behind_gears[:, gear - 1]
 
 

@@ -1,7 +1,7 @@
 """Error sources of clocks and loggers: their keys in a scenario.
 
-What they do to the rows of a log stands in sim.errors.wander, sim.logging.clocks and
-sim.logging.loggers. Sizes: notes/log_formats sec. G and notes/parameters, logging. Times of events
+What they do to the rows of a log stands in sim.logging.clocks, sim.logging.clocks and
+sim.logging.clocks. Sizes: notes/log_formats sec. G and notes/parameters, logging. Times of events
 count from the start of the path.
 """
 
@@ -11,7 +11,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cell.schema import Strict
+from cell.schema import Positive, Strict
 
 LEAD = 0.5  # [s] of the path before the first row of the later log, and after the last of both
 
@@ -27,15 +27,12 @@ class ClockWander(Strict):
     about 5 ppm in the first 10 min after power-on.
     """
 
-    rate_rms_ppm: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
-        0.1, description="RMS of the random walk of the rate about its mean."
-    )
-    warm_up_ppm: Annotated[float, Field(ge=-100.0, le=100.0)] = Field(
-        0.0, description="Excess rate at power-on, which then decays; 5 ppm is usual."
-    )
-    warm_up_time_s: Annotated[float, Field(ge=10.0)] = Field(
-        600.0, description="Time constant of the decay."
-    )
+    rate_rms_ppm: Annotated[float, Field(ge=0.0, le=100.0)] = 0.1
+    """RMS of the random walk of the rate about its mean."""
+    warm_up_ppm: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
+    """Excess rate at power-on, which then decays; 5 ppm is usual."""
+    warm_up_time_s: Annotated[float, Field(ge=10.0)] = 600.0
+    """Time constant of the decay."""
 
 
 class ClockStep(Strict):
@@ -44,9 +41,8 @@ class ClockStep(Strict):
     """
 
     at_s: RunTime
-    step_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
-        0.128, description="Size of the step; NTP sets a clock that is off by more than 128 ms."
-    )
+    step_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.128
+    """Size of the step; NTP sets a clock that is off by more than 128 ms."""
 
 
 class StampQuantum(Strict):
@@ -54,12 +50,10 @@ class StampQuantum(Strict):
     Truncation would differ by a constant, which belongs to the clock offset.
     """
 
-    robot_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
-        1.0e-3, description="EGM headers state whole milliseconds; 0 for no rounding."
-    )
-    ballbar_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
-        1.0e-3, description="SYSTEMTIME states whole milliseconds, which a 5 ms task does not show."
-    )
+    robot_s: Annotated[float, Field(ge=0.0, le=0.1)] = 1.0e-3
+    """EGM headers state whole milliseconds; 0 for no rounding."""
+    ballbar_s: Annotated[float, Field(ge=0.0, le=0.1)] = 1.0e-3
+    """SYSTEMTIME states whole milliseconds, which a 5 ms task does not show."""
 
 
 class StampJitter(Strict):
@@ -67,31 +61,26 @@ class StampJitter(Strict):
     The first row is not, since time counts from it.
     """
 
-    sigma_s: Annotated[float, Field(ge=0.0, le=5.0e-4)] = Field(
-        2.0e-4, description="Standard deviation of white jitter; more would put rows out of order."
-    )
+    sigma_s: Annotated[float, Field(ge=0.0, le=5.0e-4)] = 2.0e-4
+    """Standard deviation of white jitter; more would put rows out of order."""
 
 
 class DroppedRows(Strict):
     """Some rows are missing from the files; the first one never is."""
 
-    robot_probability: Probability = Field(
-        1.0e-3, description="Share of the robot's rows; one in a thousand is assumed."
-    )
-    ballbar_probability: Probability = Field(
-        1.0e-3, description="Share of the ball-bar's rows; one in a thousand is assumed."
-    )
+    robot_probability: Probability = 1.0e-3
+    """Share of the robot's rows; one in a thousand is assumed."""
+    ballbar_probability: Probability = 1.0e-3
+    """Share of the ball-bar's rows; one in a thousand is assumed."""
 
 
 class DuplicatedRows(Strict):
     """Some rows stand in the files twice, as if a message had been read twice."""
 
-    robot_probability: Probability = Field(
-        1.0e-3, description="Share of the robot's rows; one in a thousand is assumed."
-    )
-    ballbar_probability: Probability = Field(
-        1.0e-3, description="Share of the ball-bar's rows; one in a thousand is assumed."
-    )
+    robot_probability: Probability = 1.0e-3
+    """Share of the robot's rows; one in a thousand is assumed."""
+    ballbar_probability: Probability = 1.0e-3
+    """Share of the ball-bar's rows; one in a thousand is assumed."""
 
 
 class LoggerRestart(Strict):
@@ -100,4 +89,5 @@ class LoggerRestart(Strict):
     """
 
     at_s: RunTime
-    gap_s: Annotated[float, Field(gt=0.0)] = Field(2.0, description="Time without rows; assumed.")
+    gap_s: Positive = 2.0
+    """Time without rows; assumed."""

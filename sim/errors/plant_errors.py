@@ -10,35 +10,31 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cell.schema import Strict
+from cell.schema import NotNegative, Positive, Strict
 
-Scale = Annotated[float, Field(ge=0.0)]
 Axes = tuple[Annotated[int, Field(ge=1, le=6)], ...]
 
 
 class JointCompliance(Strict):
     """The gears are elastic: deflection = load / stiffness."""
 
-    scale: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Factor on the stiffness of the robot file."
-    )
-    spread: Scale = Field(
-        0.0, description="Standard deviation of the logarithm of the stiffness over the joints."
-    )
+    scale: Positive = 1.0
+    """Factor on the stiffness of the robot file."""
+    spread: NotNegative = 0.0
+    """Standard deviation of the logarithm of the stiffness over the joints."""
 
 
 class GearBacklash(Strict):
     """The gears have backlash: a dead band, or a friction element whose hysteresis is as wide."""
 
-    kind: Literal["dead_band", "hysteresis"] = Field(
-        "dead_band",
-        description="Dead band on the load, or hysteresis. Hysteresis adds damping of four times "
-        "the gear's stiffness times the time step.",
-    )
-    scale: Scale = Field(1.0, description="Factor on the total width of the robot file.")
-    spread: Scale = Field(
-        0.0, description="Standard deviation of the logarithm of the width over the joints."
-    )
+    kind: Literal["dead_band", "hysteresis"] = "dead_band"
+    """Dead band on the load, or hysteresis. Hysteresis adds damping of four times the gear's
+    stiffness times the time step.
+    """
+    scale: NotNegative = 1.0
+    """Factor on the total width of the robot file."""
+    spread: NotNegative = 0.0
+    """Standard deviation of the logarithm of the width over the joints."""
 
 
 class TransmissionError(Strict):
@@ -46,34 +42,32 @@ class TransmissionError(Strict):
     Their phases are drawn.
     """
 
-    scale: Scale = Field(1.0, description="Factor on the amplitudes of the robot file.")
+    scale: NotNegative = 1.0
+    """Factor on the amplitudes of the robot file."""
 
 
 class CycloidRipple(Strict):
     """The ratio of cycloid drives ripples (thesis sec. 2.3, Fig. 2.4)."""
 
-    amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(
-        6.0e-5, description="Amplitude at the gear's output."
-    )
-    lobes: Annotated[float, Field(gt=0.0)] = Field(
-        40, description="Cycles per turn of the gear's output."
-    )
-    waveform: Literal["harmonic", "cusped"] = Field(
-        "cusped", description="A sine, or the |sin| of Yang & Blanche 1990 with zero mean."
-    )
-    axes: Axes = Field((1, 2, 3), description="Axes whose gears have the ripple.")
+    amplitude_rad: NotNegative = 6.0e-5
+    """Amplitude at the gear's output."""
+    lobes: Positive = 40
+    """Cycles per turn of the gear's output."""
+    waveform: Literal["harmonic", "cusped"] = "cusped"
+    """A sine, or the |sin| of Yang & Blanche 1990 with zero mean."""
+    axes: Axes = (1, 2, 3)
+    """Axes whose gears have the ripple."""
 
 
 class SinusoidalGearError(Strict):
     """Motor or gear is not concentric, which adds one sine per turn (thesis sec. 2.3)."""
 
-    amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(
-        1.0e-4, description="Amplitude at the gear's output."
-    )
-    side: Literal["input", "output"] = Field(
-        "output", description="One cycle per turn of the gear's output, or of the motor."
-    )
-    axes: Axes = Field((1, 2, 3, 4, 5, 6), description="Axes whose gears have the error.")
+    amplitude_rad: NotNegative = 1.0e-4
+    """Amplitude at the gear's output."""
+    side: Literal["input", "output"] = "output"
+    """One cycle per turn of the gear's output, or of the motor."""
+    axes: Axes = (1, 2, 3, 4, 5, 6)
+    """Axes whose gears have the error."""
 
 
 class UnlistedRipple(Strict):
@@ -81,9 +75,8 @@ class UnlistedRipple(Strict):
     Orders, 3 to 38 cycles a turn of the output, and phases are drawn.
     """
 
-    amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(
-        4.0e-6, description="Amplitude at the gear's output."
-    )
+    amplitude_rad: NotNegative = 4.0e-6
+    """Amplitude at the gear's output."""
 
 
 class GearFriction(Strict):
@@ -91,12 +84,12 @@ class GearFriction(Strict):
     (LuGre model).
     """
 
-    scale: Scale = Field(1.0, description="Factor on all friction of the robot file.")
-    stribeck: bool = Field(
-        False,
-        description="Whether break-away friction exceeds Coulomb friction. A soft servo then "
-        "sticks and slips in a chaotic sequence.",
-    )
+    scale: NotNegative = 1.0
+    """Factor on all friction of the robot file."""
+    stribeck: bool = False
+    """Whether break-away friction exceeds Coulomb friction. A soft servo then sticks and slips in a
+    chaotic sequence.
+    """
 
 
 class RodStrain(Strict):
@@ -104,9 +97,8 @@ class RodStrain(Strict):
     Elongation = force / stiffness.
     """
 
-    scale: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Factor on all three stiffnesses of the ball-bar file."
-    )
+    scale: Positive = 1.0
+    """Factor on all three stiffnesses of the ball-bar file."""
 
 
 class RodBacklash(Strict):
@@ -114,36 +106,31 @@ class RodBacklash(Strict):
     One force passes through both, so their widths add up.
     """
 
-    gimbal_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Total width of the gimbal; by default that of the ball-bar file."
-    )
-    universal_joint_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Likewise of the universal joint."
-    )
+    gimbal_m: NotNegative | None = None
+    """Total width of the gimbal; by default that of the ball-bar file."""
+    universal_joint_m: NotNegative | None = None
+    """Total width of the universal joint; by default that of the ball-bar file."""
 
 
 class BarFriction(Strict):
     """The bearings of the ball-bar's joints have friction (LuGre model)."""
 
-    torque_N_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Friction torque of each joint; by default that of the ball-bar file."
-    )
+    torque_N_m: NotNegative | None = None
+    """Friction torque of each joint; by default that of the ball-bar file."""
 
 
 class PlateBending(Strict):
     """The offset plate bends as a cantilever: a hinge a third of its length from axis 6."""
 
-    tip_stiffness_N_per_m: Annotated[float, Field(gt=0.0)] | None = Field(
-        None, description="Stiffness at the tip; by default that of the plate file."
-    )
+    tip_stiffness_N_per_m: Positive | None = None
+    """Stiffness at the tip; by default that of the plate file."""
 
 
 class BaseCompliance(Strict):
     """The base of the ball-bar is elastic, with the same stiffness in x, y and z."""
 
-    stiffness_N_per_m: Annotated[float, Field(gt=0.0)] = Field(
-        5.0e7, description="Stiffness; assumed for a steel adapter on a bolted plate."
-    )
+    stiffness_N_per_m: Positive = 5.0e7
+    """Stiffness; assumed for a steel adapter on a bolted plate."""
 
 
 class BodyMasses(Strict):
@@ -151,12 +138,10 @@ class BodyMasses(Strict):
     from their files; each is drawn.
     """
 
-    spread: Scale = Field(
-        0.02, description="Standard deviation of the logarithm of each mass; inertias follow."
-    )
-    centre_sigma_m: Annotated[float, Field(ge=0.0)] = Field(
-        3.0e-3, description="Standard deviation of each coordinate of the centres of mass."
-    )
+    spread: NotNegative = 0.02
+    """Standard deviation of the logarithm of each mass; inertias follow."""
+    centre_sigma_m: NotNegative = 3.0e-3
+    """Standard deviation of each coordinate of the centres of mass."""
 
 
 class Payload(Strict):
@@ -164,14 +149,10 @@ class Payload(Strict):
     Mass and place are drawn.
     """
 
-    sigma_kg: Annotated[float, Field(ge=0.0)] = Field(
-        0.4, description="Mass: the magnitude of a normal draw with this deviation. Assumed."
-    )
-    centre_sigma_m: Annotated[float, Field(ge=0.0)] = Field(
-        0.05,
-        description="Standard deviation of each coordinate of its centre about that of the plate. "
-        "Assumed.",
-    )
+    sigma_kg: NotNegative = 0.4
+    """Mass: the magnitude of a normal draw with this deviation. Assumed."""
+    centre_sigma_m: NotNegative = 0.05
+    """Standard deviation of each coordinate of its centre about that of the plate. Assumed."""
 
 
 class ThermalGrowth(Strict):
@@ -179,20 +160,20 @@ class ThermalGrowth(Strict):
     Its true parameters are those at the start.
     """
 
-    a2_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = Field(
-        4.0e-5, description="Growth of a2 from the start to the end of the recording."
-    )
-    d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = Field(4.0e-5, description="Likewise of d4.")
-    time_constant_s: Annotated[float, Field(gt=0.0)] | None = Field(
-        None, description="Of an exponential growth; none for a linear one."
-    )
+    a2_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
+    """Growth of a2 from the start to the end of the recording."""
+    d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
+    """Growth of d4 from the start to the end of the recording."""
+    time_constant_s: Positive | None = None
+    """Time constant of an exponential growth; none for a linear one."""
 
 
 class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
     joint_compliance: JointCompliance | None = None
-    gear_backlash: GearBacklash | None = Field(None, description="Requires joint_compliance.")
+    gear_backlash: GearBacklash | None = None
+    """Requires joint_compliance."""
     transmission_error: TransmissionError | None = None
     cycloid_ripple: CycloidRipple | None = None
     sinusoidal_gear_error: SinusoidalGearError | None = None
@@ -203,6 +184,8 @@ class PlantErrors(Strict):
     bar_friction: BarFriction | None = None
     plate_bending: PlateBending | None = None
     base_compliance: BaseCompliance | None = None
-    masses: BodyMasses | None = Field(None, description="Requires masses in the robot's file.")
-    payload: Payload | None = Field(None, description="Requires masses in the robot's file.")
+    masses: BodyMasses | None = None
+    """Requires masses in the robot's file."""
+    payload: Payload | None = None
+    """Requires masses in the robot's file."""
     thermal_growth: ThermalGrowth | None = None

@@ -25,9 +25,8 @@ IN_LOGS = {
 class Synchronisation(Strict):
     """The robot's angles of a sample are logged later than the ball-bar's (thesis Fig. 3.4)."""
 
-    delay_s: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
-        description="Delay of the robot's angles; positive if the robot has moved on."
-    )
+    delay_s: Annotated[float, Field(ge=-1.0, le=1.0)]
+    """Delay of the robot's angles; positive if the robot has moved on."""
 
 
 class RodDeviation(Strict):
@@ -37,14 +36,12 @@ class RodDeviation(Strict):
     calls this ball-bar backlash and does not state where the force changes sign.
     """
 
-    amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
-        description="Largest deviation from the length bd3."
-    )
-    pulled: RodPulled = Field(
-        "rising",
-        description="When the rod is pulled: while its end rises, or moves counterclockwise around "
-        "the base (friction there changes sign), or over stretches of the path that are drawn.",
-    )
+    amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)]
+    """Largest deviation from the length bd3."""
+    pulled: RodPulled = "rising"
+    """When the rod is pulled: while its end rises, or moves counterclockwise around the base
+    (friction there changes sign), or over stretches of the path that are drawn.
+    """
 
 
 class Truncation(Strict):
@@ -52,9 +49,8 @@ class Truncation(Strict):
     Truncation would differ by half a step, which belongs to the encoder offset.
     """
 
-    step_rad: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
-        description="Smallest difference of two angles."
-    )
+    step_rad: Annotated[float, Field(gt=0.0, le=0.1)]
+    """Smallest difference of two angles."""
 
 
 class SampleErrors(Strict):

@@ -101,17 +101,15 @@ def encoder_effects(
     errors: SensorErrors, joint: int, *, lines: int, bits: int, seed: int
 ) -> EncoderEffects:
     """Errors of one joint's encoder as a scenario states them; its phases have own streams."""
-    own, mounting = errors.encoder_eccentricity, errors.mounting_eccentricity
+    disc, mounting = errors.encoder_eccentricity, errors.mounting_eccentricity
     within, frozen = errors.subdivisional_error, errors.frozen_bits
-    mounted: Harmonics = ()
+    mounted, graduation, signal = Harmonics(), Harmonics(), Harmonics()
     if mounting:
         rng = stream(seed, f"mounting_eccentricity_b{joint}")
         mounted = _drawn((1,), (mounting.amplitude_rad,), rng)
-    graduation: Harmonics = ()
-    if own:
+    if disc:
         rng = stream(seed, f"encoder_eccentricity_b{joint}")
-        graduation = _drawn((1, 2, 3), own.amplitude_rad, rng)
-    signal: Harmonics = ()
+        graduation = _drawn((1, 2, 3), disc.amplitude_rad, rng)
     if within:
         rng = stream(seed, f"subdivisional_error_b{joint}")
         signal = _drawn((lines,), (within.amplitude_rad,), rng)

@@ -12,11 +12,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.schema import Strict
+from cell.arrays import Array
+from cell.schema import NotNegative, Positive, Strict
+from sim.errors.clock_errors import RunTime
+from sim.streams import stream
 
 EncoderNumber = Annotated[int, Field(ge=1, le=5, description="The ball-bar joint it measures.")]
-Amplitude = Annotated[float, Field(ge=0.0)]
-RunTime = Annotated[float, Field(description="Seconds after the start of the path.")]
 
 
 class EncoderEccentricity(Strict):
@@ -24,9 +25,8 @@ class EncoderEccentricity(Strict):
     They lie within the maker's accuracy of 18 arcsec.
     """
 
-    amplitude_rad: tuple[Amplitude, Amplitude, Amplitude] = Field(
-        (6.0e-5, 2.5e-5, 8.0e-6), description="Amplitudes of 1, 2 and 3 cycles per turn."
-    )
+    amplitude_rad: tuple[NotNegative, NotNegative, NotNegative] = (6.0e-5, 2.5e-5, 8.0e-6)
+    """Amplitudes of 1, 2 and 3 cycles per turn."""
 
 
 class MountingEccentricity(Strict):
@@ -34,17 +34,15 @@ class MountingEccentricity(Strict):
     The maker's specification does not include it.
     """
 
-    amplitude_rad: Amplitude = Field(
-        3.0e-4, description="Amplitude: lateral offset over the radius of the restraint."
-    )
+    amplitude_rad: NotNegative = 3.0e-4
+    """Amplitude: lateral offset over the radius of the restraint."""
 
 
 class SubdivisionalError(Strict):
     """Error within one signal period, from offset, gain and phase of sine and cosine."""
 
-    amplitude_rad: Amplitude = Field(
-        1.2e-5, description="Amplitude of one cycle per signal period."
-    )
+    amplitude_rad: NotNegative = 1.2e-5
+    """Amplitude of one cycle per signal period."""
 
 
 class SignalNoise(Strict):
@@ -52,11 +50,10 @@ class SignalNoise(Strict):
     (thesis sec. 4.6). Of 12 bits and fewer it is a quarter of a count and less.
     """
 
-    share: Annotated[float, Field(ge=0.0)] = Field(
-        3.5e-4,
-        description="Standard deviation over the signal's amplitude: half a step of a converter "
-        "of 12 bits. Assumed.",
-    )
+    share: NotNegative = 3.5e-4
+    """Standard deviation over the signal's amplitude: half a step of a converter of 12 bits.
+    Assumed.
+    """
 
 
 class FrozenBits(Strict):
@@ -64,9 +61,8 @@ class FrozenBits(Strict):
     Its status word does not show it.
     """
 
-    onset_factor: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Factor on the documented onset frequency of the terminal (+-15 %)."
-    )
+    onset_factor: Positive = 1.0
+    """Factor on the documented onset frequency of the terminal (+-15 %)."""
 
 
 class AmplitudeError(Strict):
@@ -94,7 +90,8 @@ class SlippedPeriods(Strict):
 
     encoder: EncoderNumber
     at_s: RunTime
-    periods: int = Field(1, description="Number of periods, positive as the counter counts up.")
+    periods: int = 1
+    """Number of periods, positive as the counter counts up."""
 
 
 class CouplingSlip(Strict):
@@ -104,21 +101,35 @@ class CouplingSlip(Strict):
 
     encoder: EncoderNumber
     at_s: RunTime
-    angle_rad: float = Field(
-        1.0e-3, description="Step of the reading, positive along the joint's angle. Assumed."
-    )
+    angle_rad: float = 1.0e-3
+    """Step of the reading, positive along the joint's angle. Assumed."""
 
 
 class ResolverError(Strict):
     """The motors' resolvers have harmonic errors, and their converters round."""
 
-    amplitude_rad: tuple[Amplitude, Amplitude] = Field(
-        (1.5e-3, 1.5e-3), description="Amplitudes of 1 and 2 cycles per motor turn, at the motor."
-    )
-    quantum_rad: Amplitude = Field(
-        2.0 * np.pi / 65536,
-        description="Resolution of the converter at the motor; 0 for no rounding.",
-    )
+    amplitude_rad: tuple[NotNegative, NotNegative] = (1.5e-3, 1.5e-3)
+    """Amplitudes of 1 and 2 cycles per motor turn, at the motor."""
+    quantum_rad: NotNegative = 2.0 * np.pi / 65536
+    """Resolution of the converter at the motor; 0 for no rounding."""
+
+
+class JointLag(Strict):
+    """The robot logs its angles behind a low-pass filter of first order, one for each motor.
+    Its time constants are drawn. The lag of axis 1 is part of the clock offset.
+    """
+
+    time_constant_s: Annotated[float, Field(gt=0.0, le=0.1)] = 0.01
+    """Mean time constant; EGM delays by 10 to 20 ms (notes/log_formats sec. D)."""
+    spread: NotNegative = 0.1
+    """Standard deviation of its logarithm over the motors. Assumed."""
+
+
+class JointNoise(Strict):
+    """The logged robot angles have white noise."""
+
+    sigma_rad: NotNegative
+    """Standard deviation at the joint."""
 
 
 class SensorErrors(Strict):
@@ -148,3 +159,46 @@ class SensorErrors(Strict):
         for key in ("amplitude_errors", "slipped_periods", "coupling_slips"):
             for i, fault in enumerate(getattr(self, key)):
                 yield ("errors", key, i), fault.encoder
+
+
+Share = Annotated[float, Field(ge=0.0, le=0.5)]
+
+
+class Outliers(Strict):
+    """Some rows of a log have one value that is grossly wrong."""
+
+    robot_probability: Share = 0.05
+    """Share of the robot's rows in which the angle of one joint is wrong."""
+    ballbar_probability: Share = 0.05
+    """Share of the ball-bar's rows in which one encoder's angle is wrong."""
+    size_rad: tuple[NotNegative, NotNegative] = (1.0e-3, 0.1)
+    """Smallest and largest error; drawn log-uniformly and with either sign. Assumed."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Outliers:
+        if not self.size_rad[0] <= self.size_rad[1]:
+            raise ValueError(
+                f"size_rad = [{self.size_rad[0]:g}, {self.size_rad[1]:g}]: the smallest comes first"
+            )
+        return self
+
+    def on_robot(self, rows: int, joints: int, seed: int) -> Array:
+        """(N, J) [rad] errors of the joint angles of N rows; 0 where a value is right."""
+        return self._drawn(rows, joints, self.robot_probability, stream(seed, "outliers_robot"))
+
+    def on_ballbar(self, rows: int, encoders: int, seed: int) -> Array:
+        """(N, E) [rad] errors of what E encoders read in N rows; 0 where a value is right."""
+        rng = stream(seed, "outliers_ballbar")
+        return self._drawn(rows, encoders, self.ballbar_probability, rng)
+
+    def _drawn(
+        self, rows: int, channels: int, probability: float, rng: np.random.Generator
+    ) -> Array:
+        hit = rng.uniform(size=rows) < probability
+        smallest, largest = np.maximum(self.size_rad, np.finfo(float).tiny)
+        sizes = np.exp(rng.uniform(np.log(smallest), np.log(largest), rows))
+        sizes = sizes * rng.choice((-1.0, 1.0), rows)
+        out = np.zeros((rows, channels))
+        hit &= max(self.size_rad) > 0.0
+        out[np.arange(rows), rng.integers(0, channels, rows)] = np.where(hit, sizes, 0.0)
+        return out

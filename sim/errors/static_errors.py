@@ -5,11 +5,15 @@ Errors of several sources add up.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
+from pydantic import model_validator
 
 from cell.arrays import Array
 from cell.geometry import Geometry, ParameterTable, parameter_named
-from sim.settings import ErrorSettings, StaticErrors
+from cell.schema import NotNegative, Strict
+from cell.schema_errors import wrong_key
 from sim.streams import stream
 
 # Thesis Table 3.1, in mm and mrad. Only parameters that every cost function can identify deviate.
@@ -32,9 +36,87 @@ BASE_TILT = ("otx", "oty")
 _MILLI = 1e-3  # mm and mrad of the table
 
 
+class StaticErrors(Strict):
+    """Deviations of the true geometry from the nominal one, from a table or drawn."""
+
+    table: Literal["thesis_3_1"] | None = None
+    """Deviations of thesis Table 3.1; none to draw them."""
+    sigma_m: NotNegative | None = None
+    """Standard deviation of drawn lengths."""
+    sigma_rad: NotNegative | None = None
+    """Standard deviation of drawn angles."""
+    parameters: Literal["thesis", "robot", "all"] = "thesis"
+    """Which parameters are drawn: those of Table 3.1; these and whatever else of the robot can be
+    identified; or all of robot, ball-bar and base except the plate's length.
+    """
+
+    @model_validator(mode="after")
+    def _table_or_sigmas(self) -> StaticErrors:
+        drawn = self.sigma_m is not None and self.sigma_rad is not None
+        if (self.table is None) != drawn:
+            raise ValueError("give either table, or both sigma_m and sigma_rad")
+        if self.table and self.parameters != "thesis":
+            raise wrong_key(
+                "parameters",
+                message="Table 3.1 has its own; to draw others, give sigma_m and sigma_rad "
+                "instead of table",
+            )
+        return self
+
+
+class BallbarAxes(Strict):
+    """The axes of gimbal and universal joint do not intersect and are not square; both are drawn
+    (notes/parameters, joints_mechanical).
+    """
+
+    sigma_m: NotNegative = 5.0e-6
+    """Standard deviation of the intersection offsets."""
+    sigma_rad: NotNegative = 5.0e-5
+    """Standard deviation of the squareness errors."""
+    parameters: Literal["between", "all"] = "between"
+    """Which are drawn: those between the axes, or also those before the first axis and behind the
+    last one, which act as the base's height and as the plate do.
+    """
+
+
+class BaseTilt(Strict):
+    """The base of the ball-bar is not parallel to the robot's (notes/parameters, base).
+    Two angles are drawn.
+    """
+
+    sigma_rad: NotNegative = 1.0e-3
+    """Standard deviation of the tilt about x and about y."""
+
+
+class PlateLength(Strict):
+    """The plate's length, which fixes the scale, deviates from its nominal value; it is drawn."""
+
+    sigma_m: NotNegative | None = None
+    """Standard deviation; by default that of the plate file."""
+
+
+class MotorOffsets(Strict):
+    """The zeros of the robot's motors are off, as after a calibration by marks; they are drawn.
+    Couplings of the wrist carry an offset on to other joints. Axis 1 has none: it is the base's.
+    """
+
+    sigma_rad: NotNegative = 0.05
+    """Standard deviation at the motor; 0.4 to 1.1 mrad at a joint. Assumed."""
+
+
+class CellErrors(Strict):
+    """Error sources of the geometry of a cell; each is absent unless named."""
+
+    static: StaticErrors | None = None
+    ballbar_axes: BallbarAxes | None = None
+    base_tilt: BaseTilt | None = None
+    plate_length: PlateLength | None = None
+    motor_offsets: MotorOffsets | None = None
+
+
 def true_geometry(
     nominal: Geometry,
-    errors: ErrorSettings,
+    errors: CellErrors,
     *,
     plate_sigma: float,
     transmission: Array,
@@ -86,8 +168,8 @@ def static_deviations(
     """Deviation [m, rad] of each parameter, from thesis Table 3.1 or drawn."""
     if errors.table == "thesis_3_1":
         return {name: value * _MILLI for name, value in THESIS_3_1.items()}
-    # Table 3.1 comes first, so that its parameters are always drawn alike. The plate is the known
-    # length: only errors.plate_length changes it.
+    # Table 3.1 comes first, so that its parameters always get the same draws. The plate is the
+    # known length: only errors.plate_length changes it.
     names = tuple(THESIS_3_1)
     others = tuple(name for name in table.names if name not in (*names, table.plate))
     if errors.parameters == "all":

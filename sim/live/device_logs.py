@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,20 +32,6 @@ class TextLog:
     scales: dict[str, float]  # of each measured column: its units in a rad of the joint, or in a m
     counts: bool  # whether the measured columns are counters of 32 bits
 
-    @classmethod
-    def read(cls, path: Path, clock: Clock, scales: Sequence[float]) -> TextLog:
-        """A file of a simulated recording.
-
-        clock : of its stamps. scales : of the columns behind the stamps.
-        """
-        lines = path.read_text().splitlines()
-        separator = ";" if ";" in lines[0] else ","
-        cells = np.array([line.split(separator) for line in lines[1:]], dtype=object)
-        seconds = cells[:, 0].astype(float) * (1.0 if "." in cells[0, 0] else 1e-9)
-        t = np.asarray(clock.robot_time(seconds - seconds[0]))
-        measured = dict(zip(lines[0].split(separator)[1:], scales, strict=False))
-        return cls(lines[0], separator, cells, t, measured, path.stem == "ballbar")
-
     def has(self, name: str) -> bool:
         return name in self.head.split(self.separator)
 
@@ -54,6 +40,10 @@ class TextLog:
 
     def numbers(self, name: str) -> Array:
         return np.asarray(self.cells[:, self.column(name)].astype(float))
+
+    def table(self, names: Sequence[str]) -> Array:
+        """(N, K) numbers of K columns."""
+        return np.stack([self.numbers(name) for name in names], axis=1)
 
     def put(self, rows: NDArray[np.intp], name: str, values: Array) -> None:
         """Replaces numbers, as the logger would write them."""
@@ -72,43 +62,45 @@ def device_logs(recording: Path, clock: Clock) -> Logs:
 
     clock : of the ball-bar's log, or of the length's. Raises InputError for a log that is no text.
     """
-    described = load_recording_file(recording)
-    logs = {}
-    for source, file in _files(described):
-        path = recording / file
-        if path.suffix != ".csv":
+    described, logs = load_recording_file(recording), Logs()
+    encoders = [encoder for _, encoder in sorted(described.encoders.items())]
+    counts = [e.lines * 2**e.bits / (2.0 * np.pi) for e in encoders]
+    for name in ("robot", "ballbar", "length"):
+        if (source := getattr(described.sources, name)) is None:
+            continue
+        (file,) = source.files  # the simulated logger was not started again
+        if not file.endswith(".csv"):
             raise InputError(
                 f"{file}: a log that is no table of text cannot grow row by row. Choose another "
                 "dialect with logs.robot.dialect"
             )
-        of_robot = source == "robot"
-        scales = _robot_scales(described, recording) if of_robot else _scales(described)
-        logs[source] = TextLog.read(path, Clock(0.0, 0.0) if of_robot else clock, scales)
+        scales, of_robot = counts or [1e3], name == "robot"  # a length in mm
+        if of_robot:
+            scales = _motor_scales(described, recording)
+        lines = (recording / file).read_text().splitlines()
+        separator = ";" if ";" in lines[0] else ","
+        cells = np.array([line.split(separator) for line in lines[1:]], dtype=object)
+        seconds = cells[:, 0].astype(float) * (1.0 if "." in cells[0, 0] else 1e-9)
+        seconds = seconds - seconds[0]
+        logs[name] = TextLog(
+            head=lines[0],
+            separator=separator,
+            cells=cells,
+            t=np.asarray(seconds if of_robot else clock.robot_time(seconds)),
+            scales=dict(zip(lines[0].split(separator)[1:], scales, strict=False)),
+            counts=name == "ballbar",
+        )
     return logs
 
 
-def _files(described: RecordingFile) -> Iterator[tuple[str, str]]:
-    """Name and file of each source."""
-    sources = described.sources
-    for name in ("robot", "ballbar", "length"):
-        source = getattr(sources, name)
-        if source is not None:
-            (file,) = source.files  # the simulated logger was not started again
-            yield name, file
-
-
-def _robot_scales(described: RecordingFile, folder: Path) -> list[float]:
+def _motor_scales(described: RecordingFile, folder: Path) -> list[float]:
+    """Units of each angle of the robot's log in a rad of its joint."""
     robot = load_robot(described.robot, relative_to=folder)
     dialect = load_dialect(described.sources.robot.dialect)
     unit = np.degrees(1.0) if dialect.angle_unit == "deg" else 1.0
     motors = dialect.angle_kind == "motors"
     turns = 1.0 / np.abs(np.diag(robot.transmission)) if motors else np.ones(robot.joints)
     return list((unit * turns).tolist())
-
-
-def _scales(described: RecordingFile) -> list[float]:
-    encoders = [encoder for _, encoder in sorted(described.encoders.items())]
-    return [e.lines * 2**e.bits / (2.0 * np.pi) for e in encoders] or [1e3]  # a length in mm
 
 
 class GrowingRecording:

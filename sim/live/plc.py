@@ -10,7 +10,6 @@ import os
 import sys
 import time
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
@@ -20,9 +19,8 @@ from pyads.testserver import AdsTestServer, AdvancedHandler, PLCVariable
 
 from cell.arrays import Array
 from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
+from sim.live.delivery import Device, Pace
 from sim.live.device_logs import WORD, TextLog
-from sim.live.device_thread import DeviceThread
-from sim.live.pace import Pace
 
 GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
 STARTED = 848_000_000_000_000_000  # [ns] DC time of the first cycle, in November 2026
@@ -32,7 +30,7 @@ CYCLE = 1e-3  # [s]
 
 
 class Program(Protocol):
-    """What the PLC samples."""
+    """The program that the PLC samples."""
 
     def due(self, elapsed_ns: int) -> int:
         """Samples made in the time since the program was started."""
@@ -72,7 +70,7 @@ def logged_samples(log: TextLog, pace: Pace) -> tuple[LoggedSamples, tuple[int, 
     return LoggedSamples(rows, log.t, pace), joints
 
 
-class Plc:
+class Plc(Device):
     """Samples of a program until the block ends, once the program is started.
 
     The server can be taken away and brought back.
@@ -82,6 +80,7 @@ class Plc:
         self, address: str, program: Program, *, joints: tuple[int, ...], capacity: int = CAPACITY
     ) -> None:
         """address : of this machine, for the server. joints : of the encoders, 1 to 5."""
+        super().__init__(CYCLE)
         self.address, self.program, self.capacity = address, program, capacity
         self.net_id = f"{address}.1.1"
         self.header_reads: list[int] = []  # `written` whenever a recorder looked at it
@@ -91,7 +90,6 @@ class Plc:
         fitted = sum(1 << (j - 1) for j in joints)
         self._header[0] = (LAYOUT, capacity, fitted, BITS, STARTED, 0)
         self._began = 0  # [ns] when the program was started
-        self._thread = DeviceThread(self._write_due, period=CYCLE)
         self._server: AdsTestServer | None = None
 
     @property
@@ -102,19 +100,10 @@ class Plc:
         self.connect()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._thread.end()
-        self.disconnect()
-
     def start(self) -> None:
         """Starts the program."""
         self._began = time.monotonic_ns()
-        self._thread.start()
+        super().start()
 
     def connect(self) -> None:
         """Starts the server."""
@@ -135,10 +124,12 @@ class Plc:
             self._slots[self.written % self.capacity] = sample
             self._header["written"] += 1
 
-    def _write_due(self) -> bool:
-        """Writes all samples that are due, a late cycle several; a PLC is never done."""
+    def _cycle(self) -> bool:
         self.write(self.program.due(time.monotonic_ns() - self._began) - self.written)
-        return False
+        return False  # a PLC is never done
+
+    def _close(self) -> None:
+        self.disconnect()
 
 
 class _Memory(AdvancedHandler):  # type: ignore[misc]  # pyads has no types

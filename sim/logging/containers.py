@@ -1,8 +1,8 @@
 """Encoders of robot logs that are no tables of text: one function for each container.
 
-Each takes the names of the columns, time first, the times (N,) in the unit of the dialect and the
-angles (N, J) likewise, behind them test signals where the container has them, and gives the content
-of a file. Formats: the readers of the same name in acquisition.formats.
+Each takes the names of the columns, time first, and times (N,) and angles (N, J) in the units of
+the dialect, followed by test signals where the container has them, and gives the content of a file.
+Formats: the readers of the same name in acquisition.formats.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""Logged loads: motor torques of the robot, and a six-axis force sensor at the flange.
+"""Logs other than angles: motor torques, a force sensor at the flange, an optical tracker.
 
 Torques are those that the motors exert, N m at the motor, positive along its angle; the gain error
 is one number per axis. The sensor (such as the JR3 of thesis sec. 5.3) gives force and torque that
 plate and ball-bar exert on the flange, in the flange's frame about its origin, on a clock of its
-own.
+own. The tracker (such as the Nikon K600 of the same section) logs where an LED on the tool is, in a
+frame and on a clock of its own; it measures the true tool, deflection included, and nothing else in
+the recording depends on it.
 """
 
 from __future__ import annotations
@@ -19,60 +21,48 @@ from cell.descriptions import Robot
 from cell.dialect import load_dialect
 from cell.errors import DescriptionError
 from cell.logs import SourceName
-from cell.schema import Strict
-from sim.logging.tracker import OpticalTracker
+from cell.rotation import matrix_from_rotvec
+from cell.schema import NotNegative, Strict
 from sim.motion import Motion
 from sim.streams import stream
 
-NotNegative = Annotated[float, Field(ge=0.0)]
+LedCoordinate = Annotated[float, Field(ge=-1.0, le=1.0)]
 SENSOR_EPOCH = 17.0  # [s] up-time of the sensor's logger at its first row
+TRACKER_EPOCH = 83.0  # [s] up-time of the tracker at its first row
+DISTANCE = 3.0  # [m] of the tracker from the robot's base; assumed
 
 
 class TorqueLog(Strict):
     """Motor torques stand in the robot's log, in columns tau1..tau6."""
 
-    noise_N_m: NotNegative = Field(
-        2.0,
-        description="Standard deviation of white noise at the outputs of gears 1-3 "
-        "(notes/identification sec. 1).",
-    )
-    wrist_noise_N_m: NotNegative = Field(
-        0.3, description="Standard deviation of white noise at the outputs of gears 4-6."
-    )
-    gain_sigma: NotNegative = Field(
-        0.02, description="Standard deviation of the gain error of each axis, drawn per run."
-    )
+    noise_N_m: NotNegative = 2.0
+    """Standard deviation of white noise at the outputs of gears 1-3 (notes/identification sec. 1).
+    """
+    wrist_noise_N_m: NotNegative = 0.3
+    """Standard deviation of white noise at the outputs of gears 4-6."""
+    gain_sigma: NotNegative = 0.02
+    """Standard deviation of the gain error of each axis, drawn per run."""
 
 
 class ForceSensor(Strict):
     """A six-axis force sensor at the flange is logged with its own rate and clock."""
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = Field(
-        500.0, description="Rows per second."
-    )
-    noise_N: NotNegative = Field(
-        1.0,
-        description="Standard deviation of white noise of each force "
-        "(notes/identification sec. 1).",
-    )
-    noise_N_m: NotNegative = Field(
-        0.1, description="Standard deviation of white noise of each torque; assumed."
-    )
-    bias_N: NotNegative = Field(
-        2.0, description="Standard deviation of the constant bias of each force; assumed."
-    )
-    bias_N_m: NotNegative = Field(
-        0.2, description="Standard deviation of the constant bias of each torque; assumed."
-    )
-    gain_sigma: NotNegative = Field(
-        0.01, description="Standard deviation of the gain error of each channel."
-    )
-    offset_s: float = Field(
-        0.05, description="Time from the first row of the robot to the first of the sensor."
-    )
-    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
-        0.0, description="Seconds that the robot's clock gains in each second of the sensor's."
-    )
+    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = 500.0
+    """Rows per second."""
+    noise_N: NotNegative = 1.0
+    """Standard deviation of white noise of each force (notes/identification sec. 1)."""
+    noise_N_m: NotNegative = 0.1
+    """Standard deviation of white noise of each torque; assumed."""
+    bias_N: NotNegative = 2.0
+    """Standard deviation of the constant bias of each force; assumed."""
+    bias_N_m: NotNegative = 0.2
+    """Standard deviation of the constant bias of each torque; assumed."""
+    gain_sigma: NotNegative = 0.01
+    """Standard deviation of the gain error of each channel."""
+    offset_s: float = 0.05
+    """Time from the first row of the robot to the first of the sensor."""
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
+    """Seconds that the robot's clock gains in each second of the sensor's."""
 
 
 def _dialect_of(source: SourceName) -> AfterValidator:
@@ -93,26 +83,60 @@ def _dialect_of(source: SourceName) -> AfterValidator:
 class RobotLog(Strict):
     """How the robot's controller logs its angles."""
 
-    dialect: Annotated[str, _dialect_of("robot")] | None = Field(
-        None,
-        description="A dialect of cell/dialects that holds a robot's angles; by default that of "
-        "the robot's file.",
-    )
-    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = Field(
-        None, description="Rows per second; by default those that the dialect's file states."
-    )
+    dialect: Annotated[str, _dialect_of("robot")] | None = None
+    """A dialect of cell/dialects that holds a robot's angles; by default that of the robot's file.
+    """
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = None
+    """Rows per second; by default those that the dialect's file states."""
 
 
 class BallbarLog(Strict):
     """How the ball-bar's encoders are logged: a PLC writes a row every two tasks."""
 
-    dialect: Annotated[str, _dialect_of("ballbar")] = Field(
-        "twincat-plc", description="A dialect of cell/dialects that holds a ball-bar's counters."
+    dialect: Annotated[str, _dialect_of("ballbar")] = "twincat-plc"
+    """A dialect of cell/dialects that holds a ball-bar's counters."""
+    task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = 0.005
+    """Cycle of the PLC's task (thesis sec. 4.6)."""
+    status: bool = True
+    """Whether the status words of the terminals are logged."""
+
+
+class OpticalTracker(Strict):
+    """An optical tracker logs the position of an LED on the tool, in its own frame, with its own
+    rate and clock. The result is validated by it; no fit uses it.
+    """
+
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] = 100.0
+    """Rows per second. Assumed."""
+    noise_m: Annotated[float, Field(ge=0.0, le=0.01)] = 9.0e-5
+    """Standard deviation of white noise along each axis (thesis sec. 5.3: below 90 um)."""
+    led_m: Annotated[tuple[LedCoordinate, ...], Field(min_length=3, max_length=3)] = (
+        -0.05,
+        0.04,
+        0.03,
     )
-    task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = Field(
-        0.005, description="Cycle of the PLC's task (thesis sec. 4.6)."
-    )
-    status: bool = Field(True, description="Whether the status words of the terminals are logged.")
+    """The LED in the tool's frame: x along the plate, away from the flange, from the centre of the
+    universal joint. Assumed.
+    """
+    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.2
+    """Time from the first row of the robot to the first of the tracker."""
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
+    """Seconds that the robot's clock gains in each second of the tracker's."""
+
+
+class TrackerTruth(Strict):
+    """The drawn frame of the tracker in the robot's base frame, and its clock and LED."""
+
+    position_m: tuple[float, ...]
+    rotation_vector_rad: tuple[float, ...]
+    led_m: tuple[float, ...]
+    offset_s: float
+    skew: float
+
+    def seen(self, points: Array) -> Array:
+        """(N, 3) [m] in the tracker's frame of points (N, 3) [m] in the robot's base frame."""
+        turn = matrix_from_rotvec(np.array(self.rotation_vector_rad)[:, None])[:, :, 0]
+        return np.asarray((points - np.array(self.position_m)) @ turn)
 
 
 class LoadLogs(Strict):
@@ -123,7 +147,7 @@ class LoadLogs(Strict):
 
 
 class DeviceLogs(LoadLogs):
-    """What is logged beside angles, and in which form."""
+    """The form of the logs, and what is logged in addition to angles."""
 
     robot: RobotLog = RobotLog()
     ballbar: BallbarLog = BallbarLog()
@@ -192,3 +216,42 @@ def _sampled(t: Array, values: Array | None, times: Array) -> Array:
     if values is None:
         raise ValueError("this motion has no loads to log; they need plant.kind = mujoco")
     return np.stack([np.interp(times, t, column) for column in values.T], axis=1)
+
+
+def drawn_tracker(tracker: OpticalTracker | None, seed: int) -> TrackerTruth | None:
+    """A tracker at a place and in an orientation that are drawn; None without one."""
+    if tracker is None:
+        return None
+    rng = stream(seed, "tracker_frame")
+    direction, quaternion = rng.standard_normal(3), rng.standard_normal(4)
+    turn, axis = 2.0 * np.arctan2(np.linalg.norm(quaternion[1:]), quaternion[0]), quaternion[1:]
+    return TrackerTruth(
+        position_m=tuple((DISTANCE * direction / np.linalg.norm(direction)).tolist()),
+        rotation_vector_rad=tuple((turn * axis / np.linalg.norm(axis)).tolist()),
+        led_m=tracker.led_m,
+        offset_s=tracker.offset_s,
+        skew=tracker.skew,
+    )
+
+
+def tracker_rows(
+    motion: Motion,
+    first: float,
+    last: float,
+    *,
+    tracker: OpticalTracker,
+    drawn: TrackerTruth,
+    seed: int,
+) -> tuple[Array, Array]:
+    """Stamps (N,) [s] on the tracker's clock and points (N, 3) [m] in its frame.
+
+    first, last : [s] true times of the robot's first and last row; the tracker logs as long.
+    """
+    rows = int((last - first) * tracker.rate_hz) + 1
+    elapsed = np.arange(rows, dtype=np.float64) / tracker.rate_hz
+    times = first + Clock(drawn.offset_s, drawn.skew).robot_time(elapsed)
+    rotation, tool = motion.tool_at(times)
+    led = tool + np.einsum("ijn,j->in", rotation, np.array(drawn.led_m))
+    points = drawn.seen(led.T)
+    noise = stream(seed, "tracker_noise").normal(0.0, tracker.noise_m, points.shape)
+    return TRACKER_EPOCH + elapsed, np.asarray(points + noise)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import BallBar, Cell, Robot
+from cell.descriptions import Cell, Link, Robot, ServoGains
 from cell.errors import InputError
-from sim.errors.plant_errors import CycloidRipple, PlantErrors, RodBacklash, ThermalGrowth
-from sim.plant.masses import Masses, drawn_masses, stated_masses
+from cell.geometry import Geometry
+from sim.errors.plant_errors import PlantErrors, ThermalGrowth
 from sim.streams import stream
 
 RIGID_ROD = (
@@ -36,6 +36,32 @@ class Ripple:
     order: float  # cycles per turn of the output
     amplitude: float  # [rad]
     phase: float  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Masses:
+    """Mass and centre of every body; centres in the frames of the description files."""
+
+    names: tuple[str, ...]
+    mass: Array  # (B,) [kg]
+    centre: Array  # (B, 3) [m]
+
+    def on(self, cell: Cell) -> Cell:
+        """The cell with these masses; inertias about the centres grow with their mass."""
+        links = [
+            Link(mass, centre, link.inertia * (mass / link.mass if link.mass else 1.0))
+            for link, mass, centre in zip(
+                _bodies(cell), self.mass.tolist(), self.centre, strict=True
+            )
+        ]
+        joints, robot = cell.robot.joints, cell.robot
+        base = robot.required("links")[0]
+        return replace(
+            cell,
+            robot=replace(robot, links=(base, *links[:joints])),
+            plate=replace(cell.plate, body=links[joints]),
+            ballbar=replace(cell.ballbar, links=tuple(links[joints + 1 :])),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +109,35 @@ class PlantEffects:
         return gears
 
 
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """One machine to simulate."""
+
+    cell: Cell  # nominal, which the servo's feed-forward knows
+    geometry: Geometry  # true parameters; encoder offsets belong to the encoders and are not here
+    effects: PlantEffects
+    gains: ServoGains
+
+    @property
+    def loaded(self) -> Cell:
+        """The cell with its true masses."""
+        masses = self.effects.masses
+        return self.cell if masses is None else masses.on(self.cell)
+
+
+def servo_gains(robot: Robot, name: str, *, key: str = "plant.servo") -> ServoGains:
+    """The gain set of a robot with that name.
+
+    key : of the file that names it, for the message. Raises InputError if there is no such set.
+    """
+    gains = robot.required("servo")
+    if name not in gains:
+        raise InputError(
+            f"{key} = {name!r}: robot {robot.name} has no such gain set; it has {', '.join(gains)}"
+        )
+    return gains[name]
+
+
 def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
     """The machine that a scenario describes; what differs from unit to unit is drawn.
 
@@ -94,52 +149,91 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
             "backlash has no equilibrium. Add joint_compliance: {}, or leave gear_backlash out."
         )
     robot, bar = cell.robot, cell.ballbar
-    compliance, gap = errors.joint_compliance, errors.gear_backlash
-    stiffness, none = None, np.zeros(robot.joints)
-    dead_band = hysteresis = none
-    if compliance is not None:
-        rng = stream(seed, "joint_compliance")
-        stiffness = _spread(
-            robot.required("gears").stiffness * compliance.scale, compliance.spread, rng
-        )
-    if gap is not None:
-        rng = stream(seed, "lost_motion")  # named as the catalogue figure
-        half_width = 0.5 * _spread(robot.required("gears").lost_motion * gap.scale, gap.spread, rng)
-        dead_band, hysteresis = (
-            (half_width, none) if gap.kind == "dead_band" else (none, half_width)
-        )
-    backlash, friction, plate = errors.rod_backlash, errors.bar_friction, errors.plate_bending
+    stiffness, dead_band, hysteresis = None, np.zeros(robot.joints), np.zeros(robot.joints)
+    if (compliance := errors.joint_compliance) is not None:
+        z = stream(seed, "joint_compliance").standard_normal(robot.joints)
+        catalogue = robot.required("gears").stiffness * compliance.scale
+        stiffness = catalogue * np.exp(compliance.spread * z)
+    if (gap := errors.gear_backlash) is not None:
+        z = stream(seed, "lost_motion").standard_normal(robot.joints)  # as in the catalogue
+        width = robot.required("gears").lost_motion * gap.scale * np.exp(gap.spread * z)
+        if gap.kind == "dead_band":
+            dead_band = 0.5 * width
+        else:
+            hysteresis = 0.5 * width
+    friction, gears, base = errors.bar_friction, errors.gear_friction, errors.base_compliance
+    play, plate = 0.0, None
+    if (rod := errors.rod_backlash) is not None:
+        gimbal, universal_joint = bar.joint_backlash
+        play = _default(rod.gimbal_m, gimbal) + _default(rod.universal_joint_m, universal_joint)
+    if (bending := errors.plate_bending) is not None:
+        plate = _default(bending.tip_stiffness_N_per_m, cell.plate.tip_stiffness)
+    strain = errors.rod_strain
     return PlantEffects(
         gear_stiffness=stiffness,
         gear_backlash=dead_band,
         gear_hysteresis=hysteresis,
         ripples=_ripples(errors, cell, seed),
-        friction_scale=errors.gear_friction.scale if errors.gear_friction else 0.0,
-        stribeck=errors.gear_friction is not None and errors.gear_friction.stribeck,
-        rod_stiffness=bar.axial_stiffness * errors.rod_strain.scale
-        if errors.rod_strain
-        else RIGID_ROD,
-        rod_backlash=0.5 * _play(backlash, bar) if backlash else 0.0,
+        friction_scale=gears.scale if gears else 0.0,
+        stribeck=gears is not None and gears.stribeck,
+        rod_stiffness=bar.axial_stiffness * strain.scale if strain else RIGID_ROD,
+        rod_backlash=0.5 * play,
         bar_friction=_default(friction.torque_N_m, bar.friction_torque) if friction else 0.0,
-        plate_stiffness=_default(plate.tip_stiffness_N_per_m, cell.plate.tip_stiffness)
-        if plate
-        else None,
-        base_stiffness=errors.base_compliance.stiffness_N_per_m if errors.base_compliance else None,
+        plate_stiffness=plate,
+        base_stiffness=base.stiffness_N_per_m if base else None,
         masses=_masses(errors, cell, seed),
         growth=errors.thermal_growth,
     )
 
 
+def _default(stated: float | None, usual: float) -> float:
+    return usual if stated is None else stated
+
+
 def _masses(errors: PlantErrors, cell: Cell, seed: int) -> Masses | None:
-    masses = drawn_masses(errors.masses, cell, stream(seed, "masses")) if errors.masses else None
-    if errors.payload is None:
-        return masses
-    return (masses or stated_masses(cell)).with_payload(errors.payload, stream(seed, "payload"))
+    """The masses and centres of the files with drawn deviations, and a drawn payload."""
+    if errors.masses is None and errors.payload is None:
+        return None
+    masses = stated_masses(cell)
+    if (sizes := errors.masses) is not None:
+        z = stream(seed, "masses").standard_normal((len(masses.names), 4))
+        masses = replace(
+            masses,
+            mass=masses.mass * np.exp(sizes.spread * z[:, 0]),
+            centre=masses.centre + sizes.centre_sigma_m * z[:, 1:],
+        )
+    if (payload := errors.payload) is not None:
+        z = stream(seed, "payload").standard_normal(4)
+        i, more = masses.names.index("plate"), abs(payload.sigma_kg * z[0])
+        mass, centre = masses.mass.copy(), masses.centre.copy()
+        mass[i] += more
+        centre[i] += payload.centre_sigma_m * z[1:] * more / mass[i]
+        masses = replace(masses, mass=mass, centre=centre)
+    return masses
+
+
+def stated_masses(cell: Cell) -> Masses:
+    """The masses and centres of the files."""
+    bodies = _bodies(cell)
+    return Masses(
+        names=(
+            *(f"link{i + 1}" for i in range(cell.robot.joints)),
+            "plate",
+            *(f"bar{i + 1}" for i in range(len(cell.ballbar.links))),
+        ),
+        mass=np.array([body.mass for body in bodies]),
+        centre=np.stack([body.com for body in bodies]),
+    )
 
 
 def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
+    """Harmonics of all sources; each one costs 0.1 us per simulation step, so equal ones are one.
+
+    A cusped wave is |sin(x/2)| with zero mean and unit peak, x = lobes * g + phase, which is
+    -2 sum_k cos(k x) / (4 k^2 - 1).
+    """
     ripples: list[Ripple] = []
-    joints = cell.robot.joints
+    joints, gears = cell.robot.joints, cell.robot.gears
     if (table := errors.transmission_error) is not None:
         rng = stream(seed, "transmission_error")
         for gear, harmonics in enumerate(cell.robot.required("gears").harmonics):
@@ -148,35 +242,28 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
                 for order, size in harmonics
             ]
     if (cycloid := errors.cycloid_ripple) is not None:
-        phases = stream(seed, "cycloid_ripple").uniform(0.0, 2.0 * np.pi, joints)
+        size, lobes = cycloid.amplitude_rad, float(cycloid.lobes)
+        drawn = stream(seed, "cycloid_ripple").uniform(0.0, 2.0 * np.pi, joints)
         for axis in cycloid.axes:
-            ripples += _cycloid(axis - 1, cycloid, float(phases[axis - 1]))
+            phase = float(drawn[axis - 1])
+            if cycloid.waveform == "harmonic":
+                ripples.append(Ripple(axis - 1, lobes, size, phase))
+                continue
+            for k in range(1, CUSP_TERMS + 1):
+                share = -2.0 * size / (4 * k * k - 1)
+                ripples.append(Ripple(axis - 1, k * lobes, share, k * phase + 0.5 * np.pi))
     if (sine := errors.sinusoidal_gear_error) is not None:
-        phases = stream(seed, "sinusoidal_gear_error").uniform(0.0, 2.0 * np.pi, joints)
+        drawn = stream(seed, "sinusoidal_gear_error").uniform(0.0, 2.0 * np.pi, joints)
         for axis in sine.axes:
-            order = (
-                1.0
-                if sine.side == "output"
-                else 1.0 / abs(float(cell.robot.transmission[axis - 1, axis - 1]))
-            )
-            ripples.append(Ripple(axis - 1, order, sine.amplitude_rad, float(phases[axis - 1])))
+            turns = abs(float(cell.robot.transmission[axis - 1, axis - 1]))
+            order = 1.0 if sine.side == "output" else 1.0 / turns
+            ripples.append(Ripple(axis - 1, order, sine.amplitude_rad, float(drawn[axis - 1])))
     if (unlisted := errors.unlisted_ripple) is not None:
-        ripples += _unlisted(unlisted.amplitude_rad, cell.robot, stream(seed, "unlisted_ripple"))
-    return _merged(ripples)
-
-
-def _unlisted(amplitude: float, robot: Robot, rng: np.random.Generator) -> list[Ripple]:
-    listed = robot.gears.harmonics if robot.gears else ((),) * robot.joints
-    ripples = []
-    for gear, harmonics in enumerate(listed):
-        orders = sorted(set(UNLISTED_ORDERS) - {order for order, _ in harmonics})
-        order, phase = float(rng.choice(orders)), float(rng.uniform(0.0, 2.0 * np.pi))
-        ripples.append(Ripple(gear, order, amplitude, phase))
-    return ripples
-
-
-def _merged(ripples: list[Ripple]) -> tuple[Ripple, ...]:
-    """Sum of the harmonics of equal gear and order; each one costs 0.1 us per simulation step."""
+        rng = stream(seed, "unlisted_ripple")
+        for gear, harmonics in enumerate(gears.harmonics if gears else ((),) * joints):
+            orders = sorted(set(UNLISTED_ORDERS) - {order for order, _ in harmonics})
+            order, phase = float(rng.choice(orders)), float(rng.uniform(0.0, 2.0 * np.pi))
+            ripples.append(Ripple(gear, order, unlisted.amplitude_rad, phase))
     sums: dict[tuple[int, float], complex] = {}
     for r in ripples:
         sums[r.gear, r.order] = sums.get((r.gear, r.order), 0j) + r.amplitude * np.exp(1j * r.phase)
@@ -185,33 +272,5 @@ def _merged(ripples: list[Ripple]) -> tuple[Ripple, ...]:
     )
 
 
-def _cycloid(gear: int, cycloid: CycloidRipple, phase: float) -> list[Ripple]:
-    """Harmonics of a sine, or of |sin(x/2)| with zero mean and unit peak, x = lobes * g + phase.
-
-    The latter is -2 sum_k cos(k x) / (4 k^2 - 1).
-    """
-    if cycloid.waveform == "harmonic":
-        return [Ripple(gear, cycloid.lobes, cycloid.amplitude_rad, phase)]
-    terms = range(1, CUSP_TERMS + 1)
-    return [
-        Ripple(
-            gear,
-            k * cycloid.lobes,
-            -2.0 * cycloid.amplitude_rad / (4 * k * k - 1),
-            k * phase + 0.5 * np.pi,
-        )
-        for k in terms
-    ]
-
-
-def _spread(nominal: Array, spread: float, rng: np.random.Generator) -> Array:
-    return nominal * np.exp(spread * rng.standard_normal(nominal.size))
-
-
-def _play(stated: RodBacklash, bar: BallBar) -> float:
-    gimbal, universal_joint = bar.joint_backlash
-    return _default(stated.gimbal_m, gimbal) + _default(stated.universal_joint_m, universal_joint)
-
-
-def _default(stated: float | None, usual: float) -> float:
-    return usual if stated is None else stated
+def _bodies(cell: Cell) -> list[Link]:
+    return [*cell.robot.required("links")[1:], cell.plate.body, *cell.ballbar.links]

@@ -1,7 +1,9 @@
 """MuJoCo plant of a robot before a telescoping bar or a draw-wire: no closed chain holds it.
 
-The servos and gears are those of sim.plant.mujoco_plant, rod and wire those of
-sim.plant.rod_and_wire. The run begins once the arm has come to rest under its first command.
+The servos and gears are those of sim.plant.mujoco_plant. The run begins once the arm has come to
+rest under its first command. A rod turns in two magnetic cups, from a seat in the world to a site
+on the robot; along it act the spring of its length sensor, the friction of its slide and its
+weight. A wire pulls with its tension.
 """
 
 from __future__ import annotations
@@ -12,28 +14,42 @@ import mujoco
 import numpy as np
 
 from cell.arrays import Array
+from cell.descriptions import Link
 from cell.geometry import robot_frames
 from cell.instrument import Instrument
+from cell.rotation import quat_wxyz
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
-from sim.plant.description import Plant
-from sim.plant.measured_motion import bar_at
-from sim.plant.mjcf import SEAT_JOINT, WELD_SOLIMP, PlantModel, plant_model_of, unloaded_robot_spec
+from sim.plant.effects import Plant
+from sim.plant.kinematic_plant import bar_at
+from sim.plant.mjcf import (
+    SEAT_JOINT,
+    SLIDE_JOINT,
+    WELD_SOLIMP,
+    WELD_SOLREF,
+    PlantModel,
+    plant_model_of,
+    unloaded_robot_spec,
+)
+from sim.plant.mjcf_parts import set_inertia
 from sim.plant.mujoco_plant import (
     CLOSURE_LIMIT,
     PlantError,
     PlantRun,
+    bending,
     full_state,
     roll_out,
     servo_command,
     servo_motion,
 )
-from sim.plant.rod_and_wire import add_rod, add_wire, is_wire, rod_position
 from sim.settings import RodAndWire
 
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first second (as in
-# sim.plant.held_poses)
+# sim.plant.held)
 SETTLING = 2.0
+_ROD_RADIUS = 0.01  # [m] for its inertia about itself, assumed
+_CUP_DAMPING = 0.02  # [N m s/rad] of the cups: only how the rod comes to rest
+_SLIDE_DAMPING = 1.0  # [N s/m] of the slide: only how the rod comes to rest
 
 
 def run_with_instrument(
@@ -65,7 +81,7 @@ def run_with_instrument(
     def on_states(states: Array) -> None:
         if on_motion is not None:
             q = states[:, 1 + model.joints]
-            b = np.column_stack(bar_at(plant.geometry, q, _bending(model, states)))
+            b = np.column_stack(bar_at(plant.geometry, q, bending(model, states)))
             on_motion(plant.cell, plant.geometry, states[:, 0], q, b)
 
     states, _ = roll_out(replace(run, start=settled), on_states)
@@ -77,15 +93,14 @@ def run_with_instrument(
 
 
 def _model(plant: Plant, instrument: Instrument, forces: RodAndWire, timestep: float) -> PlantModel:
-    spec, seat = unloaded_robot_spec(plant, timestep=timestep), plant.geometry.origin
-    if is_wire(instrument):
-        add_wire(spec, forces.wire_tension_N, seat=seat, site="tool")
-        return plant_model_of(spec)
-    slide = add_rod(spec, instrument.nominal, forces, seat=seat, site="tool")
-    # Dry friction of the solver, stiff: it slides from micrometres a second on. A bristle (LuGre)
-    # that can be integrated explicitly is so soft that a stroke of 0.3 mm hardly leaves it.
-    slide.frictionloss, slide.solimp_friction = forces.rod_friction_N, WELD_SOLIMP
-    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
+    spec = unloaded_robot_spec(plant, timestep=timestep)
+    slide = add_instrument(spec, instrument, forces, seat=plant.geometry.origin, site="tool")
+    if slide is not None:
+        # Dry friction of the solver, stiff: it slides from micrometres a second on. A bristle
+        # (LuGre) that can be integrated explicitly is so soft that a stroke of 0.3 mm hardly leaves
+        # it.
+        slide.frictionloss, slide.solimp_friction = forces.rod_friction_N, WELD_SOLIMP
+        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
     return plant_model_of(spec)
 
 
@@ -105,7 +120,7 @@ def _start(plant: Plant, compiled: PlantModel, instrument: Instrument, q: Array)
 
 def _motion(run: PlantRun, forces: RodAndWire, states: Array) -> Motion:
     compiled = run.compiled
-    q, plate = states[:, 1 + compiled.joints], _bending(compiled, states)
+    q, plate = states[:, 1 + compiled.joints], bending(compiled, states)
     shown, torque = servo_motion(run, states)
     b, stretch = bar_at(run.plant.geometry, q, plate)
     force = np.full(len(states), forces.wire_tension_N)
@@ -124,11 +139,6 @@ def _motion(run: PlantRun, forces: RodAndWire, states: Array) -> Motion:
     )
 
 
-def _bending(compiled: PlantModel, states: Array) -> Array:
-    """(K,) or (1,) [rad] bending of the offset plate in states (K, nstate)."""
-    return states[:, 1 + compiled.plate[0]] if compiled.plate.size else np.zeros(1)
-
-
 def _check_cup(compiled: PlantModel, instrument: Instrument, states: Array, motion: Motion) -> None:
     """Raises PlantError where the rod does not end at the tool."""
     if not compiled.slide.size:
@@ -142,3 +152,61 @@ def _check_cup(compiled: PlantModel, instrument: Instrument, states: Array, moti
             f"at t = {motion.t[k]:.2f} s (limit {CLOSURE_LIMIT * 1e6:g} um). Halve "
             "plant.timestep_s, or lengthen path.duration_s"
         )
+
+
+def is_wire(instrument: Instrument) -> bool:
+    """Whether an instrument of lengths is a wire: its stroke is longer than its shortest length."""
+    return instrument.upper > 2.0 * instrument.lower
+
+
+def add_instrument(
+    spec: mujoco.MjSpec, instrument: Instrument, settings: RodAndWire, *, seat: Array, site: str
+) -> mujoco.MjsJoint | None:
+    """Adds the rod or the wire of an instrument of lengths, from a seat (3,) [m] to a site.
+
+    A rod is two halves of equal mass, the second on the slide, its end in the cup at the site; a
+    wire pulls with its tension times its control.
+
+    Returns the slide; None for a wire.
+    """
+    if is_wire(instrument):
+        spec.worldbody.add_site(name="fairlead", pos=seat)
+        wire = spec.add_tendon(name="wire")
+        wire.wrap_site("fairlead")
+        wire.wrap_site(site)
+        pull = spec.add_actuator(name="tension", target="wire", trntype=mujoco.mjtTrn.mjTRN_TENDON)
+        pull.set_to_motor()
+        pull.gear[0] = -settings.wire_tension_N
+        return None
+    half, length = 0.5 * settings.rod_mass_kg, instrument.nominal
+    across = half * (length**2 / 48.0 + _ROD_RADIUS**2 / 4.0)
+    inertia = np.diag([across, across, half * _ROD_RADIUS**2 / 2.0])
+    lower = spec.worldbody.add_body(name="rod_lower", pos=seat)
+    set_inertia(lower, Link(half, np.array([0.0, 0.0, 0.25 * length]), inertia))
+    lower.add_joint(name=SEAT_JOINT, type=mujoco.mjtJoint.mjJNT_BALL, damping=_CUP_DAMPING)
+    upper = lower.add_body(name="rod_upper")
+    set_inertia(upper, Link(half, np.array([0.0, 0.0, 0.75 * length]), inertia))
+    slide = upper.add_joint(name=SLIDE_JOINT, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    slide.stiffness[0] = settings.rod_spring_N_per_m
+    slide.damping[0] = _SLIDE_DAMPING
+    upper.add_site(name="rod_end", pos=[0.0, 0.0, length])
+    cup = spec.add_equality(
+        name="tool_cup",
+        type=mujoco.mjtEq.mjEQ_CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name1="rod_end",
+        name2=site,
+    )
+    cup.solref, cup.solimp = WELD_SOLREF, WELD_SOLIMP
+    return slide
+
+
+def rod_position(seat: Array, end: Array, length: float) -> Array:
+    """(5,) coordinates of cup (wxyz) and slide [m] of a rod from seat (3,) to end (3,) [m]."""
+    rod = end - seat
+    distance = float(np.linalg.norm(rod))
+    z = rod / distance
+    x = np.cross(np.eye(3)[int(np.abs(z).argmin())], z)
+    x /= np.linalg.norm(x)
+    rotation = np.stack((x, np.cross(z, x), z), axis=1)
+    return np.append(quat_wxyz(rotation), distance - length)

@@ -22,16 +22,13 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.bodies import bar_bodies, flange_on_last_link, robot_bodies
 from cell.chain import row_placements
-from cell.descriptions import Link
 from cell.geometry import BAR_ROWS, Geometry
 from cell.rotation import quat_wxyz
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
+from sim.plant.effects import Plant, PlantEffects
+from sim.plant.mjcf_parts import add_gear_tendon, add_links, compiled, empty_spec, set_inertia
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # (notes/mujoco sec. 2)
-# Of the implicit solve; from 1e-3 down to 1e-14 no coordinate of 60 s moves by more than 1e-13.
-SOLVER_TOLERANCE = 1e-4
 PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (notes/mujoco sec. 4)
 BRISTLE_TRAVEL = 2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' backlash
 # [rad/s] highest natural frequency of bristle and rotor: MuJoCo integrates the bristle explicitly,
@@ -56,17 +53,6 @@ ROD_JOINT, PLATE_JOINT = "rod", "plate"
 SEAT_JOINT, SLIDE_JOINT = "seat_cup", "slide"  # of a telescoping rod
 
 _OFF = mujoco.mjtDisableBit
-# There are no contacts and no limits, and the solve is linear; a divergence must show, not reset.
-UNUSED = (
-    _OFF.mjDSBL_CONTACT
-    | _OFF.mjDSBL_ISLAND
-    | _OFF.mjDSBL_LIMIT
-    | _OFF.mjDSBL_FRICTIONLOSS
-    | _OFF.mjDSBL_CLAMPCTRL
-    | _OFF.mjDSBL_WARMSTART
-    | _OFF.mjDSBL_SENSOR
-    | _OFF.mjDSBL_AUTORESET
-)
 _HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 
 
@@ -109,17 +95,6 @@ def plant_model_of(spec: mujoco.MjSpec) -> PlantModel:
     )
 
 
-def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of a specification, every site at its own pose.
-
-    MuJoCo takes a site within 1e-6 of its body's frame for identical with it (notes/mujoco
-    sec. 7.1), which would be an error of 0.9 urad.
-    """
-    model = spec.compile()
-    model.site_sameframe[:] = 0
-    return model
-
-
 def plant_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
     """The model of a plant as a specification, to be compiled or written as XML."""
     spec = unloaded_robot_spec(plant, timestep=timestep)
@@ -139,18 +114,10 @@ def plant_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
 
 def unloaded_robot_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
     """Robot and plate without the ball-bar, as a specification."""
-    spec = mujoco.MjSpec()
-    spec.modelname = plant.cell.robot.name
-    spec.compiler.degree = False
-    option = spec.option
-    option.timestep = timestep
-    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.tolerance = SOLVER_TOLERANCE
-    option.gravity = plant.cell.robot.gravity
-    # The sensors of the flange, where it has any, are all that is read.
-    sensors = int(_OFF.mjDSBL_SENSOR) if plant.effects.force_sensor else 0
-    option.disableflags = int(UNUSED) & ~sensors
+    robot = plant.cell.robot
+    spec = empty_spec(robot.name, timestep=timestep, gravity=robot.gravity)
+    if plant.effects.force_sensor:  # the sensors of the flange are all that is read
+        spec.option.disableflags &= ~int(_OFF.mjDSBL_SENSOR)
     _add_robot(spec, plant)
     _add_gears(spec, plant)
     return spec
@@ -158,14 +125,8 @@ def unloaded_robot_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
 
 def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
     cell, geometry, effects = plant.loaded, plant.geometry, plant.effects
-    parent = spec.worldbody
     placements = row_placements(geometry.robot)
-    rotation, position = np.eye(3), np.zeros(3)
-    for i, link in enumerate(robot_bodies(cell)):
-        parent = parent.add_body(name=f"link{i + 1}", pos=position, quat=quat_wxyz(rotation))
-        set_inertia(parent, link)
-        parent.add_joint(name=ROBOT_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
-        rotation, position = placements[i]
+    parent, rotation, position = add_links(spec, robot_bodies(cell), placements)
     turned, flange = flange_on_last_link(cell)
     plate = parent.add_body(name="plate", pos=flange, quat=quat_wxyz(turned))
     set_inertia(plate, cell.plate.body)
@@ -243,7 +204,7 @@ def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
 
 @dataclass(frozen=True)
 class _Shaft:
-    """What a motor turns: its rotor, or with rigid gears a joint or a combination of joints."""
+    """The part that a motor turns: its rotor, or with rigid gears one or several joints."""
 
     part: mujoco.MjsJoint | mujoco.MjsTendon
     kind: mujoco.mjtTrn
@@ -265,11 +226,11 @@ def _elastic_gear(
     body = spec.worldbody.add_body(name=f"rotor{i + 1}")
     body.mass, body.inertia, body.explicitinertial = ROTOR_MASS, [ROTOR_INERTIA] * 3, True
     rotor = body.add_joint(name=ROTORS[i], type=_HINGE, axis=[0, 0, 1])
-    spring = _tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
+    spring = add_gear_tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
     spring.springlength = [-backlash, backlash]
     spring.stiffness[0], spring.damping[0] = stiffness, damping
     if hysteresis > 0.0:
-        friction = _tendon(spec, f"gear{i + 1}_friction", coefficients, rotor=ROTORS[i])
+        friction = add_gear_tendon(spec, f"gear{i + 1}_friction", coefficients, rotor=ROTORS[i])
         friction.springlength = [0.0, 0.0]
         friction.stiffness[0] = HYSTERESIS_STIFFNESS * stiffness
         friction.springyield = hysteresis / HYSTERESIS_STIFFNESS
@@ -280,20 +241,7 @@ def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> _Shaft:
     turned = np.flatnonzero(coefficients)
     if turned.size == 1 and coefficients[turned[0]] == 1.0:  # a joint costs a third of a tendon
         return _Shaft(spec.joint(ROBOT_JOINTS[turned[0]]), mujoco.mjtTrn.mjTRN_JOINT)
-    return _Shaft(_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
-
-
-def _tendon(
-    spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | None = None
-) -> mujoco.MjsTendon:
-    """The combination of joints that a gear turns, less the angle of its rotor."""
-    tendon = spec.add_tendon(name=name)
-    for joint, coefficient in zip(ROBOT_JOINTS, coefficients, strict=True):
-        if coefficient != 0.0:
-            tendon.wrap_joint(joint, float(coefficient))
-    if rotor is not None:
-        tendon.wrap_joint(rotor, -1.0)
-    return tendon
+    return _Shaft(add_gear_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
 
 
 def _friction(
@@ -364,9 +312,3 @@ def _add_base(spec: mujoco.MjSpec, geometry: Geometry, stiffness: float) -> mujo
         slide = base.add_joint(name=name, type=_SLIDE, axis=np.eye(3)[axis])
         slide.stiffness[0], slide.damping[0] = stiffness, BASE_DAMPING * stiffness
     return base
-
-
-def set_inertia(body: mujoco.MjsBody, link: Link) -> None:
-    """Gives a body the mass properties of a link, in the body's frame."""
-    body.mass, body.ipos, body.explicitinertial = link.mass, link.com, True
-    body.fullinertia = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

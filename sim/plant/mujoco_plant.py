@@ -21,14 +21,14 @@ from cell.descriptions import Cell
 from cell.errors import FailureError
 from sim.motion import CLOSURE_STRIDE, Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
-from sim.plant.description import Plant
+from sim.plant.effects import Plant
 from sim.plant.mjcf import PlantModel, plant_model
 from sim.plant.statics import Equilibrium, equilibrium, gravity_torque
 
 CLOSURE_LIMIT = 0.5e-6  # [m, rad] twice what 60 s with all effects reach (notes/mujoco sec. 2)
 _GRAVITY_STEP = 0.05  # [s] grid of the gravity feed-forward; no path moves at more than a few Hz
 _STRETCH = 2.0  # [s] simulated between two calls of a motion callback
-_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class PlantError(FailureError):
@@ -115,8 +115,8 @@ def equilibrium_state(plant: Plant, compiled: PlantModel, held: Equilibrium) -> 
 
 def full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """(nstate,) full physics state of a model."""
-    state = np.zeros(mujoco.mj_stateSize(model, _PHYSICS))
-    mujoco.mj_getState(model, data, state, _PHYSICS)
+    state = np.zeros(mujoco.mj_stateSize(model, PHYSICS))
+    mujoco.mj_getState(model, data, state, PHYSICS)
     return state
 
 
@@ -189,9 +189,14 @@ def as_motion(run: PlantRun, states: Array, sensors: Array) -> Motion:
         torque=torque,
         # MuJoCo gives what the flange exerts on the plate.
         wrench=-sensors if effects.force_sensor else None,
-        plate=positions[:, compiled.plate[0]] if compiled.plate.size else np.zeros(1),
+        plate=bending(compiled, states),
         base=positions[:, compiled.base] if compiled.base.size else np.zeros((1, 3)),
     )
+
+
+def bending(compiled: PlantModel, states: Array) -> Array:
+    """(K,) or (1,) [rad] bending of the offset plate in states (K, nstate)."""
+    return states[:, 1 + compiled.plate[0]] if compiled.plate.size else np.zeros(1)
 
 
 def servo_motion(run: PlantRun, states: Array) -> tuple[Array, Array]:

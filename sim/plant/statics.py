@@ -23,8 +23,8 @@ from cell.descriptions import Cell, Link
 from cell.errors import FailureError
 from cell.geometry import Geometry, nominal_chain, robot_frames
 from cell.rotation import rotvec_from_matrix
-from sim.plant.deflection import Deflected, deflect, turning
-from sim.plant.description import Plant
+from sim.motion import Deflected, deflect, turning
+from sim.plant.effects import Plant
 
 MOTOR, GEAR, BAR = slice(0, 6), slice(6, 12), slice(12, 17)
 ROD, PLATE, BASE = 17, 18, slice(19, 22)
@@ -73,7 +73,7 @@ class _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Machine:
-    """What does not change during the search."""
+    """Quantities that do not change during the search."""
 
     plant: Plant
     joint_to_gear: Array  # (6, 6)

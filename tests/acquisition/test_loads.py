@@ -123,7 +123,7 @@ def test_simulated_torques_and_forces_are_those_of_the_plant(
     truth = loaded.simulation.truth
     quiet = truth.logs.model_copy(update={"loads": drawn_loads(perfect.logs, perfect.seed)})
     write_recording(
-        replace(loaded.simulation, truth=replace(truth, logs=quiet)),
+        replace(loaded.simulation, truth=truth.model_copy(update={"logs": quiet})),
         perfect,
         tmp_path / "recording",
     )

@@ -21,9 +21,8 @@ from ballbar.replay.write import write_replay
 from ballbar.report.page import begin_parts, render_report
 from ballbar.result.calibration import load_calibration
 from ballbar.result.compare import identification_against_truth
-from ballbar.result.inputs import distinct_names
 from ballbar.result.run_data import RunData, Validation
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
 from cell.errors import DescriptionError, InputError
@@ -147,8 +146,10 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     assert [first.name, second.name] == ["A", "B"]
     clocks = [entry.clock.offset_s for entry in (first, second) if entry.clock is not None]
     truth = load_truth(Path(f"{together.a}.truth.yaml"))
-    assert truth.offset > 0.508 + 0.005  # the clocks' own, and the filter of the first motor
-    assert np.abs(np.array(clocks) - truth.offset).max() < 30e-6
+    assert (
+        truth.clock.offset_s > 0.508 + 0.005
+    )  # the clocks' own, and the filter of the first motor
+    assert np.abs(np.array(clocks) - truth.clock.offset_s).max() < 30e-6
     assert first.parameters["btheta4"].value == read.geometry["btheta4"]
     assert second.parameters["ox"].value != read.geometry["ox"], "each has a base pose of its own"
     sizes = [entry.residuals for entry in (first, second)]
@@ -199,7 +200,7 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
     assert number(cells.row("times what noise explains")[2]) == pytest.approx(
         file.held_out[0].identified.ratio, rel=0.05
     )
-    offset = load_truth(Path(f"{together.b}.truth.yaml")).offset * 1e3  # [ms]
+    offset = load_truth(Path(f"{together.b}.truth.yaml")).clock.offset_s * 1e3  # [ms]
     assert number(cells.row("clock offset")[2]) == pytest.approx(offset, abs=0.03)
     assert "ra2, rd4, bd3" in page, "long lengths share one scale, which the plate fixes"
     assert all(f"{name}/raw/robot.csv" in page for name in "ABC")

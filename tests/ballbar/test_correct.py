@@ -20,10 +20,9 @@ from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
-from sim.plant.held_poses import hold_poses
-from sim.plant.held_robot import HeldRobot, pose_distance
+from sim.plant.effects import Plant, PlantEffects
+from sim.plant.held import hold_machine, hold_poses, pose_distance
+from sim.true_robot import TrueMachine, true_machine
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
 from tests.helpers.drawn_robots import SCENARIOS, scenario_of
@@ -80,9 +79,8 @@ def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(
     assert np.abs(corrected_targets(UnloadedRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
 
 
-def without_play(plant: HeldRobot) -> HeldRobot:
-    plant.effects = replace(plant.effects, gear_backlash=np.zeros(6))
-    return plant
+def without_play(plant: TrueMachine) -> TrueMachine:
+    return replace(plant, effects=replace(plant.effects, gear_backlash=np.zeros(6)))
 
 
 @pytest.mark.slow
@@ -91,18 +89,18 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
 
     The steps of the resolvers' converters remain.
     """
-    plant = without_play(HeldRobot(scenario_of("irb2400", "a", 2, 120.0), relative_to=SCENARIOS))
+    plant = without_play(true_machine(scenario_of("irb2400", "a", 2, 120.0), relative_to=SCENARIOS))
     robot, q = known_robot(plant), easy_targets(cell, 12)
     done = corrected_targets(robot, plant.nominal, q)
     wanted = robot_frames(plant.nominal, q)
-    before, after = plant.hold(q), plant.hold(done.q)
+    before, after = hold_machine(plant, q), hold_machine(plant, done.q)
     assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
     assert pose_distance(wanted, before)[0].mean() > 1e-3
     assert (
         pose_distance(wanted, after)[0].max() < 5e-6
     )  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
     geometry_only = corrected_targets(UnloadedRobot(cell, plant.true), plant.nominal, q)
-    sagging = pose_distance(wanted, plant.hold(geometry_only.q))[0]
+    sagging = pose_distance(wanted, hold_machine(plant, geometry_only.q))[0]
     assert sagging.mean() > 2e-4, (
         "compliance is worth more than the tolerance: geometry alone does not do"
     )

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ballbar.commands import cli
-from ballbar.result.inputs import distinct_names
+from ballbar.result.run_recordings import distinct_names
 from ballbar.terminal import PlainConsole, wide_console
 from cell.errors import DescriptionError
 from cell.files import write_yaml

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from ballbar.result.compare import Comparison
-from ballbar.result.limits import Limit, corrected_limits, plant_limits, pose_limits, result_limits
+from ballbar.result.limits import Limit, corrected_limits, plant_limits, result_limits, tcp_limits
 from ballbar.scenario import (
     SHIPPED,
     AcceptSettings,
-    PoseAcceptSettings,
     Scenario,
+    TcpLimits,
     load_any_scenario,
     load_scenario,
 )
@@ -46,7 +46,11 @@ FOUND = cast(
     ),
 )
 TRUTH = cast(
-    Truth, SimpleNamespace(closure_position=8e-8, rod_force_min=-110.0, rod_force_max=74.0)
+    Truth,
+    SimpleNamespace(
+        closure=SimpleNamespace(position_m=8e-8),
+        rod_force=SimpleNamespace(min_N=-110.0, max_N=74.0),
+    ),
 )
 HELD = cast(HeldOut, SimpleNamespace(normalised_innovation=1.1))
 CORRECTED = ("corrected_mean_mm", "corrected_max_mm")  # of rehearsals
@@ -94,7 +98,7 @@ def test_a_limit_is_met_above_what_was_measured_and_missed_below(key: str) -> No
 def test_no_key_is_without_a_limit() -> None:
     others = {"verdict", "held_out_file", *CORRECTED}
     assert set(SIZES) | others == set(AcceptSettings.model_fields)
-    assert set(PoseAcceptSettings.model_fields) <= set(AcceptSettings.model_fields)
+    assert set(TcpLimits.model_fields) <= set(AcceptSettings.model_fields)
 
 
 def test_a_verdict_worse_than_the_limit_misses_it() -> None:
@@ -105,13 +109,12 @@ def test_a_verdict_worse_than_the_limit_misses_it() -> None:
 
 
 def test_still_poses_have_the_limits_of_the_tool_and_the_verdict() -> None:
-    found: Any = SimpleNamespace(tcp_sigma=np.array([2e-5, 3e-5]), verdict=FOUND.verdict)
-    accept = PoseAcceptSettings.model_validate(
-        {key: 0.9 * SIZES[key] for key in PoseAcceptSettings.model_fields if key != "verdict"}
+    accept = TcpLimits.model_validate(
+        {key: 0.9 * SIZES[key] for key in TcpLimits.model_fields if key != "verdict"}
         | {"verdict": "good"}
     )
-    stated = pose_limits(found, cast(Any, COMPARISON), accept)
-    assert len(stated) == len(PoseAcceptSettings.model_fields)
+    stated = tcp_limits(FOUND.verdict.status, FOUND.robot.tcp_sigma, COMPARISON, accept)
+    assert len(stated) == len(TcpLimits.model_fields)
     assert not any(limit.met for limit in stated)
 
 

@@ -24,7 +24,7 @@ from ballbar.export.formats import exported
 from ballbar.export.into_urdf import into_file
 from ballbar.export.result import Result, load_result
 from ballbar.export.ur_kinematics import LINKS, ur_chain
-from ballbar.result.compare_pose_results import ParameterDifference, compare_pose_results
+from ballbar.result.compare import compare, is_notable
 from ballbar.robot_file.urdf import parse_urdf
 from ballbar.robot_file.urdf_chain import chain_between
 from cell.arrays import Array
@@ -391,11 +391,23 @@ def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
         loaded.kinematics(tool=np.eye(4))
 
 
+def test_joint_errors_that_were_kept_from_another_result_are_read_back(tmp_path: Path) -> None:
+    """`identify --joint-errors RESULT` ended with a result that its reader refused."""
+    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    data = yaml.safe_load(first.path.read_text())
+    data["corrections"]["learned_harmonics"] = data["corrections"].pop("joint_harmonics")
+    (tmp_path / "b.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    second = Calibration.load(tmp_path / "b.yaml")
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6))
+    assert np.array_equal(second.arm().tool(q), first.arm().tool(q))
+    assert second.joint_errors() == first.joint_errors()
+
+
 def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: Path) -> None:
     first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
-    same = compare_pose_results(first, first)
+    same = compare(first, first)
     assert same.tcp.maximum < EXACT
-    assert all(p.z == 0.0 for p in same.parameters)
+    assert not any(same.z.values())
     changed = yaml.safe_load((tmp_path / "a.yaml").read_text())
     changed["parameters"]["rtheta4"]["value"] += 1e-3
     changed["ranges"][2] |= {"lower_rad": -0.5, "upper_rad": 0.2}
@@ -405,13 +417,13 @@ def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: 
     assert "rtheta4 -1.0000 mrad (z -35.4)" in said, "1 mrad over sqrt(2) times 20 urad"
     assert "less than half of the fitted range is common: axes 3" in said
     second = Calibration.load(tmp_path / "b.yaml")
-    tcp = compare_pose_results(first, second).tcp
+    tcp = compare(first, second).tcp
     assert 2e-5 < tcp.mean < 1e-3
     code, said, _ = ballbar("compare", tmp_path / "a.yaml", tmp_path / "b.yaml", "--json")
     assert json.loads(said)["tcp_difference"]["mean_m"] == pytest.approx(tcp.mean)
     other = Calibration.load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
     with pytest.raises(InputError, match="Compare calibrations of the same robot"):
-        compare_pose_results(first, other)
+        compare(first, other)
 
 
 def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -439,7 +451,7 @@ def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_parameters_differ_by_deviations_and_by_a_size_that_matters(
     name: str, difference: float, z: float, notable: bool
 ) -> None:
-    assert ParameterDifference(name, difference, z).notable == notable
+    assert is_notable(name, difference, z) == notable
 
 
 def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:

@@ -46,17 +46,17 @@ from ident.result import NamedCovariance, RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_correction import correction_parts
 from ident.verdict import Status, Verdict
+from sim.errors.sensor_errors import JointNoise
+from sim.errors.static_errors import StaticErrors
 from sim.recording_files import write_recording
 from sim.settings import (
     CellSettings,
     ClockSettings,
     EncoderSettings,
     ErrorSettings,
-    JointNoise,
     PathSettings,
     PlantSettings,
     SimulationSettings,
-    StaticErrors,
 )
 from sim.simulate import simulate
 from tests.helpers.page_cells import Cells

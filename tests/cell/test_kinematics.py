@@ -23,8 +23,7 @@ from cell.geometry import (
 from cell.inverse import UnreachableError, bar_angles, refine
 from cell.load import load_cell
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, quat_wxyz, rotvec_from_matrix
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
+from sim.plant.effects import Plant, PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.six_axes import NAMES, PARAMETERS

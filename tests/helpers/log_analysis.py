@@ -160,7 +160,7 @@ def read_logs(folder: Path) -> Logs:
     force = read_table(folder / told.sources.force.files[0])
     robot_t = first_rows.robot_s + robot.t
     force_t = first_rows.robot_s + ForceSensor().offset_s + force[:, 0] - force[0, 0]
-    t = first_rows.ballbar_s + (1.0 + truth.skew) * bar.t
+    t = first_rows.ballbar_s + (1.0 + truth.clock.skew) * bar.t
     inside = (t >= force_t[0]) & (t <= min(robot_t[-1], force_t[-1]))
     b = bar.angles * np.array([truth.directions[f"b{j}"] for j in bar.joints])
     at_rows = [

@@ -8,9 +8,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.geometry import Geometry
+from sim.motion import deflect
 from sim.path import ReferencePath
-from sim.plant.deflection import deflect
-from sim.plant.description import Plant
+from sim.plant.effects import Plant
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantRun, equilibrium_state, roll_out
 from sim.plant.statics import equilibrium

@@ -18,14 +18,15 @@ from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import PlantEffects
-from sim.plant.held_robot import HeldRobot, pose_distance
+from sim.plant.held import hold_machine, pose_distance
+from sim.true_robot import TrueMachine, true_machine
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 POSES = 200
 GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 
 
-def known_robot(plant: HeldRobot) -> UnloadedRobot:
+def known_robot(plant: TrueMachine) -> UnloadedRobot:
     """The robot of a perfect identification: the plant's numbers as coefficients."""
     effects, robot = plant.effects, plant.cell.robot
     assert effects.gear_stiffness is not None
@@ -58,7 +59,7 @@ def known_cell(cell: Cell, effects: PlantEffects) -> Cell:
     return replace(loaded, robot=replace(loaded.robot, gears=known))
 
 
-def study(plant: HeldRobot, identified: UnloadedRobot, poses: int) -> dict[str, object]:
+def study(plant: TrueMachine, identified: UnloadedRobot, poses: int) -> dict[str, object]:
     """Figures of one robot: pose errors of held targets, nominal and corrected."""
     q = accuracy_grid(plant.cell.robot)[:poses]
     while True:
@@ -68,9 +69,9 @@ def study(plant: HeldRobot, identified: UnloadedRobot, poses: int) -> dict[str, 
         except TargetError as error:  # at a singularity; counted
             q = np.delete(q, list(error.faults), axis=0)
     wanted = robot_frames(plant.nominal, q)
-    before, after = plant.hold(q), plant.hold(corrected.q)
+    before, after = hold_machine(plant, q), hold_machine(plant, corrected.q)
     known = pose_distance(
-        wanted, plant.hold(corrected_targets(known_robot(plant), plant.nominal, q).q)
+        wanted, hold_machine(plant, corrected_targets(known_robot(plant), plant.nominal, q).q)
     )[0]
     aligned = position_error(wanted.tip.T, after.tool[:, :3, 3])
     (p0, a0), (p1, a1) = pose_distance(wanted, before), pose_distance(wanted, after)
@@ -102,5 +103,5 @@ def robot_row(
     options = FitOptions(model="complete", force="torque", samples=samples)
     found = identify_together(made[0][0], [logs for _, logs, _ in made], options=options)
     return {"robot": robot, "seed": seed} | study(
-        HeldRobot(scenario, relative_to=SCENARIOS), found.robot.unloaded(), poses
+        true_machine(scenario, relative_to=SCENARIOS), found.robot.unloaded(), poses
     )

@@ -13,7 +13,7 @@ from cell.neighbours import damaged_bursts
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.result import Identification
-from sim.errors.outliers import Outliers
+from sim.errors.sensor_errors import Outliers
 from sim.truth import Truth
 from tests.helpers.drawn_robots import SCENARIOS, SLIP_S, STEP_S, faulty, recorded
 

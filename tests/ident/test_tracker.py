@@ -19,7 +19,7 @@ from ident.recording_fit import Logs, fit_recording
 from ident.result import Identification
 from ident.tracker import LEAST, NOT_COMPARED, TrackerCheck, check_tracker
 from ident.verdict import SUSPECT, Status
-from sim.logging.tracker import TRACKER_EPOCH, tracker_rows
+from sim.logging.load_logs import TRACKER_EPOCH, tracker_rows
 from tests.helpers.simulated_recordings import Recorded, record
 
 NOISE = 9.0e-5

@@ -29,9 +29,15 @@ from sim.errors.sensor_effects import resolver_effects
 from sim.errors.sensor_errors import SensorErrors, SignalNoise
 from sim.errors.static_errors import true_geometry
 from sim.kinematic_samples import kinematic_samples, sample_path
-from sim.logging.clocks import log_times
-from sim.logging.encoders import BarEncoder, frozen_bits, motor_angles, read_counts
-from sim.logging.joint_lag import joint_lags, with_lags
+from sim.logging.clocks import log_times, logged_rows
+from sim.logging.encoders import (
+    BarEncoder,
+    frozen_bits,
+    joint_lags,
+    motor_angles,
+    read_counts,
+    with_lags,
+)
 from sim.logging.load_logs import (
     SENSOR_EPOCH,
     ForceSensor,
@@ -41,12 +47,9 @@ from sim.logging.load_logs import (
     motor_torques,
     sensor_rows,
 )
-from sim.logging.loggers import logged_rows
 from sim.motion import Motion
 from sim.path_files import scenario_path
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects, plant_effects
-from sim.plant.masses import stated_masses
+from sim.plant.effects import Plant, PlantEffects, plant_effects, stated_masses
 from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
 from sim.settings import ClockSettings, ErrorSettings
 from sim.simulate import simulate
@@ -305,7 +308,7 @@ def linear_growth() -> Size:
 
 
 def exponential_growth() -> Size:
-    """Of the same size at the end."""
+    """Growth of the same size at the end."""
     stated = -np.expm1(-np.arange(7) / 3.0) / -np.expm1(-2.0)
     growth = grown({"a2_m": 5e-5, "d4_m": 2e-5, "time_constant_s": 30.0})
     return Size(growth, np.outer(stated, (5e-5, 2e-5)))
@@ -367,7 +370,7 @@ def outlier_sizes(side: str) -> Size:
 
 
 def zeros() -> Size:
-    """Of a sensed length; one value a seed."""
+    """Zeros of a sensed length, one a seed."""
     drawn = [
         true_of(ErrorSettings(), plate_sigma=0.0, seed=s, zero_sigma=2e-3)["bd3"]
         for s in range(1000)
@@ -425,7 +428,7 @@ def lags(**errors: float) -> Array:
 
 
 def signal_noise() -> Size:
-    """Of an encoder at rest, in rad at its shaft; a count is a hundredth of it."""
+    """Readings of an encoder at rest, in rad at its shaft; a count is a hundredth of it."""
     noise = ErrorSettings.model_validate({"signal_noise": {"share": 0.01}}).signal_noise
     counts = at_rest(np.zeros(ROWS), noise, bits=13)
     return spread(counts * 2.0 * np.pi / (3600 << 13), 0.01 / 3600.0)
@@ -620,7 +623,7 @@ def test_the_lag_of_the_first_motor_is_part_of_the_clock_offset() -> None:
     chosen = settings(plant={"kind": "kinematic"}, errors={"joint_lag": {}})
     truth = simulate(chosen, relative_to=SCENARIOS).truth
     assert len(truth.logs.joint_lag_s) == 6
-    assert truth.offset == 0.137 + truth.logs.joint_lag_s[0] > 0.14
+    assert truth.clock.offset_s == 0.137 + truth.logs.joint_lag_s[0] > 0.14
 
 
 def test_the_lowest_of_thirteen_bits_fluctuates_at_rest_and_that_of_twelve_hardly() -> None:
@@ -688,6 +691,6 @@ def test_a_converter_rounds_to_the_nearest_of_its_steps() -> None:
 
 @pytest.mark.parametrize("bits", [8, 12, 13])
 def test_six_bits_of_a_signal_period_are_left_at_any_speed(bits: int) -> None:
-    """Of the terminal's documents (notes/log_formats sec. A.3)."""
+    """Bits that freeze by the terminal's documents (notes/log_formats sec. A.3)."""
     frozen = frozen_bits(np.array([0.0, 100.0, 200.0, 1e9]), 100.0, bits)
     assert frozen.tolist() == [0, 1, min(2, bits - 6), bits - 6]

@@ -48,7 +48,7 @@ def simulated(instrument: str, **changes: Any) -> Simulation:
 def test_the_log_is_the_distance_from_seat_to_tool_with_noise_and_zero(
     instrument: str, tmp_path: Path
 ) -> None:
-    """By DH alone, at the shown angles of the true robot without gears' errors."""
+    """The distance by DH alone, at the shown angles of the true robot without gears' errors."""
     scenario = Scenario.model_validate(
         content(
             instrument,

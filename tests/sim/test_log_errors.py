@@ -29,7 +29,7 @@ from cell.logs import segment_starts
 from cell.robot_angles import joints_to_motors, motors_to_joints
 from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
-from sim.logging.loggers import chosen
+from sim.logging.clocks import chosen
 from sim.motion import Motion
 from sim.recording_files import truth_path
 from sim.settings import ErrorSettings, SimulationSettings
@@ -325,7 +325,7 @@ def test_offset_and_skew_are_the_line_through_both_clocks(tmp_path: Path) -> Non
         axis=1
     )
     assert bar_start - (times[miss.argmin()] - row * PERIOD) == pytest.approx(0.137, rel=1e-4)
-    assert (run.truth.offset, run.truth.skew) == (0.137, 5e-5)
+    assert (run.truth.clock.offset_s, run.truth.clock.skew) == (0.137, 5e-5)
 
 
 def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -> None:

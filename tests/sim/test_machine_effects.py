@@ -11,8 +11,7 @@ from cell.load import load_cell
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.sensor_effects import encoder_effects
 from sim.errors.sensor_errors import SensorErrors
-from sim.plant.effects import PlantEffects, Ripple, plant_effects
-from sim.plant.masses import stated_masses
+from sim.plant.effects import PlantEffects, Ripple, plant_effects, stated_masses
 
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 TURN = np.repeat(2.0 * np.pi * np.arange(2000)[:, None] / 2000, 6, axis=1)  # of every gear

@@ -10,8 +10,8 @@ import pytest
 
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
+from generators.model_files import MODELS, VIEWS, model_xml
 from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS
-from sim.plant.model_files import MODELS, VIEWS, model_xml
 
 
 def words(text: str) -> list[tuple[str, str, list[str]]]:
@@ -26,7 +26,7 @@ def words(text: str) -> list[tuple[str, str, list[str]]]:
 def test_the_file_is_the_one_that_the_descriptions_give(robot: str) -> None:
     kept, made = words((MODELS / f"{robot}.xml").read_text()), words(model_xml(robot))
     assert [(tag, key) for tag, key, _ in kept] == [(tag, key) for tag, key, _ in made], (
-        "run: python -m sim.plant.model_files"
+        "run: python -m generators.model_files"
     )
     for (tag, key, old), (_, _, new) in zip(kept, made, strict=True):
         try:
@@ -36,7 +36,7 @@ def test_the_file_is_the_one_that_the_descriptions_give(robot: str) -> None:
         except ValueError:
             same = old == new
         assert same, (
-            f"{tag} {key}: file {old}, descriptions {new}; run: python -m sim.plant.model_files"
+            f"{tag} {key}: file {old}, descriptions {new}; run: python -m generators.model_files"
         )
 
 

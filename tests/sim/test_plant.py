@@ -23,8 +23,7 @@ from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
 from sim.path_files import load_lissajous
 from sim.plant import mujoco_plant as plant_module
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.effects import Plant, PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
 from sim.plant.statics import equilibrium, gravity_torque
@@ -44,7 +43,7 @@ def test_the_loop_stays_closed_within_half_a_micrometre_along_the_run(recorded: 
     position, angle = recorded.simulation.motion.closure()
     assert position.max() < 0.5e-6
     assert angle.max() < 0.5e-6
-    assert position.max() == recorded.simulation.truth.closure_position
+    assert position.max() == recorded.simulation.truth.closure.position_m
 
 
 def test_rod_forces_of_the_soft_servo_are_of_the_order_measured_in_the_thesis(
@@ -64,7 +63,7 @@ def test_the_run_starts_at_rest(recorded: Recorded) -> None:
 def test_a_mechanism_whose_steps_jump_from_flank_to_flank_has_an_equilibrium() -> None:
     """Drawn robot 8: from the path's first pose they end with the loop open by 5 mm."""
     run = simulate(scenario_of("irb2400", "a", 8, 120.0), relative_to=SCENARIOS)
-    assert run.truth.closure_position < 0.5e-6
+    assert run.truth.closure.position_m < 0.5e-6
 
 
 @pytest.mark.slow

@@ -36,10 +36,11 @@ from sim.logging.load_logs import (
     sensor_rows,
 )
 from sim.plant.effects import plant_effects
-from sim.plant.held_robot import HeldRobot
+from sim.plant.held import hold_machine
 from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
+from sim.true_robot import true_machine
 from sim.truth import PlantTruth, load_truth
 from tests.helpers.log_analysis import (
     Logs,
@@ -116,7 +117,7 @@ def path_there_and_back(folder: Path, cycles: list[int], *, size: float) -> str:
 
 
 def stated(folder: Path) -> PlantTruth:
-    """What was drawn."""
+    """The plant that was drawn."""
     return load_truth(truth_path(folder / "recording")).plant
 
 
@@ -147,7 +148,7 @@ def springs(logs: Logs) -> tuple[Array, Array, Array]:
 
 
 def assert_stiffness(logs: Logs, expected: Array) -> None:
-    """Of every gear: torque of the motor is that of spring, damper and rotor."""
+    """Motor and gear: torque of the motor is that of spring, damper and rotor."""
     deflection, speed, rotor = springs(logs)
     for i in range(6):
         found = fit([-deflection[:, i], -speed[:, i], rotor[:, i]], logs.torque[:, i])[0]
@@ -326,13 +327,13 @@ def test_masses_and_centres_spread_as_stated_from_robot_to_robot(cell: Cell) -> 
 
 
 def test_the_true_tool_sags_under_the_true_masses() -> None:
-    """Of the reference of all TCP errors; held free in MuJoCo."""
+    """The reference of all TCP errors; held free in MuJoCo."""
     errors = {"joint_compliance": {}, "masses": {"spread": 0.1, "centre_sigma_m": 0.02}}
     chosen = settings(errors=errors)
     truth = simulate(chosen, relative_to=SCENARIOS).truth
-    robot, q = HeldRobot(chosen, relative_to=SCENARIOS), accuracy_grid(load_robot("irb2400"))[:4]
-    actual = robot.hold(q).tool[:, :3, 3]
-    files = replace(truth, plant=truth.plant.model_copy(update={"bodies": {}}))
+    robot, q = true_machine(chosen, relative_to=SCENARIOS), accuracy_grid(load_robot("irb2400"))[:4]
+    actual = hold_machine(robot, q).tool[:, :3, 3]
+    files = truth.model_copy(update={"plant": truth.plant.model_copy(update={"bodies": {}})})
     with_truth, with_files = (true_tool(robot.cell, t, robot.true, q) for t in (truth, files))
     assert np.abs(with_truth - actual).max() < 1e-6
     assert np.abs(with_files - actual).max() > 1e-5
@@ -596,7 +597,9 @@ def written(loaded: Simulation, folder: Path, **logs: Any) -> Path:
     asked = quiet(logs=logs)
     truth = loaded.truth
     log_truth = truth.logs.model_copy(update={"loads": drawn_loads(asked.logs, asked.seed)})
-    write_recording(replace(loaded, truth=replace(truth, logs=log_truth)), asked, folder)
+    write_recording(
+        replace(loaded, truth=truth.model_copy(update={"logs": log_truth})), asked, folder
+    )
     return folder / "raw"
 
 

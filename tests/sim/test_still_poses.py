@@ -15,13 +15,13 @@ from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.poses import PoseTable
 from sim.errors.plant_errors import JointCompliance
-from sim.poses.files import write_poses
-from sim.poses.held import hold_with_instrument
-from sim.poses.settings import PoseErrors, PosePlant, PoseSimulationSettings
-from sim.poses.simulate import PoseSimulation, simulate_poses
-from sim.poses.true_arm import Place, TrueArm, true_arm
-from sim.poses.truth import load_pose_truth
-from sim.recording_files import truth_path
+from sim.errors.pose_errors import PoseErrors
+from sim.plant.held import hold_with_instrument
+from sim.recording_files import truth_path, write_poses
+from sim.settings import PosePlant, PoseSimulationSettings
+from sim.still_poses import PoseSimulation, simulate_poses
+from sim.true_robot import TrueArm, true_arm
+from sim.truth import TruePlace, load_pose_truth
 
 CELLS: dict[str, dict[str, Any]] = {
     "tracker_point": {
@@ -110,11 +110,12 @@ def read_back(name: str, folder: Path, errors: dict[str, Any]) -> tuple[PoseSimu
 def test_the_reader_reads_what_the_true_robot_and_instrument_do(name: str, tmp_path: Path) -> None:
     errors = EXACT if name != "qc20w_300" else {"geometry": {}}
     simulation, table = read_back(name, tmp_path / "t", errors)
-    truth = load_pose_truth(truth_path(tmp_path / "t"), simulation.robot)
+    truth = load_pose_truth(truth_path(tmp_path / "t"))
+    arm = truth.arm(simulation.robot)
     assert table.size == len(simulation.rows.seat)
     for group in table.groups:
         seat, target = truth.seats[group.seat], truth.targets[group.target]
-        away = truth.arm.target(group.q, target.position) - seat.position
+        away = arm.target(group.q, target.position) - seat.position
         expected = away @ seat.rotation
         if group.measured == "length":
             expected = np.linalg.norm(away, axis=1)[:, None]
@@ -123,7 +124,7 @@ def test_the_reader_reads_what_the_true_robot_and_instrument_do(name: str, tmp_p
             continue
         assert group.values[:, :3] == pytest.approx(expected, abs=1e-10)
         if group.measured == "pose":
-            turned = truth.arm.flange(group.q).rotation().transpose(2, 0, 1) @ target.rotation
+            turned = arm.flange(group.q).rotation().transpose(2, 0, 1) @ target.rotation
             read = Rotation.from_rotvec(group.values[:, 3:].copy()).as_matrix()
             assert seat.rotation @ read == pytest.approx(turned, abs=1e-8)
 
@@ -136,7 +137,7 @@ def test_switching_a_source_on_changes_the_table_but_no_draw_of_another(source: 
     changed = np.abs(every.rows.values - other.rows.values).max() > 1e-9
     assert changed or np.abs(every.rows.axes - other.rows.axes).max() > 1e-9, source
     if source not in ("geometry", "unit_weights"):  # those move the target in and out of sight
-        assert every.truth.arm.chain.a == pytest.approx(other.truth.arm.chain.a, abs=0.0)
+        assert every.truth.dh.a == pytest.approx(other.truth.dh.a, abs=0.0)
     if source not in ("outliers", "geometry"):
         assert every.truth.outliers == other.truth.outliers
     if source != "unsettled":
@@ -192,9 +193,12 @@ def test_reference_points_are_read_once_at_each_pose_from_the_seat_that_drifts()
     points = rows.reference[read]
     fixed = np.array([point["position_m"] for point in FIXED])
     for n, share in enumerate(np.linspace(0.0, 1.0, len(points))):
-        turn = Rotation.from_rotvec(truth.drift.turn * share).as_matrix()
+        turn = Rotation.from_rotvec(np.array(truth.drift.turn_rad) * share).as_matrix()
         seat = truth.seats["hall"]
-        rotation, origin = turn @ seat.rotation, turn @ seat.position + truth.drift.shift * share
+        rotation, origin = (
+            turn @ seat.rotation,
+            turn @ seat.position + np.array(truth.drift.shift_m) * share,
+        )
         assert points[n] == pytest.approx((fixed - origin) @ rotation, abs=1e-12)
     moved = np.linalg.norm(points[-1] - points[0], axis=1)
     assert (moved > 2e-4).all()
@@ -260,7 +264,7 @@ def test_a_truth_file_of_another_schema_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "x.truth.yaml"
     file.write_text("schema: ballbar-truth/2\n")
     with pytest.raises(DescriptionError, match="expected 'ballbar-poses-truth/1'"):
-        load_pose_truth(file, load_robot("panda"))
+        load_pose_truth(file)
 
 
 # --- MuJoCo -------------------------------------------------------------------------------------
@@ -274,7 +278,7 @@ def elastic() -> TrueArm:
     return true_arm(load_robot("irb2400"), errors, 5)
 
 
-CUP = Place(np.array([0.05, 0.0, 0.12]), np.zeros(3))
+CUP = TruePlace(position_m=(0.05, 0.0, 0.12))
 HELD_Q = np.array([[0.1, 0.2, 0.3, 0.2, -0.6, 0.4], [-0.3, -0.1, 0.2, -0.5, 0.7, 1.0]])
 
 
@@ -285,18 +289,18 @@ def held(
     joints, force, sight = [], [], []
     for q in HELD_Q[:, None]:
         target = arm.target(q, CUP.position)[0]
-        seat = Place(target - instrument.nominal * np.array([0.6, 0.0, 0.8]), np.zeros(3))
-        out = hold_with_instrument(
+        seat = target - instrument.nominal * np.array([0.6, 0.0, 0.8])
+        actual, along = hold_with_instrument(
             arm,
             instrument,
             PosePlant.model_validate(plant),
-            seat=seat,
+            seat=TruePlace(position_m=tuple(seat)),
             target=CUP,
             q=q,
             friction=np.array([friction]),
         )
-        joints.append(out.joints[0])
-        force.append(out.force[0])
+        joints.append(actual[0])
+        force.append(along[0])
         sight.append(np.array([0.6, 0.0, 0.8]))
     return np.stack(joints), np.array(force), np.stack(sight)
 
@@ -325,8 +329,8 @@ def test_the_arm_yields_under_rod_and_wire_by_the_gears_that_the_force_loads(
     arm = place[None] - frames.origin[:-1]
     columns = np.cross(frames.z[:-1], arm, axis=1)  # (J, 3, N)
     torque = -np.einsum("jcn,nc->nj", columns, force[:, None] * sight)  # tension pulls back
-    assert elastic.gear_stiffness is not None
-    gears = torque @ robot.gear_to_joint.T / elastic.gear_stiffness
+    assert elastic.effects.gear_stiffness is not None
+    gears = torque @ robot.gear_to_joint.T / elastic.effects.gear_stiffness
     expected = gears @ robot.gear_to_joint
     assert np.abs(expected).max() > 1e-5
     assert joints - elastic.joints(HELD_Q) == pytest.approx(expected, abs=5e-8)
@@ -342,10 +346,10 @@ def test_half_of_a_rods_weight_hangs_on_the_arm(elastic: TrueArm) -> None:
     frames = elastic.flange(HELD_Q)
     place = frames.tip + np.einsum("ijn,j->in", frames.rotation(), CUP.position)
     columns = np.cross(frames.z[:-1], place[None] - frames.origin[:-1], axis=1)
-    assert elastic.gear_stiffness is not None
+    assert elastic.effects.gear_stiffness is not None
     robot = elastic.robot
     torque = np.einsum("jcn,c->nj", columns, [0.0, 0.0, -1.0 * 9.81])
-    expected = torque @ robot.gear_to_joint.T / elastic.gear_stiffness @ robot.gear_to_joint
+    expected = torque @ robot.gear_to_joint.T / elastic.effects.gear_stiffness @ robot.gear_to_joint
     assert np.abs(expected).max() > 1e-5
     # first order of a yield of 1e-4 rad
     assert heavy - light == pytest.approx(expected, abs=5e-8)
@@ -355,8 +359,8 @@ def test_half_of_a_rods_weight_hangs_on_the_arm(elastic: TrueArm) -> None:
 def test_auto_takes_mujoco_for_a_rod_on_elastic_gears() -> None:
     simulation = simulated("qc20w_300", {"joint_compliance": JointCompliance().model_dump()})
     assert simulation.truth.plant == "mujoco"
-    assert simulation.truth.force is not None
-    low, high = simulation.truth.force
+    assert simulation.truth.force_N is not None
+    low, high = simulation.truth.force_N
     assert -1.5 < low < high < 1.5, "spring of 0.5 N at the ends, friction 0.3 N"
     kinematic = simulated(
         "qc20w_300", {"joint_compliance": {}}, plant={"kind": "kinematic"}

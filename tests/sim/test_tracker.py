@@ -12,7 +12,7 @@ import yaml
 from acquisition.recording import read_recording
 from cell.arrays import Array
 from cell.rotation import matrix_from_rotvec
-from sim.plant.deflection import deflect
+from sim.motion import deflect
 from sim.recording_files import truth_path
 from tests.helpers.simulated_recordings import Recorded, record
 

@@ -20,8 +20,7 @@ from ident.estimator.unknowns import (
     kinematic_unknowns,
 )
 from sim.errors.plant_errors import BaseCompliance
-from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS
-from sim.settings import BallbarAxes
+from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BallbarAxes
 from tests.helpers.six_axes import INDEX, NAMES, SHARED
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

@@ -13,8 +13,7 @@ from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
 from cell.load import load_cell
 from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
+from sim.plant.effects import Plant, PlantEffects
 from sim.plant.mjcf import plant_model
 from sim.plant.statics import equilibrium, gravity_torque
 from tests.helpers.known_loads import Motion, tension_at

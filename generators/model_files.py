@@ -1,6 +1,6 @@
 """The nominal cells as MJCF files for MuJoCo's viewer: sim/models/irb2400.xml and nj220.xml.
 
-    python -m sim.plant.model_files        writes them anew
+    python -m generators.model_files        writes them anew
     python -m mujoco.viewer --mjcf sim/models/irb2400.xml
 
 The files hold the plant's kinematics, masses and loop closure, with shapes to look at. For a
@@ -23,11 +23,10 @@ from cell.descriptions import Cell
 from cell.files import write_whole
 from cell.geometry import bar_frames, nominal_geometry
 from cell.load import load_cell
-from sim.plant.description import Plant
-from sim.plant.effects import PlantEffects
+from sim.plant.effects import Plant, PlantEffects
 from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
 
-MODELS = Path(__file__).parents[1] / "models"
+MODELS = Path(__file__).parents[1] / "sim" / "models"
 # Of each robot: ball-bar, its position [m], and a pose in the middle of the path as ball-bar
 # angles [rad].
 VIEWS = {

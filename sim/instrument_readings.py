@@ -1,4 +1,4 @@
-"""What an instrument reads of a target, with its noise; outliers, drift and logged angles."""
+"""Readings of an instrument with noise and outliers, drift of its seats, and logged angles."""
 
 from __future__ import annotations
 
@@ -13,23 +13,10 @@ from cell.instrument import Instrument
 from cell.poses import COLUMNS
 from cell.robot_angles import joints_to_axes
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
-from sim.poses.settings import PoseErrors
-from sim.poses.true_arm import Place, TrueArm
+from sim.errors.pose_errors import PoseErrors
 from sim.streams import stream
-
-
-@dataclass(frozen=True, eq=False)
-class SeatMotion:
-    """How the seats move against the robot's base from the first pose to the last."""
-
-    shift: Array  # (3,) [m]
-    turn: Array  # (3,) [rad] about the base's origin
-
-    def at(self, seat: Place, share: Array) -> tuple[Array, Array]:
-        """Origin (3, N) [m] and rotation (3, 3, N) of a seat at shares (N,) of the whole time."""
-        turn = matrix_from_rotvec(self.turn[:, None] * share)
-        origin = np.einsum("ijn,j->in", turn, seat.position) + self.shift[:, None] * share
-        return origin, np.einsum("ijn,jk->ikn", turn, seat.rotation)
+from sim.true_robot import TrueArm
+from sim.truth import SeatMotion, TruePlace
 
 
 def seat_motion(errors: PoseErrors, seed: int) -> SeatMotion:
@@ -38,7 +25,8 @@ def seat_motion(errors: PoseErrors, seed: int) -> SeatMotion:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     drift = errors.drift
     sizes = (drift.shift_m, drift.turn_rad) if drift else (0.0, 0.0)
-    return SeatMotion(sizes[0] * directions[0], sizes[1] * directions[1])
+    shift, turn = (size * direction for size, direction in zip(sizes, directions, strict=True))
+    return SeatMotion(shift_m=tuple(shift.tolist()), turn_rad=tuple(turn.tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +39,7 @@ class Reading:
 
 
 def reading(
-    arm: TrueArm, q: Array, target: Place, seat: tuple[Array, Array], sag: Array | None = None
+    arm: TrueArm, q: Array, target: TruePlace, seat: tuple[Array, Array], sag: Array | None = None
 ) -> Reading:
     """Where a target stands at shown angles q (N, J) [rad].
 

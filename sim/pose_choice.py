@@ -8,7 +8,6 @@ nominal one's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,9 @@ from cell.errors import InputError
 from cell.instrument import Instrument
 from cell.numerical_inverse import reach_points
 from cell.robot_angles import controller_to_joints
-from sim.poses.settings import PosesSettings
-from sim.poses.true_arm import Place, TrueArm
+from sim.settings import PosesSettings
+from sim.true_robot import TrueArm
+from sim.truth import TruePlace
 
 _BATCH = 400  # poses drawn at a time
 _BATCHES, _HOPELESS = 100, 5  # drawn at most; and if not one pose was found
@@ -30,20 +30,21 @@ _MARGIN = np.deg2rad(1.0)  # [rad] of the axis limits
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """What one seat measures of one target: N poses and their places in the order of time."""
+    """N poses at which one seat measures one target, and their places in the order of time."""
 
     seat: str
     target: str
     q: Array  # (N, J) [rad] shown by the robot, before it logs them
     order: NDArray[np.intp]  # (N,) number of each pose in the whole measurement
+    later: int  # how many targets may have been measured before, at the same pose
 
 
 def choose_poses(
     settings: PosesSettings,
     instrument: Instrument,
     arm: TrueArm,
-    seats: dict[str, Place],
-    targets: dict[str, Place],
+    seats: dict[str, TruePlace],
+    targets: dict[str, TruePlace],
     rng: np.random.Generator,
 ) -> tuple[Stand, ...]:
     """Poses of every seat and target.
@@ -51,25 +52,17 @@ def choose_poses(
     Raises InputError where too few are found.
     """
     limits = _limits(settings, arm)
-    out: list[Stand] = []
-    first = 0
+    names, stands, first = list(targets), list[Stand](), 0
+    everywhere = instrument.measured in ("point", "pose")
     for seat in settings.seats:
-        everywhere = instrument.measured in ("point", "pose")
-        groups = [targets] if everywhere else [{name: targets[name]} for name in targets]
-        for group in groups:
-            drawn = _Draw(
-                settings=settings,
-                instrument=instrument,
-                arm=arm,
-                limits=limits,
-                seat=seats[seat.name],
-                targets=tuple(group.values()),
-            )
-            q = _enough(drawn, rng, f"seat {seat.name}, target {', '.join(group)}")
+        for group in [names] if everywhere else [[name] for name in names]:
+            places = [targets[name] for name in group]
+            draw = _Draw(settings, instrument, arm, limits, seats[seat.name], places)
+            q = draw.poses(rng, f"seat {seat.name}, target {', '.join(group)}")
             order = first + np.arange(len(q))
-            out += [Stand(seat.name, name, q, order) for name in group]
+            stands += [Stand(seat.name, name, q, order, names.index(name)) for name in group]
             first += len(q)
-    return tuple(out)
+    return tuple(stands)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,50 +73,59 @@ class _Draw:
     instrument: Instrument
     arm: TrueArm
     limits: tuple[Array, Array]  # (J,) [rad] of the axes
-    seat: Place
-    targets: tuple[Place, ...]
+    seat: TruePlace
+    targets: list[TruePlace]
 
-    def batches(self, rng: np.random.Generator) -> Iterator[Array]:
-        """(K, J) [rad] poses that can be measured."""
-        robot, (lower, upper) = self.arm.robot, self.limits
-        for _ in range(_BATCHES):
-            axes = rng.uniform(lower, upper, (_BATCH, robot.joints))
-            q = controller_to_joints(robot, axes)
-            shares = rng.uniform(size=_BATCH)
-            if self.instrument.measured in ("length", "socket"):
-                q = self._brought(q, shares)
-            yield q[self._acceptable(q)]
+    def poses(self, rng: np.random.Generator, where: str) -> Array:
+        """(N, J) [rad] as many poses as the scenario wants. where : for the refusal.
+
+        Raises InputError where too few can be measured.
+        """
+        count, batches, poses = self.settings.count, list[Array](), 0
+        while len(batches) < (_BATCHES if poses else _HOPELESS):
+            batches.append(self._batch(rng))
+            poses += len(batches[-1])
+            if poses >= count:
+                return np.concatenate(batches)[:count]
+        raise InputError(
+            f"poses.count: of {_BATCH * len(batches)} random poses only {poses} can be measured "
+            f"from {where}; {count} are wanted. Move the seat to where the robot reaches all "
+            "round it, or widen poses.tilt_max_deg, lowest_m and the axis limits."
+        )
+
+    def _batch(self, rng: np.random.Generator) -> Array:
+        """(K, J) [rad] poses that can be measured, of a batch."""
+        robot = self.arm.robot
+        q = controller_to_joints(robot, rng.uniform(*self.limits, (_BATCH, robot.joints)))
+        shares = rng.uniform(size=_BATCH)
+        if self.instrument.measured in ("length", "socket"):
+            q = self._brought(q, shares)
+        return q[self._acceptable(q)]
 
     def _brought(self, q: Array, shares: Array) -> Array:
         """Poses with the target within the range of rod, wire or socket; shares : (N,) of it."""
-        point, seat = self.targets[0].position, self.seat.position
+        point, seat, instrument = self.targets[0].position, self.seat.position, self.instrument
         rod = self.arm.target(q, point) - seat
         distance = np.linalg.norm(rod, axis=1)
-        short, long = self._range
+        margin = _INSIDE * (instrument.upper - instrument.lower)
+        short, long = instrument.lower + margin, instrument.upper - margin
+        if instrument.measured == "socket":
+            short = long = 0.0
         inside = (distance >= short) & (distance <= long)
         length = np.where(inside, distance, short + shares * (long - short))
-        wanted = seat + rod * (length / np.maximum(distance, 1e-9))[:, None]
         lower, upper = self.limits
         q, reached = reach_points(
             self.arm.robot,
             self.arm.chain,
             point=point,
             q=q,
-            wanted=wanted,
+            wanted=seat + rod * (length / np.maximum(distance, 1e-9))[:, None],
             lower=lower,
             upper=upper,
             position=lambda angles: self.arm.target(angles, point),
             tolerance=1e-6,
         )
         return q[reached]
-
-    @property
-    def _range(self) -> tuple[float, float]:
-        """[m] at which readings are aimed."""
-        if self.instrument.measured == "socket":
-            return 0.0, 0.0
-        margin = _INSIDE * (self.instrument.upper - self.instrument.lower)
-        return self.instrument.lower + margin, self.instrument.upper - margin
 
     def _acceptable(self, q: Array) -> NDArray[np.bool_]:
         """(N,) whether a pose stands above the floor, upright enough, and can be measured."""
@@ -145,8 +147,7 @@ class _Draw:
 
 def _limits(settings: PosesSettings, arm: TrueArm) -> tuple[Array, Array]:
     """(J,) [rad] limits of the axes. Raises InputError where they are not those of this robot."""
-    robot = arm.robot
-    out = []
+    robot, limits = arm.robot, list[Array]()
     for key, stated, own, side in (
         ("axis_lower_deg", settings.axis_lower_deg, robot.axis_lower, 1.0),
         ("axis_upper_deg", settings.axis_upper_deg, robot.axis_upper, -1.0),
@@ -163,27 +164,11 @@ def _limits(settings: PosesSettings, arm: TrueArm) -> tuple[Array, Array]:
                 f"poses.{key}: {np.rad2deg(limit[axis]):g} deg of axis {axis + 1} is beyond the "
                 f"robot's own limit {np.rad2deg(own[axis]):g} deg."
             )
-        out.append(limit + side * _MARGIN)
-    lower, upper = out
+        limits.append(limit + side * _MARGIN)
+    lower, upper = limits
     if (empty := np.flatnonzero(lower >= upper)).size:
         raise InputError(
             f"poses.axis_lower_deg and axis_upper_deg leave axis {empty[0] + 1} no range; "
             f"{2.0 * np.rad2deg(_MARGIN):g} deg are kept from the limits."
         )
     return lower, upper
-
-
-def _enough(draw: _Draw, rng: np.random.Generator, where: str) -> Array:
-    count, batches, poses = draw.settings.count, list[Array](), 0
-    for batch in draw.batches(rng):
-        batches.append(batch)
-        poses += len(batch)
-        if poses >= count:
-            return np.concatenate(batches)[:count]
-        if not poses and len(batches) == _HOPELESS:
-            break
-    raise InputError(
-        f"poses.count: of {_BATCH * len(batches)} random poses only {poses} can be "
-        f"measured from {where}; {count} are wanted. Move the seat to where the robot reaches all "
-        "round it, or widen poses.tilt_max_deg, lowest_m and the axis limits."
-    )

@@ -1,0 +1,116 @@
+"""Error sources of still poses: their keys in a scenario.
+
+What they mean for one robot stands in sim.true_robot, what they do to readings and logged angles in
+sim.instrument_readings.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from cell.schema import NotNegative, Strict
+from cell.schema_errors import wrong_key
+from sim.errors.plant_errors import JointCompliance
+from sim.errors.sensor_errors import JointNoise, Share
+
+Axis = Annotated[int, Field(ge=1, le=8)]
+
+
+class GeometryErrors(Strict):
+    """Deviations of the DH parameters of all rows and of the Hayati angles of parallel axes."""
+
+    sigma_m: NotNegative = 5.0e-4
+    """Standard deviation of lengths. Assumed."""
+    sigma_rad: NotNegative = 1.0e-3
+    """Standard deviation of angles. Assumed."""
+
+
+class JointHarmonic(Strict):
+    """An error of one gear: amplitude * sin(order * angle + phase), the phase drawn."""
+
+    axis: Axis
+    order: Annotated[int, Field(ge=1, le=400)]
+    """Cycles a turn."""
+    amplitude_rad: NotNegative
+
+
+class DrawnHarmonics(Strict):
+    """Harmonic errors of gears whose axes, orders and phases are drawn."""
+
+    count: Annotated[int, Field(ge=1, le=50)] = 4
+    order_max: Annotated[int, Field(ge=1, le=400)] = 40
+    amplitude_rad: NotNegative = 1.0e-4
+    """Of each. Assumed."""
+
+
+class UnitWeights(Strict):
+    """The arm sags under weights at the origins of its frames, for a robot whose masses are not
+    known. What a joint yields per metre of lever is drawn, positive.
+    """
+
+    sigma_rad_per_m: NotNegative = 3.0e-4
+    """Scale of the drawn yields. Assumed."""
+
+
+class InstrumentNoise(Strict):
+    """The readings have white noise as the instrument's file states it; a socket has its play."""
+
+    scale: NotNegative = 1.0
+    """Factor on all standard deviations of the file."""
+
+
+class PoseOutliers(Strict):
+    """Some readings are grossly wrong: a broken beam, a mount that was not seated."""
+
+    share: Share = 0.03
+    size_m: tuple[NotNegative, NotNegative] = (1.0e-3, 2.0e-2)
+    """Smallest and largest; drawn log-uniformly. Assumed."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not 0.0 < self.size_m[0] <= self.size_m[1]:
+            message = "expected the smallest size first, above 0"
+            raise wrong_key("size_m", message=message)
+        return self
+
+
+class Unsettled(Strict):
+    """The angles of some poses were read while the robot was still on its way."""
+
+    share: Share = 0.05
+    fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
+    """Of the last move that was missing. Assumed."""
+
+
+class Rounding(Strict):
+    """The axis angles are written with few digits."""
+
+    step_deg: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
+
+
+class Drift(Strict):
+    """The seats move against the robot's base in proportion to time; directions are drawn."""
+
+    shift_m: NotNegative = 2.0e-4
+    """From the first pose to the last. Assumed."""
+    turn_rad: NotNegative = 0.0
+    """From the first pose to the last, about the robot's base. Assumed."""
+
+
+class PoseErrors(Strict):
+    """Error sources; each is absent unless named."""
+
+    geometry: GeometryErrors | None = None
+    joint_harmonics: tuple[JointHarmonic, ...] = ()
+    drawn_harmonics: DrawnHarmonics | None = None
+    unit_weights: UnitWeights | None = None
+    joint_compliance: JointCompliance | None = None
+    """Requires masses and gears in the robot's file."""
+    joint_noise: JointNoise | None = None
+    instrument_noise: InstrumentNoise | None = None
+    outliers: PoseOutliers | None = None
+    unsettled: Unsettled | None = None
+    rounding: Rounding | None = None
+    drift: Drift | None = None

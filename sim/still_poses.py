@@ -1,0 +1,290 @@
+"""One simulated table of still poses before it is written: poses, plant, readings, and the truth.
+
+poses chosen -> true arm (or MuJoCo with rod or wire) -> readings -> faults -> rows
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.chain import KINDS
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.instrument import Instrument
+from cell.load import load_instrument, load_robot
+from cell.numerical_inverse import reach_points
+from sim.instrument_readings import (
+    Reading,
+    logged_axes,
+    measured,
+    outliers,
+    reading,
+    seat_motion,
+    unsettled,
+)
+from sim.plant.held import hold_with_instrument
+from sim.pose_choice import Stand, choose_poses
+from sim.settings import PlacementSettings, PoseSimulationSettings
+from sim.streams import stream
+from sim.true_robot import TrueArm, true_arm
+from sim.truth import DHRows, PoseTruth, RippleTruth, SeatMotion, TruePlace
+
+PlantKind = Literal["mujoco", "kinematic"]
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRows:
+    """The rows of a table in the order of time."""
+
+    time: Array  # (N,) [s]
+    seat: tuple[str, ...]
+    target: tuple[str, ...]
+    axes: Array  # (N, J) [rad] as the controller shows them
+    values: Array  # (N, M) [m, rad], M as in cell.poses.COLUMNS
+    reference: Array  # (N, K, 3) [m] reference points; NaN where they were not read
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSimulation:
+    """A table of still poses, and what it was made from."""
+
+    robot: Robot
+    instrument: Instrument
+    rows: PoseRows
+    truth: PoseTruth
+    plant: str  # what held the robot, and why, in a sentence
+
+
+def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> PoseSimulation:
+    """Simulate a table of still poses.
+
+    relative_to : folder of the scenario, for the files that it names.
+
+    Raises InputError for a scenario that cannot be run, NotAtRestError where a pose is not held.
+    """
+    errors, seed, stated = settings.errors, settings.seed, settings.poses
+    robot = load_robot(settings.cell.robot, relative_to=relative_to)
+    instrument = load_instrument(settings.cell.instrument, relative_to=relative_to)
+    arm = true_arm(robot, errors, seed)
+    kind, sentence = _plant(settings, robot, instrument)
+    if stated.reference and instrument.measured not in ("point", "pose"):
+        raise InputError(
+            f"poses.reference: {instrument.name} measures a {instrument.measured}, and reads no "
+            "reference points. Leave it out, or take a tracker."
+        )
+    seats, targets = _true_seats(settings, instrument), _places(stated.targets)
+    chosen = seed if stated.seed is None else stated.seed
+    stands = choose_poses(stated, instrument, arm, seats, targets, stream(chosen, "poses"))
+    order = np.concatenate([stand.order for stand in stands])
+    later = np.repeat([stand.later for stand in stands], [len(stand.q) for stand in stands])
+    rows = np.lexsort((later, order))  # of the stands, in the order of the table
+    line = np.argsort(rows)  # of the table, from 0, at which each row of the stands is
+    wrong = outliers(errors, instrument, order.size, seed)[line]
+    measurement = _Measurement(
+        settings=settings,
+        instrument=instrument,
+        arm=arm,
+        kind=kind,
+        seats=seats,
+        targets=targets,
+        drift=seat_motion(errors, seed),
+        last=max(1, int(order.max())),
+    )
+    shown, values, force = measurement.readings(stands, wrong)
+    poses = np.empty((int(order.max()) + 1, robot.joints))
+    poses[order] = shown
+    read, early = unsettled(errors, poses, seed)
+    settled, hurried = (logged_axes(arm, errors, q, seed)[order] for q in (poses, read))
+    too_early = early[order] & (later == later.min())  # at the target that is read first
+    axes = np.where(too_early[:, None], hurried, settled)
+    names = np.array([(stand.seat, stand.target) for stand in stands for _ in stand.q])[rows]
+    return PoseSimulation(
+        robot=robot,
+        instrument=instrument,
+        rows=PoseRows(
+            time=((order + later / len(targets)) * stated.dwell_s)[rows],
+            seat=tuple(names[:, 0].tolist()),
+            target=tuple(names[:, 1].tolist()),
+            axes=axes[rows],
+            values=values[rows],
+            reference=measurement.references(stands)[rows],
+        ),
+        truth=measurement.truth(line[wrong.any(axis=1)], line[too_early], force),
+        plant=sentence,
+    )
+
+
+def _plant(
+    settings: PoseSimulationSettings, robot: Robot, instrument: Instrument
+) -> tuple[PlantKind, str]:
+    """Which plant holds the robot, and a sentence that says why."""
+    obstacles = []
+    if instrument.measured != "length":
+        obstacles.append(f"{instrument.name} does not pull at the robot")
+    if robot.links is None or robot.gears is None:
+        obstacles.append(f"{robot.name}'s file states no masses or no gears")
+    elif settings.errors.joint_compliance is None:
+        obstacles.append("errors.joint_compliance is absent, and rigid gears do not yield")
+    if settings.errors.unit_weights is not None:
+        obstacles.append("errors.unit_weights stand for masses that are not known")
+    requested = settings.plant.kind
+    if requested == "mujoco" and obstacles:
+        raise InputError(
+            f"plant.kind = mujoco: {'; '.join(obstacles)}. Use plant.kind = kinematic, or auto."
+        )
+    if requested == "mujoco" or (requested == "auto" and not obstacles):
+        return "mujoco", "The poses were held in MuJoCo, in equilibrium with rod or wire."
+    why = "as the scenario asks" if requested == "kinematic" else "; ".join(obstacles)
+    return "kinematic", f"The poses are kinematic: {why}."
+
+
+def _true_seats(settings: PoseSimulationSettings, instrument: Instrument) -> dict[str, TruePlace]:
+    """The seats; the second of a pair at the fixture's true distance from the first, drawn."""
+    seats = _places(settings.poses.seats)
+    if instrument.distance is None or len(seats) != 2:
+        return seats
+    (first, second), (length, sigma) = seats, instrument.distance
+    apart = seats[second].position - seats[first].position
+    stated = float(np.linalg.norm(apart))
+    if abs(stated - length) > 5.0 * sigma:
+        raise InputError(
+            f"poses.seats: {first} and {second} are {stated:.4g} m apart, those of "
+            f"{instrument.name} {length:g} m. Move one of them."
+        )
+    true = length + sigma * float(stream(settings.seed, "seat_distance").standard_normal())
+    position = tuple((seats[first].position + apart * (true / stated)).tolist())
+    return seats | {second: seats[second].model_copy(update={"position_m": position})}
+
+
+def _places(stated: tuple[PlacementSettings, ...]) -> dict[str, TruePlace]:
+    return {s.name: TruePlace(position_m=s.position_m, rotvec_rad=s.rotvec_rad) for s in stated}
+
+
+@dataclass(frozen=True, eq=False)
+class _Measurement:
+    """The true robot, seats and targets while the poses are measured."""
+
+    settings: PoseSimulationSettings
+    instrument: Instrument
+    arm: TrueArm
+    kind: PlantKind
+    seats: dict[str, TruePlace]
+    targets: dict[str, TruePlace]
+    drift: SeatMotion
+    last: int  # number of the last pose
+
+    @property
+    def _noise_scale(self) -> float:
+        noise = self.settings.errors.instrument_noise
+        return noise.scale if noise else 0.0
+
+    def _seat(self, stand: Stand) -> tuple[Array, Array]:
+        return self.drift.at(self.seats[stand.seat], stand.order / self.last)
+
+    def readings(
+        self, stands: tuple[Stand, ...], wrong: Array
+    ) -> tuple[Array, Array, tuple[float, float] | None]:
+        """Shown angles (K, J) [rad], values (K, M), and least and largest force [N] of all stands.
+
+        wrong : (K, 3) [m] outliers.
+        """
+        instrument, plant, scale = self.instrument, self.settings.plant, self._noise_scale
+        noise = stream(self.settings.seed, "instrument_noise")
+        slide = stream(self.settings.seed, "rod_friction")
+        shown, values, forces = [], [], []
+        ends = np.cumsum([len(stand.q) for stand in stands])
+        for stand, fault in zip(stands, np.split(wrong, ends[:-1]), strict=True):
+            seat, q, sag, target = self._seat(stand), stand.q, None, self.targets[stand.target]
+            if instrument.measured == "socket":
+                play = scale * instrument.sigma_length * noise.standard_normal((len(q), 3))
+                q = self._put_into(q, target, seat[0].T + play + fault)
+            if self.kind == "mujoco":
+                sag, force = hold_with_instrument(
+                    self.arm,
+                    instrument,
+                    plant,
+                    seat=self.seats[stand.seat],
+                    target=target,
+                    q=q,
+                    friction=slide.uniform(-plant.rod_friction_N, plant.rod_friction_N, len(q)),
+                )
+                forces.append(force)
+            exact = reading(self.arm, q, target, seat, sag)
+            read = measured(instrument, exact, scale=scale, rng=noise)
+            width = min(3, read.shape[1])
+            read[:, :width] += fault[:, :width]
+            shown.append(q)
+            values.append(read)
+        span = None
+        if forces:
+            span = float(np.concatenate(forces).min()), float(np.concatenate(forces).max())
+        return np.concatenate(shown), np.concatenate(values), span
+
+    def references(self, stands: tuple[Stand, ...]) -> Array:
+        """(K, R, 3) [m] readings of R reference points, at each pose with its first target."""
+        points = self.settings.poses.reference
+        noise = stream(self.settings.seed, "reference_noise")
+        readings = []
+        for stand in stands:
+            read = np.full((len(stand.q), len(points), 3), np.nan)
+            if stand.later == 0:
+                origin, rotation = self._seat(stand)
+                for k, point in enumerate(points):
+                    rod = np.array(point.position_m)[:, None] - origin
+                    exact = Reading(rod, rotation, rotation)
+                    values = measured(self.instrument, exact, scale=self._noise_scale, rng=noise)
+                    read[:, k] = values[:, :3]
+            readings.append(read)
+        return np.concatenate(readings)
+
+    def _put_into(self, q: Array, target: TruePlace, wanted: Array) -> Array:
+        """Angles (N, J) [rad] at which a target is where the ball truly lies (N, 3) [m]."""
+        robot = self.arm.robot
+        q, reached = reach_points(
+            robot,
+            self.arm.chain,
+            point=target.position,
+            q=q,
+            wanted=wanted,
+            lower=robot.axis_lower,
+            upper=robot.axis_upper,
+            position=lambda angles: self.arm.target(angles, target.position),
+        )
+        if not reached.all():
+            raise InputError(
+                f"poses: {int((~reached).sum())} balls cannot be put where errors.outliers or "
+                "errors.drift have them. Make these errors smaller."
+            )
+        return q
+
+    def truth(
+        self,
+        wrong: NDArray[np.intp],
+        too_early: NDArray[np.intp],
+        force: tuple[float, float] | None,
+    ) -> PoseTruth:
+        """The truth; wrong, too_early : lines of the table, from 0."""
+        arm, stiffness = self.arm, self.arm.effects.gear_stiffness
+        content = {
+            "schema": "ballbar-poses-truth/1",
+            "seed": self.settings.seed,
+            "robot": arm.robot.name,
+            "dh": DHRows(**{kind: tuple(getattr(arm.chain, kind).tolist()) for kind in KINDS}),
+            "joint_harmonics": tuple(RippleTruth.of(ripple) for ripple in arm.effects.ripples),
+            "unit_weights_rad_per_m": tuple(map(tuple, arm.weights.tolist())),
+            "gear_stiffness_N_m_per_rad": None if stiffness is None else tuple(stiffness.tolist()),
+            "seats": self.seats,
+            "targets": self.targets,
+            "drift": self.drift,
+            "outliers": tuple(sorted((wrong + 2).tolist())),
+            "unsettled": tuple(sorted((too_early + 2).tolist())),
+            "plant": self.kind,
+            "force_N": force,
+        }
+        return PoseTruth.model_validate(content)

@@ -1,0 +1,196 @@
+"""The true machine of a simulation: what a scenario draws, seed by seed.
+
+A robot that moves is a geometry with plant effects and resolvers (`true_machine`). One that stands
+still is an arm that puts a target somewhere at the angles that it shows (`true_arm`):
+
+    shown angles -> gears with their harmonic errors -> yielding under their own weight -> DH rows
+
+Nothing of it is shared with the identification but cell.chain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.bodies import link_bodies
+from cell.chain import KINDS, Chain, Frames, forward
+from cell.descriptions import Cell, Robot
+from cell.dynamics import joint_torques
+from cell.errors import InputError
+from cell.geometry import Geometry, nominal_geometry
+from cell.instrument import Instrument
+from cell.load import load_cell, load_instrument, load_plate, load_robot, load_telescoping_bar
+from sim.errors.pose_errors import PoseErrors
+from sim.errors.sensor_effects import ResolverEffects, resolver_effects
+from sim.errors.static_errors import true_geometry
+from sim.plant.effects import PlantEffects, Ripple, plant_effects
+from sim.settings import CellSettings, SimulationSettings
+from sim.streams import stream
+
+_ROUNDS = 4  # of sag; each gains three digits
+_PARALLEL = 1e-6  # sine of the twist below which two axes are nominally parallel
+
+
+@dataclass(frozen=True, eq=False)
+class TrueMachine:
+    """A cell with the errors of a scenario, which every recording of its seed is of."""
+
+    cell: Cell  # nominal
+    instrument: Instrument | None  # that measures a length; None for a ball-bar
+    nominal: Geometry
+    true: Geometry
+    effects: PlantEffects
+    resolvers: ResolverEffects | None
+    dynamic: bool  # whether MuJoCo moves it
+
+
+def scenario_cell(chosen: CellSettings, *, relative_to: Path | None = None) -> Cell:
+    """The descriptions that a scenario names; an instrument as a massless ball-bar.
+
+    relative_to : folder of the scenario. Raises DescriptionError.
+    """
+    if chosen.ballbar is not None:
+        return load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
+    return Cell(
+        load_robot(chosen.robot, relative_to=relative_to),
+        load_telescoping_bar(chosen.measured_by, relative_to=relative_to),
+        load_plate(chosen.plate, relative_to=relative_to),
+    )
+
+
+def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMachine:
+    """The machine of a scenario, drawn. relative_to : folder of the scenario.
+
+    Raises InputError for effects that cannot be together, DescriptionError for a bad file.
+    """
+    chosen, errors, seed = settings.cell, settings.errors, settings.seed
+    cell = scenario_cell(chosen, relative_to=relative_to)
+    instrument = None
+    if chosen.instrument is not None:
+        instrument = load_instrument(chosen.instrument, relative_to=relative_to)
+    nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
+    true = true_geometry(
+        nominal,
+        errors,
+        plate_sigma=cell.plate.length_sigma,
+        transmission=cell.robot.transmission,
+        zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
+        seed=seed,
+    )
+    return TrueMachine(
+        cell=cell,
+        instrument=instrument,
+        nominal=nominal,
+        true=true,
+        effects=plant_effects(errors, cell, seed),
+        resolvers=resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed),
+        dynamic=settings.plant.kind == "mujoco",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TrueArm:
+    """A robot with its errors."""
+
+    robot: Robot  # nominal
+    chain: Chain  # true DH rows
+    effects: PlantEffects  # harmonics and stiffness of the gears
+    weights: Array  # (J, J) [rad/m] yield of joint j under a unit weight at frame k + 1
+
+    def rotors(self, q: Array) -> Array:
+        """(N, J) [rad] outputs of the gears without load, at shown angles q (N, J) [rad]."""
+        return self.effects.gear_outputs(q @ self.robot.joint_to_gear)
+
+    def joints(self, q: Array) -> Array:
+        """(N, J) [rad] actual joint angles under the arm's own weight, at shown angles q (N, J)."""
+        rotors, robot, stiffness = self.rotors(q), self.robot, self.effects.gear_stiffness
+        actual = rotors @ robot.gear_to_joint
+        if stiffness is None and not self.weights.any():
+            return np.asarray(actual)
+        for _ in range(_ROUNDS):
+            frames = forward(self.chain, actual)
+            yielded = np.zeros_like(rotors)
+            if stiffness is not None:
+                bodies = [[link] for link in link_bodies(robot)]
+                load = joint_torques(frames, bodies, actual, gravity=robot.gravity)
+                yielded -= load.T @ robot.gear_to_joint.T / stiffness
+            yielded += self._yield_to_unit_weights(frames)
+            actual = (rotors + yielded) @ robot.gear_to_joint
+        return np.asarray(actual)
+
+    def flange(self, q: Array) -> Frames:
+        """Frames of the robot at shown angles q (N, J) [rad]; the last is the flange's."""
+        return forward(self.chain, self.joints(q))
+
+    def target(self, q: Array, point: Array) -> Array:
+        """(N, 3) [m] place of a point (3,) [m] on the flange, base frame, at shown angles q."""
+        frames = self.flange(q)
+        return np.asarray(frames.tip.T + np.einsum("ijn,j->ni", frames.rotation(), point))
+
+    def _yield_to_unit_weights(self, frames: Frames) -> Array:
+        """(N, J) [rad] what the joints yield under the unit weights."""
+        down = self.robot.gravity / np.linalg.norm(self.robot.gravity)
+        yielded = np.zeros((frames.tip.shape[1], self.robot.joints))
+        for j, k in zip(*np.nonzero(self.weights), strict=True):
+            lever = frames.origin[k + 1] - frames.origin[j]
+            torque = (frames.z[j] * np.cross(lever, down, axis=0)).sum(axis=0)
+            yielded[:, j] += self.weights[j, k] * torque
+        return yielded
+
+
+def true_arm(robot: Robot, errors: PoseErrors, seed: int) -> TrueArm:
+    """The robot of a scenario of still poses, drawn.
+
+    Raises InputError for harmonics of an axis that the robot does not have, and for elastic gears
+    where the robot's file has no masses or no gears.
+    """
+    stiffness = None
+    if (compliance := errors.joint_compliance) is not None:
+        robot.required("links")
+        spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
+        catalogue = robot.required("gears").stiffness * compliance.scale
+        stiffness = catalogue * np.exp(compliance.spread * spread)
+    weights = np.zeros((robot.joints, robot.joints))
+    if errors.unit_weights is not None:
+        drawn = np.abs(stream(seed, "unit_weights").standard_normal(weights.shape))
+        weights = np.triu(drawn) * errors.unit_weights.sigma_rad_per_m
+    rows = {kind: np.zeros(robot.joints) for kind in KINDS}
+    for kind in ("a", "d", "alpha", "theta"):
+        rows[kind] += getattr(robot, kind)
+    if (sizes := errors.geometry) is not None:
+        deviations = stream(seed, "geometry").standard_normal((len(KINDS), robot.joints))
+        parallel = np.abs(np.sin(robot.alpha)) < _PARALLEL
+        parallel[-1] = False  # no axis follows the last row
+        for kind, z in zip(KINDS, deviations, strict=True):
+            sigma = sizes.sigma_m if kind in ("a", "d") else sizes.sigma_rad
+            rows[kind] += sigma * z * (parallel if kind == "beta" else True)
+    effects = PlantEffects(gear_stiffness=stiffness, ripples=_harmonics(robot, errors, seed))
+    return TrueArm(robot, Chain(**rows), effects, weights)
+
+
+def _harmonics(robot: Robot, errors: PoseErrors, seed: int) -> tuple[Ripple, ...]:
+    """The stated and the drawn harmonic errors of the gears."""
+    stated = errors.joint_harmonics
+    if beyond := [harmonic.axis for harmonic in stated if harmonic.axis > robot.joints]:
+        raise InputError(
+            f"errors.joint_harmonics: axis {beyond[0]}, but {robot.name} has {robot.joints} axes."
+        )
+    phases = stream(seed, "joint_harmonics").uniform(0.0, 2.0 * np.pi, len(stated))
+    ripples = [
+        Ripple(h.axis - 1, h.order, h.amplitude_rad, float(phase))
+        for h, phase in zip(stated, phases, strict=True)
+    ]
+    if (drawn := errors.drawn_harmonics) is not None:
+        rng = stream(seed, "drawn_harmonics")
+        gears = rng.integers(0, robot.joints, drawn.count)
+        orders = rng.integers(1, drawn.order_max + 1, drawn.count)
+        phases = rng.uniform(0.0, 2.0 * np.pi, drawn.count)
+        ripples += [
+            Ripple(int(gear), float(order), drawn.amplitude_rad, float(phase))
+            for gear, order, phase in zip(gears, orders, phases, strict=True)
+        ]
+    return tuple(ripples)
