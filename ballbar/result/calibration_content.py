@@ -279,7 +279,9 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
     estimate = fitted.estimate
     clock, after = estimate.clock, estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
-    own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
+    names_of_recording = [
+        name for name in estimate.geometry.table.names if belongs_to_recording(name)
+    ]
     directions = cast(tuple[Direction, ...], estimate.directions)
     noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
     return RecordingEntry.model_construct(
@@ -293,7 +295,9 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
             skew=clock.skew,
             skew_sigma=estimate.clock_sigma[1],
         ),
-        parameters=_parameters(own, estimate.nominal, estimate.geometry, estimate.sigma),
+        parameters=_parameters(
+            names_of_recording, estimate.nominal, estimate.geometry, estimate.sigma
+        ),
         noise=NoiseEntry.model_construct(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),

@@ -77,13 +77,13 @@ def identify_recordings(
     called = dict(zip([*folders, *validate], distinct_names([*folders, *validate]), strict=True))
     tables = [folder for folder in folders if holds_poses(folder)]
     folders = [folder for folder in folders if folder not in tables]
-    every = [*folders, *validate]
-    names = [called[folder] for folder in every]
+    inputs = [*folders, *validate]
+    names = [called[folder] for folder in inputs]
     _check_settings(settings)
-    _check_same_cell(every)
-    listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
-    read = [read_with_causes(folder) for folder in every]
-    for folder, recording in zip(every, read, strict=True):
+    _check_same_cell(inputs)
+    listener.progress("reading the recordings" if len(inputs) > 1 else "reading the recording")
+    read = [read_with_causes(folder) for folder in inputs]
+    for folder, recording in zip(inputs, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description
     load = load_measured_cell if first.ballbar is None else load_cell
@@ -98,14 +98,14 @@ def identify_recordings(
         options=options,
         listener=listener,
     )
-    held = zip(validate, read[count:], logs[count:], strict=True)
+    others = zip(validate, read[count:], logs[count:], strict=True)
     validations = tuple(
-        _validated(result, folder, recording, own, options, listener)
-        for folder, recording, own in held
+        _validated(result, folder, recording, other, options, listener)
+        for folder, recording, other in others
     )
-    for validation, own in zip(validations, logs[count:], strict=True):
-        tracker, name = validation.outcome.tracker, own.name
-        verdict = judged_by_tracker(result.verdict, own.tracker, tracker, name=name)
+    for validation, other in zip(validations, logs[count:], strict=True):
+        tracker, name = validation.outcome.tracker, other.name
+        verdict = judged_by_tracker(result.verdict, other.tracker, tracker, name=name)
         result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
@@ -128,14 +128,15 @@ def identify_pose_folders(
 
     Raises InputError for bad files, for tables of unlike robots and for logs among them.
     """
-    every = [*folders, *validate]
-    if logs := [folder for folder in every if not holds_poses(folder)]:
+    inputs = [*folders, *validate]
+    if logs := [folder for folder in inputs if not holds_poses(folder)]:
         raise InputError(
             f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
             "is tried on still poses; name the recording among those that are fitted."
         )
-    names = distinct_names(every)
+    names = distinct_names(inputs)
     progress("reading the poses")
+<<<<<<< HEAD
     read = read_tables(every, names)
     fitted = read[: len(folders)]
     result = identify_poses(_joined(fitted), options, progress)
@@ -158,12 +159,30 @@ def read_tables(
     read = [import_poses(folder) for folder in folders]
     for folder, content in zip(folders, read, strict=True):
         first = read[0].table.robot
+=======
+    read = [import_poses(folder) for folder in inputs]
+    first = read[0].table.robot
+    for folder, content in zip(inputs, read, strict=True):
+>>>>>>> main
         if content.table.robot.title != first.title:
             raise InputError(
                 f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
                 ". Tables that belong together must be of one robot."
             )
+<<<<<<< HEAD
     return tuple(zip(names, folders, read, strict=True))
+=======
+    count = len(folders)
+    fitted = tuple(zip(names[:count], folders, read[:count], strict=True))
+    result = identify_poses(_joined(fitted), options, progress)
+    outcomes = tuple(
+        (folder, content, held_out_poses(result, replace(content.table, name=name)))
+        for name, folder, content in zip(names[count:], validate, read[count:], strict=True)
+    )
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
+    result = replace(result, elsewhere=elsewhere)
+    return PoseRun(" + ".join(names[:count]), fitted, result, outcomes)
+>>>>>>> main
 
 
 def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
@@ -192,15 +211,15 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
 
     Raises InputError when one of them is given twice.
     """
-    whole = [folder.resolve() for folder in folders]
-    if twice := [str(folders[i]) for i, path in enumerate(whole) if path in whole[:i]]:
+    paths = [folder.resolve() for folder in folders]
+    if twice := [str(folders[i]) for i, path in enumerate(paths) if path in paths[:i]]:
         raise InputError(
             f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
             "as held out."
         )
-    names = [""] * len(whole)
-    for parts in range(1, max(len(path.parts) for path in whole) + 1):
-        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in whole]
+    names = [""] * len(paths)
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in paths]
         count = Counter(tails)
         names = [
             name or (tail if count[tail] == 1 else "")
@@ -219,8 +238,8 @@ def validated(
     result, options = data.identification, settings.options
     read = [(folder, read_with_causes(folder)) for folder in folders]
     return tuple(
-        _validated(result, folder, each, logs_of(folder.name, each), options, SILENT)
-        for folder, each in read
+        _validated(result, folder, recording, logs_of(folder.name, recording), options, SILENT)
+        for folder, recording in read
     )
 
 
