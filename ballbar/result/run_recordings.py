@@ -136,17 +136,16 @@ def identify_pose_folders(
         )
     names = distinct_names(inputs)
     progress("reading the poses")
-<<<<<<< HEAD
-    read = read_tables(every, names)
+    read = read_tables(inputs, names)
     fitted = read[: len(folders)]
     result = identify_poses(_joined(fitted), options, progress)
-    held = tuple(
+    outcomes = tuple(
         (folder, content, held_out_poses(result, replace(content.table, name=name)))
         for name, folder, content in read[len(folders) :]
     )
-    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in held)
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
     result = replace(result, elsewhere=elsewhere)
-    return PoseRun(" + ".join(name for name, _, _ in fitted), fitted, result, held)
+    return PoseRun(" + ".join(name for name, _, _ in fitted), fitted, result, outcomes)
 
 
 def read_tables(
@@ -159,30 +158,12 @@ def read_tables(
     read = [import_poses(folder) for folder in folders]
     for folder, content in zip(folders, read, strict=True):
         first = read[0].table.robot
-=======
-    read = [import_poses(folder) for folder in inputs]
-    first = read[0].table.robot
-    for folder, content in zip(inputs, read, strict=True):
->>>>>>> main
         if content.table.robot.title != first.title:
             raise InputError(
                 f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
                 ". Tables that belong together must be of one robot."
             )
-<<<<<<< HEAD
     return tuple(zip(names, folders, read, strict=True))
-=======
-    count = len(folders)
-    fitted = tuple(zip(names[:count], folders, read[:count], strict=True))
-    result = identify_poses(_joined(fitted), options, progress)
-    outcomes = tuple(
-        (folder, content, held_out_poses(result, replace(content.table, name=name)))
-        for name, folder, content in zip(names[count:], validate, read[count:], strict=True)
-    )
-    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
-    result = replace(result, elsewhere=elsewhere)
-    return PoseRun(" + ".join(names[:count]), fitted, result, outcomes)
->>>>>>> main
 
 
 def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
