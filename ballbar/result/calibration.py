@@ -298,7 +298,7 @@ class Calibration:
 
     def file_of_poses(self) -> CalibrationFile:
         """The file of still poses. Raises InputError for a result of logs."""
-        if self.file.groups:
+        if not self.of_logs:
             return self.file
         raise InputError(
             f"{self.path}: is the result of logs; here one of still poses (poses.yaml) is needed."

@@ -47,6 +47,7 @@ from cell.statistics import rms
 from ident.corrections.base import Coefficient
 from ident.estimator.fit import Fit
 from ident.estimator.unknowns import belongs_to_recording, shared_names
+from ident.result import PlacementEstimate, TableEstimate
 from ident.signals.step_fault import StepFault
 from ident.tracker import TrackerCheck
 
@@ -76,7 +77,12 @@ def calibration_of(data: RunData) -> CalibrationFile:
         masses=masses_entry(robot.payload),
         ranges=_ranges(robot.lower, robot.upper),
         covariance=covariance_entry(robot.tool),
-        recordings=tuple(_recording(fitted) for fitted in data.recordings),
+        recordings=(
+            *(_recording(fitted) for fitted in data.recordings),
+            *(() if result.poses is None else _groups(result.poses)),
+        ),
+        seats={} if result.poses is None else _placements(result.poses.seats),
+        targets={} if result.poses is None else _placements(result.poses.targets),
         fit=_entry(
             FitEntry,
             fit,
@@ -243,6 +249,30 @@ def _placement(fit: Fit, name: str, part: slice) -> PlacementEntry:
         position_sigma_m=tuple(deviations.tolist()),
         rotation_vector_rad=tuple(turn.tolist()) if name in layout.framed else None,
     )
+
+
+def _placements(estimates: dict[str, PlacementEstimate]) -> dict[str, PlacementEntry]:
+    return {
+        name: PlacementEntry.model_construct(
+            position_m=tuple(estimate.placement.origin.tolist()),
+            position_sigma_m=tuple(estimate.sigma.tolist()),
+            rotation_vector_rad=tuple(
+                rotvec_from_matrix(estimate.placement.rotation[:, :, None])[:, 0].tolist()
+            )
+            if estimate.whole
+            else None,
+        )
+        for name, estimate in estimates.items()
+    }
+
+
+def _groups(poses: TableEstimate) -> list[GroupEntry]:
+    return [
+        _entry(
+            GroupEntry, group, poses=group.size, position_rms_m=float(np.sqrt((error**2).mean()))
+        )
+        for group, error in zip(poses.table.groups, poses.errors, strict=True)
+    ]
 
 
 def _recording(fitted: FittedRecording) -> RecordingEntry:

@@ -128,7 +128,8 @@ class CalibrationFile(Strict):
             part = self.fit if place else self
             stated = key in part.model_fields_set and getattr(part, key) is not None
             if mark.kind in self.kinds:
-                if mark.needed and not stated:
+                # what follows from still poses alone is not there beside logs
+                if mark.needed and not stated and (mark.kind == LOGS or of_poses):
                     raise missing_key(*place, key)
             elif stated:
                 only = "still poses" if mark.kind == POSES else "logs"

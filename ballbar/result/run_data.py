@@ -53,6 +53,8 @@ class RunData:
     validations: tuple[Validation, ...] = ()
     scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
+    # name, folder and content of tables of still poses that were fitted together with them
+    tables: tuple[tuple[str, Path, PoseImport], ...] = ()
 
     @property
     def acceptable(self) -> bool:

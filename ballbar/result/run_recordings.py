@@ -42,14 +42,14 @@ def identify_files(
     joint_errors: str = "auto",
     listener: Listener = SILENT,
 ) -> RunData | PoseRun:
-    """One robot from recordings or tables of still poses, tried on held-out ones.
+    """One robot from recordings, tables of still poses or both, tried on held-out ones.
 
     settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
     without, and the path of a result keeps its own.
 
     Raises as `identify_recordings` and `identify_pose_folders`.
     """
-    if not any(map(holds_poses, [*paths, *validate])):
+    if not all(map(holds_poses, paths)):
         return identify_recordings(paths, validate, settings=settings, listener=listener)
     options = PoseOptions(search=joint_errors == "auto")
     if joint_errors not in ("auto", "none"):
@@ -64,13 +64,21 @@ def identify_recordings(
     settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
     listener: Listener = SILENT,
 ) -> RunData:
-    """One robot from one or several recordings, tried on the held-out ones.
+    """One robot from recordings, and tables of still poses of it, tried on held-out recordings.
 
     Raises InputError for bad files, for recordings that do not belong together and for settings
     that contradict them; StartError when the logs of a recording do not fit together.
     """
+    if still := [folder for folder in validate if holds_poses(folder)]:
+        raise InputError(
+            f"{still[0]}: is a table of still poses. A robot that was identified from recordings "
+            "is tried on recordings; name the table among those that are fitted."
+        )
+    called = dict(zip([*folders, *validate], distinct_names([*folders, *validate]), strict=True))
+    tables = [folder for folder in folders if holds_poses(folder)]
+    folders = [folder for folder in folders if folder not in tables]
     inputs = [*folders, *validate]
-    names = distinct_names(inputs)
+    names = [called[folder] for folder in inputs]
     _check_settings(settings)
     _check_same_cell(inputs)
     listener.progress("reading the recordings" if len(inputs) > 1 else "reading the recording")
@@ -82,7 +90,14 @@ def identify_recordings(
     cell = load(first.robot, first.measured_by, first.plate, relative_to=folders[0])
     options, count = settings.options, len(folders)
     logs = [logs_of(name, recording) for name, recording in zip(names, read, strict=True)]
-    result = identify_together(cell, logs[:count], options=options, listener=listener)
+    still_poses = read_tables(tables, [called[folder] for folder in tables])
+    result = identify_together(
+        cell,
+        logs[:count],
+        _joined(still_poses) if still_poses else None,
+        options=options,
+        listener=listener,
+    )
     others = zip(validate, read[count:], logs[count:], strict=True)
     validations = tuple(
         _validated(result, folder, recording, other, options, listener)
@@ -94,10 +109,11 @@ def identify_recordings(
         result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
-        name=" + ".join(names[:count]),
+        name=" + ".join([*names[:count], *(name for name, _, _ in still_poses)]),
         recordings=tuple(FittedRecording(*parts) for parts in fitted),
         identification=result,
         validations=validations,
+        tables=still_poses,
     )
 
 
@@ -115,29 +131,39 @@ def identify_pose_folders(
     inputs = [*folders, *validate]
     if logs := [folder for folder in inputs if not holds_poses(folder)]:
         raise InputError(
-            f"{logs[0]}: holds no poses.yaml. Still poses and logs of a moving robot cannot be "
-            "identified together; identify each by itself and compare the results."
+            f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
+            "is tried on still poses; name the recording among those that are fitted."
         )
     names = distinct_names(inputs)
     progress("reading the poses")
-    read = [import_poses(folder) for folder in inputs]
-    first = read[0].table.robot
-    for folder, content in zip(inputs, read, strict=True):
+    read = read_tables(inputs, names)
+    fitted = read[: len(folders)]
+    result = identify_poses(_joined(fitted), options, progress)
+    outcomes = tuple(
+        (folder, content, held_out_poses(result, replace(content.table, name=name)))
+        for name, folder, content in read[len(folders) :]
+    )
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
+    result = replace(result, elsewhere=elsewhere)
+    return PoseRun(" + ".join(name for name, _, _ in fitted), fitted, result, outcomes)
+
+
+def read_tables(
+    folders: Sequence[Path], names: Sequence[str]
+) -> tuple[tuple[str, Path, PoseImport], ...]:
+    """Name, folder and content of tables of still poses.
+
+    Raises InputError for bad files, and where they are of unlike robots.
+    """
+    read = [import_poses(folder) for folder in folders]
+    for folder, content in zip(folders, read, strict=True):
+        first = read[0].table.robot
         if content.table.robot.title != first.title:
             raise InputError(
                 f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
                 ". Tables that belong together must be of one robot."
             )
-    count = len(folders)
-    fitted = tuple(zip(names[:count], folders, read[:count], strict=True))
-    result = identify_poses(_joined(fitted), options, progress)
-    outcomes = tuple(
-        (folder, content, held_out_poses(result, replace(content.table, name=name)))
-        for name, folder, content in zip(names[count:], validate, read[count:], strict=True)
-    )
-    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
-    result = replace(result, elsewhere=elsewhere)
-    return PoseRun(" + ".join(names[:count]), fitted, result, outcomes)
+    return tuple(zip(names, folders, read, strict=True))
 
 
 def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
