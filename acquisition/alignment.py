@@ -67,7 +67,12 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
             "robot and ball-bar log move at different times whatever the clock offset. Are they "
             "of the same run? Log both in one run, or correct `time` of both in recording.yaml."
         )
-    runner_up = _runner_up(lags, best)
+    # the highest other peak that is not part of the best one
+    peak = np.zeros(lags.score.size, dtype=bool)
+    inner = lags.score[1:-1]
+    peak[1:-1] = (inner > lags.score[:-2]) & (inner >= lags.score[2:])
+    peak &= np.abs(lags.lag - lags.lag[best]) * STEP > APART
+    runner_up = int(np.argmax(np.where(peak, lags.score, -1.0))) if peak.any() else None
     return CoarseAlignment(
         offset_s=_vertex(lags, best) * STEP,
         score=float(lags.score[best]),
@@ -88,8 +93,8 @@ def _signals(name: str, t: Array, angles: Array) -> Array:
             "s in common. Log a longer run with both."
         )
     speed = np.zeros(t.size)
-    for of_channel in speeds(t, angles):
-        speed += np.abs(of_channel)
+    for channel in speeds(t, angles):
+        speed += np.abs(channel)
     moving = speed[speed > MOVING]
     if not moving.size:
         raise LogError(
@@ -139,15 +144,6 @@ def _cross(robot: Array, ballbar: Array) -> Array:
     from scipy.signal import correlate  # noqa: PLC0415  slow to import, and needed here alone
 
     return np.asarray(correlate(robot, ballbar, mode="full", method="fft"), dtype=np.float64)
-
-
-def _runner_up(lags: _Lags, best: int) -> int | None:
-    """The highest other peak that is not part of the best one."""
-    score = lags.score
-    peak = np.zeros(score.size, dtype=bool)
-    peak[1:-1] = (score[1:-1] > score[:-2]) & (score[1:-1] >= score[2:])
-    peak &= np.abs(lags.lag - lags.lag[best]) * STEP > APART
-    return int(np.argmax(np.where(peak, score, -1.0))) if peak.any() else None
 
 
 def _vertex(lags: _Lags, peak: int) -> float:

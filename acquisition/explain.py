@@ -16,7 +16,7 @@ from acquisition.times import TimeCells, stamps_ns, words
 from cell.logs import SourceName
 from cell.recording import EncoderFitting, LengthFile, SourceFile, TrackerFile, load_recording_file
 
-_ANGLES = {
+ANGLES = {
     "motors": "motor angles",
     "axes": "axis angles as the controller shows them",
     "joints": "joint angles of the DH model",
@@ -24,7 +24,7 @@ _ANGLES = {
 
 
 def explain_lines(folder: Path) -> list[str]:
-    """What is read from where, and why, as lines of text.
+    """Lines of text that say which file is read as what, and why.
 
     Raises DescriptionError or LogError as reading would.
     """
@@ -59,12 +59,12 @@ def explain_lines(folder: Path) -> list[str]:
 
 
 def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
-    """What the numbers of a log mean."""
+    """The meaning of the numbers of a log, in sentences."""
     dialect, declared = source.dialect, source.declared
     if dialect.source == "robot":
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"
         why = "the dialect says so; numbers that contradict it are refused"
-        angles = [f"{_ANGLES[dialect.angle_kind]}, in {unit}: {why}"]
+        angles = [f"{ANGLES[dialect.angle_kind]}, in {unit}: {why}"]
         place = {"motors": "at the motor", "axes": "behind the gears, along the axis angles"}
         torques = [f"torques in N m {place[dialect.torques_at]}, where they are logged"]
         return angles + (torques if dialect.torque_columns else [])
@@ -99,10 +99,15 @@ def _file(source: LogSource, file: str) -> list[str]:
     where = f"header in line {text.number[header.row - 1]}"
     if header.without_header():
         where = "no header, columns as declared"
+    columns = [  # number and name of each wanted one, with its selector where that is another
+        f"{position + 1} {header.names[position]}"
+        + (f" (found by {selector})" if header.names[position] != selector else "")
+        for selector, position in zip(header.columns, header.positions, strict=True)
+    ]
     lines = [
         f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted "
         f"names are found with it), {where}, {len(header.names)} columns",
-        f"  columns: {', '.join(_columns(header))}",
+        f"  columns: {', '.join(columns)}",
     ]
     absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:
@@ -111,16 +116,6 @@ def _file(source: LogSource, file: str) -> list[str]:
     if source.dialect.time.column in header.columns:
         lines.append(f"  time: {_time(source, rows, header)}")
     return lines
-
-
-def _columns(header: Header) -> list[str]:
-    """Number and name of each wanted column, with its selector where that is another."""
-    shown = []
-    for selector, position in zip(header.columns, header.positions, strict=True):
-        name = header.names[position]
-        how = "" if name == selector else f" (found by {selector})"
-        shown.append(f"{position + 1} {name}{how}")
-    return shown
 
 
 def _time(source: LogSource, rows: PlainRows, header: Header) -> str:

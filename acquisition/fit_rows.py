@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +26,7 @@ MOST_ROWS = 2_000_000
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """What the rows of one source hold."""
+    """The channels of one source, and how its files were read."""
 
     source: LogSource
     summaries: list[FileSummary]
@@ -35,37 +35,67 @@ class Channels:
 
 
 @dataclass(frozen=True, eq=False)
+class ChosenRows:
+    """The rows of a table that a fit uses: all usable ones, or of a long log one in some."""
+
+    table: Table
+    segments: Segments
+    usable: Rows  # (U,)
+    every: int  # of the usable rows one in so many is used
+
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(K, ...) values (N, ...) at these rows, write-protected so that logs share them."""
+        chosen = np.ascontiguousarray(_chosen(values, self.usable[:: self.every]))
+        chosen.flags.writeable = False
+        return chosen
+
+
+@dataclass(frozen=True, eq=False)
 class FitRows:
     """The rows of one source that a fit uses, and what was read of it."""
 
     table: Table
     t: Array  # (K,) [s] from the first of them
-    values: Array  # (K, C) write-protected, so that logs share them
+    values: Array  # (K, C)
     segment: NDArray[np.uint16]  # (K,)
     imported: ImportLog
 
 
-def fit_rows(
+def fit_rows(channels: Channels, table: Table, values: Array) -> FitRows:
+    """The rows of one source that a fit uses; values : (N, C) at the rows of the table.
+
+    Raises LogError if too few rows are usable.
+    """
+    chosen = choose_rows(*cut_rows(channels, table, values))
+    return rows_in_time(channels, chosen, chosen.of(values))
+
+
+def cut_rows(
     channels: Channels,
     table: Table,
     values: Array,
     *,
     reset: Rows | None = None,
     powered_up: PoweredUp | None = None,
-    checked: Callable[[Table], Table] = lambda table: table,
-) -> FitRows:
-    """The rows of one source that a fit uses: all usable ones, or of a long log some of them.
+) -> tuple[Table, Segments]:
+    """The table with damaged values (N, C) and segments remarked, and the segments.
 
-    values : (N, C) at the rows of the table. reset, powered_up : as for `find_segments`.
-    checked : what else is to be flagged or refused once damaged values are flagged.
-    Raises LogError if too few rows are usable.
+    reset, powered_up : as for `find_segments`.
     """
     table, segments = find_segments(table, values, reset=reset, powered_up=powered_up)
-    table = checked(_with_damaged_values_checked(channels, table, segments, values))
+    return _with_damaged_values_checked(channels, table, segments, values), segments
+
+
+def choose_rows(table: Table, segments: Segments) -> ChosenRows:
+    """The rows that a fit uses; raises LogError if they are too few."""
     rows = np.flatnonzero(segments.used & usable(table.flags))
     refuse_few(table, rows.size)
-    every = -(-rows.size // MOST_ROWS)
-    chosen, segment = (_shared(v, rows[::every]) for v in (values, segments.segment))
+    return ChosenRows(table, segments, rows, -(-rows.size // MOST_ROWS))
+
+
+def rows_in_time(channels: Channels, chosen: ChosenRows, values: Array) -> FitRows:
+    """The chosen rows with their values (K, C), once the times of all usable ones are checked."""
+    table, segments, rows, every = chosen.table, chosen.segments, chosen.usable, chosen.every
     t = seconds_from(_chosen(segments.stamps, rows), segments.stamps[rows[0]])
     used = with_periods_checked(table.take(rows), t, channels.source.dialect.period_s)
     flags, in_log = table.flags.copy(), np.zeros(len(table), dtype=bool)
@@ -81,7 +111,7 @@ def fit_rows(
     used_rows = dict(zip(table.files, counts, strict=True))
     files = tuple(replace(file, rows_kept=used_rows[file.file]) for file in channels.summaries)
     imported = ImportLog(files, used.findings, LogRows(flags, segments.segment, in_log))
-    return FitRows(used, t, chosen, segment, imported)
+    return FitRows(used, t, values, chosen.of(segments.segment), imported)
 
 
 def _with_damaged_values_checked(
@@ -100,13 +130,6 @@ def _with_damaged_values_checked(
         return table
     names = [channels.names[k] for k in np.flatnonzero(damaged.any(axis=0)).tolist()]
     return with_damaged(table, np.flatnonzero(valid)[damaged.any(axis=1)], names)
-
-
-def _shared(values: NDArray[Any], rows: Rows) -> NDArray[Any]:
-    """(K, ...) write-protected values (N, ...) at ascending rows (K,)."""
-    chosen = np.ascontiguousarray(_chosen(values, rows))
-    chosen.flags.writeable = False
-    return chosen
 
 
 def _chosen(values: NDArray[Any], rows: Rows | Mask) -> NDArray[Any]:

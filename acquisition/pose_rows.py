@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -29,12 +29,7 @@ from acquisition.faults.nominal_robot import (
     refuse_radians,
 )
 from acquisition.faults.robot_angles import Reading
-from acquisition.faults.table_angles import (
-    angle_findings,
-    limit_findings,
-    refuse_other_unit,
-    repeated,
-)
+from acquisition.faults.table_angles import angle_findings, refuse_other_unit
 from acquisition.formats.table_file import pose_text
 from acquisition.measured_values import (
     ValueConversion,
@@ -144,12 +139,9 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
             file=source.file,
             source="poses",
             dialect=source.kind,
-            encoding=source.form.encoding,
-            separator=source.form.separator,
-            decimal=source.form.decimal,
-            rows_read=source.form.rows_read,
             rows_kept=int(complete.sum()),
             time=f"time {columns.labels['time']}" if "time" in columns.labels else "no time",
+            **asdict(source.form),
         )
         for source in sources
     )
@@ -162,11 +154,7 @@ def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> F
     rows, robot, declared = numbers.rows, context.robot, context.declared
     logged = numbers.parts["joints"]
     q = numbers.reading.joints(robot, logged)
-    findings = [
-        *limit_findings(robot, rows, q),
-        *angle_findings(rows, logged, numbers.reading.unit),
-        *repeated(rows, q),
-    ]
+    findings = [*angle_findings(robot, rows, numbers.reading, logged)]
     values, sigma, entries = _measured(context, columns, numbers)
     findings += entries
     reference, reference_sigma = _reference(context, columns, numbers)

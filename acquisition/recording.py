@@ -22,7 +22,7 @@ from acquisition.faults.encoders import (
     counter_words,
     encoder_angles,
     powered_up,
-    with_counts_checked,
+    refuse_standing,
     with_jumps_checked,
     with_status_checked,
 )
@@ -36,7 +36,7 @@ from acquisition.faults.robot_angles import (
     with_limits_checked,
     without_sentinels,
 )
-from acquisition.fit_rows import Channels, fit_rows
+from acquisition.fit_rows import Channels, choose_rows, cut_rows, fit_rows, rows_in_time
 from acquisition.flags import RowFlag, usable
 from acquisition.report import ImportReport
 from acquisition.sources import (
@@ -158,13 +158,13 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     table = with_frozen_loads_checked(table, dict(zip(torques, dialect.angles, strict=False)))
     angles = pop_angles_inplace(robot, table, t, dialect.angles, reading)
     table, reset = with_angle_jumps_checked(table, angles)
-    rows = fit_rows(
-        Channels(source, summaries, [f"joint {k}" for k in range(1, robot.joints + 1)]),
-        table,
-        angles.joints,
-        reset=reset,
-        checked=partial(with_limits_checked, angles=angles),
-    )
+    names = [f"joint {k}" for k in range(1, robot.joints + 1)]
+    channels = Channels(source, summaries, names)
+    table, segments = cut_rows(channels, table, angles.joints, reset=reset)
+    chosen = choose_rows(with_limits_checked(table, angles), segments)
+    q = chosen.of(angles.joints)
+    del angles  # more than a fit takes of a log of hours
+    rows = rows_in_time(channels, chosen, q)
     torque = gear_torques(robot, rows.table, dialect)
     log = RobotLog(rows.t, rows.values, torque, rows.segment, rows.table.flags)
     return log, rows.imported
@@ -194,14 +194,14 @@ def read_ballbar(
     for encoder in fitted.values():
         table.columns.pop(encoder.column)  # now in `words`
     table = with_jumps_checked(table, t, words, fitted)
-    rows = fit_rows(
-        Channels(source, summaries, [f"encoder {name}" for name in fitted]),
-        table,
-        encoder_angles(words, usable(table.flags), fitted),
-        reset=np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET)),
-        powered_up=partial(powered_up, words, fitted),
-        checked=partial(with_counts_checked, words=words, fitted=fitted, robot_moves=robot_moves),
-    )
+    angles = encoder_angles(words, usable(table.flags), fitted)
+    channels = Channels(source, summaries, [f"encoder {name}" for name in fitted])
+    reset = np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET))
+    restarted = partial(powered_up, words, fitted)
+    table, segments = cut_rows(channels, table, angles, reset=reset, powered_up=restarted)
+    refuse_standing(table, words, fitted, robot_moves=robot_moves)
+    chosen = choose_rows(table, segments)
+    rows = rows_in_time(channels, chosen, chosen.of(angles))
     joints = tuple(int(name[1]) for name in fitted)
     log = BallBarLog(rows.t, rows.values, joints, rows.segment, rows.table.flags)
     return log, rows.imported
@@ -259,11 +259,11 @@ def _read_tracker(
         refuse_few(table, int(np.count_nonzero(~hidden)))
     rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
-    seen, moved = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
-    if not moved / ALIKE_EXTENT < seen < moved * ALIKE_EXTENT:
+    seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
+    if not travel / ALIKE_EXTENT < seen < travel * ALIKE_EXTENT:
         raise LogError(
             f"{rows.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
-            f"over {moved:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
+            f"over {travel:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
             "sources.tracker in recording.yaml."
         )
     log = TrackerLog(rows.t, rows.values, declared.accuracy_m, rows.segment)

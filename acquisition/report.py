@@ -79,7 +79,7 @@ class Finding:
 
     @property
     def remedy(self) -> str:
-        """What to do about a warning; empty for a repair."""
+        """The sentence on how to deal with a warning; empty for a repair."""
         return REMEDIES.get(self.kind, "") if self.severity == "warning" else ""
 
     @property

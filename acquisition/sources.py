@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -52,7 +52,7 @@ class LogRows:
 
 @dataclass(frozen=True, eq=False)
 class ImportLog:
-    """What was read of one source."""
+    """The outcome of reading one source."""
 
     files: tuple[FileSummary, ...]
     findings: tuple[Finding, ...]
@@ -203,12 +203,9 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
         file=file,
         source=source.name,
         dialect=source.declared.dialect,
-        encoding=form.encoding,
-        separator=form.separator,
-        decimal=form.decimal,
-        rows_read=form.rows_read,
         rows_kept=len(table),
         time=time,
+        **asdict(form),
     )
     return table, summary
 
@@ -218,8 +215,16 @@ def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
     time, columns = source.dialect.time, dict(table.columns)
     if time.column not in columns and time.halves is not None:
         column = " and ".join(time.halves)
-        low, high = (_half(table, name, columns.pop(name), k) for k, name in enumerate(time.halves))
-        cells: NDArray[Any] = (high << 32) | low
+        cells: NDArray[Any] = np.zeros(len(table), dtype=np.int64)
+        for k, name in enumerate(time.halves):  # the lower 32 bits, then the upper
+            half = columns.pop(name)
+            outside = np.flatnonzero((half < 0) | (half >= 2 ** (32 - k)))
+            if outside.size:
+                raise LogError(
+                    f"{table.location(outside[0])}: column {name}: {half[outside[0]]} is no half "
+                    "of a 64-bit time. Log both halves as UDINT."
+                )
+            cells |= half << (32 * k)
     else:
         column, cells = time.column, columns.pop(time.column)
     stamps = TimeCells(table.files[0], column, cells, table.line)
@@ -227,20 +232,6 @@ def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
     columns[STAMP], findings = stamps_ns(stamps, form)
     table = replace(table, columns=columns, findings=(*table.findings, *findings))
     return table, f"{column} in {words(form)}"
-
-
-def _half(table: Table, name: str, half: NDArray[np.int64], k: int) -> NDArray[np.int64]:
-    """(N,) the lower (k = 0) or upper (k = 1) 32 bits of 64-bit counts.
-
-    Raises LogError for a number that is neither.
-    """
-    outside = np.flatnonzero((half < 0) | (half >= 2 ** (32 - k)))
-    if outside.size:
-        raise LogError(
-            f"{table.location(outside[0])}: column {name}: {half[outside[0]]} is no half of a "
-            "64-bit time. Log both halves as UDINT."
-        )
-    return half
 
 
 def time_form(

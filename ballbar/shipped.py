@@ -1,4 +1,4 @@
-"""What is shipped, by name: descriptions, dialects, scenarios; and copies of the scenarios."""
+"""Shipped descriptions, dialects and scenarios by name; and copies of the scenarios."""
 
 from __future__ import annotations
 

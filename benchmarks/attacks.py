@@ -48,7 +48,7 @@ Attack = Callable[[Path], list[str]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command made of one attack."""
+    """Result of a command that met one attack."""
 
     attack: str
     code: int
@@ -59,46 +59,39 @@ class Outcome:
     said: str
 
 
-def check(folder: Path) -> list[str]:
-    """The command that reads a recording."""
-    return ["check", str(folder)]
+def spoilt(
+    spoil: Callable[[Path], object], change: Callable[[dict], object] = lambda _: None
+) -> Attack:
+    """A recording whose recording.yaml was changed and whose folder was spoilt."""
+
+    def made(folder: Path) -> list[str]:
+        folder.mkdir()
+        write(folder, change=change)
+        spoil(folder)
+        return ["check", str(folder)]
+
+    return made
 
 
 def robot_file(
     content: bytes | Callable[[], bytes], suffix: str = ".csv", dialect: str = "abb-motor"
 ) -> Attack:
     """A recording whose robot's log has this content."""
-
-    def made(folder: Path) -> list[str]:
-        folder.mkdir()
-        name = f"raw/robot{suffix}"
-        write(folder, change=lambda d: d["sources"]["robot"].update(files=[name], dialect=dialect))
-        (folder / name).write_bytes(content() if callable(content) else content)
-        return check(folder)
-
-    return made
+    name = f"raw/robot{suffix}"
+    return spoilt(
+        lambda folder: (folder / name).write_bytes(content() if callable(content) else content),
+        lambda data: data["sources"]["robot"].update(files=[name], dialect=dialect),
+    )
 
 
 def recording(change: Callable[[dict], object]) -> Attack:
     """A recording whose recording.yaml was changed so."""
-
-    def made(folder: Path) -> list[str]:
-        folder.mkdir()
-        return check(write(folder, change=change))
-
-    return made
+    return spoilt(lambda _: None, change)
 
 
 def yaml_text(text: str) -> Attack:
     """A recording whose recording.yaml has this text."""
-
-    def made(folder: Path) -> list[str]:
-        folder.mkdir()
-        write(folder)
-        (folder / "recording.yaml").write_text(text)
-        return check(folder)
-
-    return made
+    return spoilt(lambda folder: (folder / "recording.yaml").write_text(text))
 
 
 def put(*keys: str, value: object) -> Callable[[dict], object]:
@@ -114,49 +107,39 @@ def put(*keys: str, value: object) -> Callable[[dict], object]:
 
 def own_dialect(**changes: object) -> Attack:
     """A recording with a dialect of its own for the robot."""
-
-    def made(folder: Path) -> list[str]:
-        folder.mkdir()
-        write(folder, change=put("sources", "robot", "dialect", value="own.yaml"))
-        own = {
-            "schema": "ballbar-dialect/1",
-            "source": "robot",
-            "separators": [","],
-            "time": {"column": "time", "type": "float", "unit": "s"},
-            "motors": [f"m{k}" for k in range(1, 7)],
-            "angle_unit": "rad",
-            "period_s": [0.001, 0.1],
-        }
-        (folder / "own.yaml").write_text(yaml.safe_dump(own | changes))
-        return check(folder)
-
-    return made
+    dialect = {
+        "schema": "ballbar-dialect/1",
+        "source": "robot",
+        "separators": [","],
+        "time": {"column": "time", "type": "float", "unit": "s"},
+        "motors": [f"m{k}" for k in range(1, 7)],
+        "angle_unit": "rad",
+        "period_s": [0.001, 0.1],
+    }
+    return spoilt(
+        lambda folder: (folder / "own.yaml").write_text(yaml.safe_dump(dialect | changes)),
+        put("sources", "robot", "dialect", value="own.yaml"),
+    )
 
 
 def linked(name: str, target: str) -> Attack:
     """A recording one of whose files is a link."""
 
-    def made(folder: Path) -> list[str]:
-        folder.mkdir()
-        write(folder)
+    def link(folder: Path) -> None:
         (folder / name).unlink()
         (folder / name).symlink_to(target.replace("OUTSIDE", str(folder.parent / "outside.csv")))
-        return check(folder)
 
-    return made
+    return spoilt(link)
 
 
 def pipe(name: str) -> Attack:
     """A recording one of whose files is a pipe."""
 
-    def made(folder: Path) -> list[str]:
-        folder.mkdir()
-        write(folder)
+    def replace(folder: Path) -> None:
         (folder / name).unlink()
         os.mkfifo(folder / name)
-        return check(folder)
 
-    return made
+    return spoilt(replace)
 
 
 def other_file(command: str, name: str, content: bytes | Callable[[], bytes], *more: str) -> Attack:
@@ -340,7 +323,7 @@ def _make(attack: Attack, folder: Path, words: Path) -> None:
 
 
 def outcome(name: str, attack: Attack, work: Path) -> Outcome:
-    """What the command makes of one attack."""
+    """Runs the command on one attack."""
     folder = work / "recording"
     shutil.rmtree(folder, ignore_errors=True)
     (work / "outside.csv").write_text(SECRET + "\n" + "\n".join(robot_lines()) + "\n")

@@ -90,7 +90,7 @@ class Recorder:
         self.contexts[report.nodeid].passed &= not report.failed
 
     def cache(self, function: Callable[..., Any], maxsize: int | None) -> Callable[..., Any]:
-        """As `functools.lru_cache`, with a context for each call that is not in the cache yet."""
+        """A `functools.lru_cache` with a context for each call that is not in the cache yet."""
 
         def key(args: tuple[Any, ...], kwargs: dict[str, Any]) -> str:
             call = hash((args, tuple(sorted(kwargs.items()))))

@@ -123,7 +123,7 @@ def record(folder: Path) -> None:
 
 
 def read(folder: Path) -> tuple[Cell, Logs]:
-    """What an identifier gets."""
+    """Cell and logs, which are all that an identifier gets."""
     recording = read_recording(folder)
     description = recording.description
     return load_cell(description.robot, description.ballbar, description.plate), Logs(
@@ -143,7 +143,7 @@ def corrected(folder: Path) -> tuple[float, int]:
 
 
 def in_own_process(function: Callable[..., T], *arguments: object) -> T:
-    """What a function returns in a fresh process, with the environment's number of BLAS threads."""
+    """Result of a function in a fresh process, with the environment's number of BLAS threads."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *arguments).result()
 

@@ -1,4 +1,4 @@
-"""What an incomplete or wrong model looks like, and whether the verdict says so.
+"""The looks of an incomplete or wrong model, and whether the verdict says so.
 
     python -m benchmarks.incomplete_models    # one IRB 2400, everything on, two paths, torque
 
@@ -31,7 +31,7 @@ Harmonics = tuple[tuple[float, float], ...]
 
 
 def same(cell: Cell) -> Cell:
-    """As the files have it."""
+    """The cell of the files."""
     return cell
 
 
@@ -101,7 +101,7 @@ CASES = (
 
 
 def row(number: int) -> dict[str, object]:
-    """What comes out of one case."""
+    """Result of one case."""
     case = CASES[number]
     with tempfile.TemporaryDirectory() as folder:
         made = [

@@ -52,7 +52,7 @@ ENDS_IN_ORDER = {"plan": (0, 1), "record": (0, 1)}
 
 @dataclass(frozen=True)
 class Kill:
-    """What one disturbed command left."""
+    """Remains of one disturbed command."""
 
     command: str
     signal: str
@@ -66,7 +66,7 @@ class Kill:
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """What a command does if it is left alone."""
+    """Result of a command that is left alone."""
 
     seconds: float
     code: int

@@ -1,4 +1,4 @@
-"""Identification while recording: how soon an alarm comes, and how well the end is foretold.
+"""Identification while recording: how soon an alarm comes, and how well the end is predicted.
 
     python -m benchmarks.live_identification faults [--seeds 5] [--out FILE.csv]
     python -m benchmarks.live_identification start
@@ -14,9 +14,9 @@ the instant of an alarm the processor time of its update is added.
 faults : each of twelve faults begins at a random instant in the middle of the motion; seconds until
 the first alarm. start : what is wrong with the files from their first row on; seconds of motion
 until the alarm. sound : recordings of other machines, every second one with all errors of
-scenarios/irb2400_full.yaml and motor torque; every alarm is false, and the uncertainty foretold for
-the end, from half of the recording on and while the fit is good, is divided by the one stated once
-it has ended. enough : recordings of drawn machines, every second one with all errors and motor
+scenarios/irb2400_full.yaml and motor torque; every alarm is false, and the uncertainty predicted
+for the end, from half of the recording on and while the fit is good, is divided by the one stated
+once it has ended. enough : recordings of drawn machines, every second one with all errors and motor
 torque, and an accuracy that is asked of each; what had been recorded when the watch said that it is
 enough is identified as `ballbar identify` does, and its true TCP error (rms) compared with what was
 asked. recorder : `ballbar record --identify` in real time, the encoders from the ADS test server at

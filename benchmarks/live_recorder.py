@@ -98,20 +98,10 @@ def kill(after: float) -> Kill:
 def _started(folder: Path, plc: Plc) -> tuple[subprocess.Popen[bytes], Path]:
     """A recorder, and its file, which is there already."""
     file = folder / "raw" / "ballbar.csv"
-    command = [
-        sys.executable,
-        "-m",
-        "ballbar",
-        "record",
-        str(folder),
-        "--robot",
-        "irb2400",
-        "--ballbar",
-        "lund_600",
-    ]
-    recorder = subprocess.Popen(
-        [*command, "--plc", plc.net_id], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    names = ["--robot", "irb2400", "--ballbar", "lund_600", "--plc", plc.net_id]
+    command = [sys.executable, "-m", "ballbar", "record", str(folder), *names]
+    nowhere = subprocess.DEVNULL
+    recorder = subprocess.Popen(command, stdout=nowhere, stderr=nowhere)
     while not file.exists() or not file.stat().st_size:
         if recorder.poll() is not None:
             raise SystemExit(f"the recorder ended with code {recorder.returncode}")

@@ -194,7 +194,7 @@ class Judge:
 
     A mutant of a function is made in a forked process by exchanging the code of the function. One
     of a module or class stands in the private copy of the project, from which a forked process
-    imports everything anew.
+    imports everything again.
     """
 
     def __init__(
@@ -409,9 +409,9 @@ def _write(rows: Iterable[Row]) -> None:
 def _shares(rows: Iterable[Row]) -> Iterator[str]:
     every = list(rows)
     seen = sum(row["outcome"] == "seen" for row in every)
-    alike = sum(row["kind"] == "equivalent" for row in every)
+    equivalent = sum(row["kind"] == "equivalent" for row in every)
     yield f"{seen} of {len(every)} seen: {100.0 * seen / len(every):.1f} %"
-    yield f"without {alike} equivalent ones: {100.0 * seen / (len(every) - alike):.1f} %"
+    yield f"without {equivalent} equivalent ones: {100.0 * seen / (len(every) - equivalent):.1f} %"
     for kind, count in sorted(
         Counter(row["kind"] for row in every if row["outcome"] != "seen").items()
     ):

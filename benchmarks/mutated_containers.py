@@ -33,15 +33,8 @@ RESULT = Path(__file__).parent.parent / "docs/studies/mutated_containers.csv"
 
 def main(files: int, only: list[str]) -> None:
     """Runs the campaigns of all families, or of some, prints their table and writes it."""
-    head = [
-        "family",
-        "files",
-        *OUTCOMES,
-        "largest_below_rad",
-        "largest_silent",
-        "slowest_s",
-        "peak_MB",
-    ]
+    measured = ("largest_below_rad", "largest_silent", "slowest_s", "peak_MB")
+    head = ["family", "files", *OUTCOMES, *measured]
     rows = {}
     if RESULT.is_file():
         with RESULT.open(newline="") as file:

@@ -371,7 +371,7 @@ MUTATIONS: tuple[Callable[[File, Rng], bytes], ...] = (
 
 
 def outcome(family: Family, folder: Path, raw: bytes) -> str:
-    """What became of one file."""
+    """Outcome of reading one file."""
     (folder / "log.csv").write_bytes(raw)
     source = SourceFile(files=("log.csv",), dialect=family.dialect)
     start = time.process_time()

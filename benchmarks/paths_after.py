@@ -1,4 +1,4 @@
-"""What `ballbar plan --after` gains: the second path of drawn robots, three ways.
+"""The gain of `ballbar plan --after`: the second path of drawn robots, three ways.
 
     python -m benchmarks.paths_after                 # 10 IRB 2400, half an hour on two cores
     python -m benchmarks.paths_after --first planned

@@ -33,7 +33,7 @@ SCENARIO = Path(__file__).parents[1] / "scenarios" / "irb2400.yaml"
 
 @dataclass(frozen=True, eq=False)
 class PlainFit:
-    """What the plain user gets."""
+    """Result of the plain user."""
 
     geometry: Geometry
     parameters: NDArray[np.intp]  # (P,) indices into the table
@@ -116,26 +116,15 @@ def main() -> None:
         parameters=parameters,
     )
     seconds = time.perf_counter() - begin
-    for name, geometry, count, converged, spent in (
-        (
-            "least_squares, printed scalar",
-            plain.geometry,
-            f"{plain.iterations} evaluations",
-            plain.converged,
-            plain.seconds,
-        ),
-        (
-            "ident.thesis.cost_fit, vector form",
-            ours.geometry,
-            f"{ours.iterations} iterations",
-            ours.converged,
-            seconds,
-        ),
+    evaluations, iterations = f"{plain.iterations} evaluations", f"{ours.iterations} iterations"
+    for name, fit, count, spent in (
+        ("least_squares, printed scalar", plain, evaluations, plain.seconds),
+        ("ident.thesis.cost_fit, vector form", ours, iterations, seconds),
     ):
-        distance = 1e3 * np.linalg.norm((geometry.values - samples.true.values)[parameters])
+        distance = 1e3 * np.linalg.norm((fit.geometry.values - samples.true.values)[parameters])
         print(
-            f"{name}: {count}, converged {converged}, "
-            f"distance {distance:.4f} mm|mrad, {spent:.3f} s"
+            f"{name}: {count}, converged {fit.converged}, distance {distance:.4f} mm|mrad, "
+            f"{spent:.3f} s"
         )
 
 

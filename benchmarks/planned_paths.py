@@ -1,4 +1,4 @@
-"""What planning gains against random paths and a manual one: predicted, and in identifications.
+"""The gain of planning against random paths and a manual one: predicted, and in identifications.
 
     python -m benchmarks.planned_paths predicted    # 200 random paths that can be run, both robots
     python -m benchmarks.planned_paths identified   # 10 drawn robots, everything on, all paths

@@ -46,7 +46,7 @@ class Job:
     path: ReferencePath
 
     def whole(self) -> None:
-        """What a user runs: preparation, rollout, checks."""
+        """The run of a user: preparation, rollout, checks."""
         run_plant(self.plant, self.path, timestep=TIMESTEP)
 
     def two(self) -> None:
@@ -95,25 +95,18 @@ def main() -> None:
             [[_timed(part) for part in (bare, job.whole, job.two)] for _ in range(ROUNDS)]
         )
         bare_rate, whole_rate = seconds / times[:, 0], seconds / times[:, 1]
+        overhead = np.median(times[:, 1] / times[:, 0])
+        gain = np.median(2.0 * times[:, 1] / times[:, 2])
+        ripples = len(job.plant.effects.ripples)
         print(
-            f"{name}: {model.nv} degrees of freedom, "
-            f"{len(job.plant.effects.ripples)} ripple terms, {seconds:.0f} s at 1 ms"
-        )
-        print(
-            f"  whole run, simulated s per wall s : "
-            f"median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}"
-        )
-        print(
-            f"  bare rollout                      : "
-            f"median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}"
-        )
-        print(
-            f"  whole run / bare rollout          : "
-            f"median {np.median(times[:, 1] / times[:, 0]):.3f}"
-        )
-        print(
-            f"  two runs on two cores / one run   : "
-            f"median {np.median(2.0 * times[:, 1] / times[:, 2]):.2f} times the throughput"
+            f"{name}: {model.nv} degrees of freedom, {ripples} ripple terms, "
+            f"{seconds:.0f} s at 1 ms\n"
+            "  whole run, simulated s per wall s : "
+            f"median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}\n"
+            "  bare rollout                      : "
+            f"median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}\n"
+            f"  whole run / bare rollout          : median {overhead:.3f}\n"
+            f"  two runs on two cores / one run   : median {gain:.2f} times the throughput"
         )
 
 

@@ -33,7 +33,7 @@ SOCKETS = (("a", 0.45, 0.0), ("b", 0.45, 0.05), ("c", 0.3, 0.4), ("d", 0.35, 0.4
 
 
 def requests() -> Iterator[PosePlanRequest]:
-    """What is planned."""
+    """The requests that are planned."""
     cases: list[dict[str, object]] = [
         {"robot": name, **POINTS} for name in ("irb2400", "irb1600", "irb120", "ur5", "panda")
     ]

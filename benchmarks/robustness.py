@@ -1,10 +1,10 @@
-"""What gross faults cost: outliers, a slipped signal period, a clock that was set.
+"""The cost of gross faults: outliers, a slipped signal period, a clock that was set.
 
     python -m benchmarks.robustness       # 8 IRB 2400, everything on, two paths each; five minutes
 
 Each drawn robot is identified from the same two recordings with and without each fault in the first
 one; the ratio of the TCP errors says what the fault costs, more sharply that of the errors with the
-scale known, which plate and ball-bar axes leave open alike. Writes docs/studies/robustness.csv, a
+scale known, which plate and ball-bar axes both leave open. Writes docs/studies/robustness.csv, a
 row for each robot and fault.
 """
 
@@ -81,7 +81,7 @@ def row(seed: int, fault: str, cell: Cell, logs: list[Logs], truth: Truth) -> di
 
 
 def events_of(found: Identification, truth: Truth) -> dict[str, object]:
-    """What was reported, with how far its time is from the truth [s]."""
+    """The reported faults, with how far its time is from the truth [s]."""
     start = truth.logs.first_rows.ballbar_s
     told = [fault for recording in found.recordings for fault in recording.step_faults]
     slips = [event for event in told if event.kind == "encoder"]
@@ -114,20 +114,9 @@ def main() -> None:
             f"(worst {rows.ratio.max():.2f}), scale known {rows.scale_known_ratio.median():.2f} "
             f"(worst {rows.scale_known_ratio.max():.2f}), events {sorted(rows.events)}"
         )
-    print(
-        table[
-            [
-                "seed",
-                "fault",
-                "status",
-                "ratio",
-                "slip_found_s",
-                "slip_periods",
-                "step_found_s",
-                "step_ms",
-            ]
-        ].to_string(index=False)
-    )
+    slips, steps = ("slip_found_s", "slip_periods"), ("step_found_s", "step_ms")
+    columns = ["seed", "fault", "status", "ratio", *slips, *steps]
+    print(table[columns].to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ def weight_at(robot: Robot, place: Array, sigma: float) -> Correction:
 
 
 def judged_by(table: PoseTable) -> Judge:
-    """By poses of the result's own seats."""
+    """Judges a result by poses of its own seats."""
     return lambda result: (real.norms(result, table), float(result.within(table).mean()))
 
 
@@ -252,7 +252,7 @@ def robot_with(name: str, kind: str, seed: int) -> TrueRobot:
 
 
 def rows_of(case: Case, prior: Prior) -> Iterator[dict[str, object]]:
-    """What each judge says of one identification."""
+    """Judgements on one identification."""
     result = identified(case.fitted, prior)
     for name, judge in case.judges.items():
         error, covered = judge(result)

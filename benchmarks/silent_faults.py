@@ -121,7 +121,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Damage:
-    """What a fault did: channels (names) and rows (from 0) of one file."""
+    """Places of a fault: channels (names) and rows (from 0) of one file."""
 
     source: str
     channels: tuple[str, ...]
@@ -382,7 +382,7 @@ def file_rows(every: list[Machine], scratch: Path) -> Iterator[Row]:
 
 
 def read_outcome(folder: Path, clean: Recording, damage: Damage, off: Array) -> tuple[str, str]:
-    """What `ballbar check` makes of a file."""
+    """Outcome of `ballbar check` for a file."""
     try:
         read = read_recording(folder)
     except InputError as error:

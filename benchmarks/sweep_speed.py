@@ -1,4 +1,4 @@
-"""What a sweep costs beside its runs, and how it scales.
+"""The cost of a sweep in addition to its runs, and how it scales.
 
     python -m benchmarks.sweep_speed [speed] [overhead] [memory] [dask] [million]    # or all
 
@@ -53,7 +53,7 @@ seeds: {{count: {seeds}}}
 
 @dataclass(frozen=True)
 class Spent:
-    """What one sweep took."""
+    """Times of one sweep."""
 
     runs: int
     wall: float  # [s]
@@ -154,7 +154,7 @@ def _children() -> float:
 
 
 def alone(function: Callable[..., T], *arguments: object) -> T:
-    """What a function returns in a fresh process."""
+    """Result of a function in a fresh process."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *arguments).result()
 
@@ -216,7 +216,7 @@ def _spent(function: Callable[[], object]) -> float:
 
 
 def overhead() -> None:
-    """What the machinery adds to runs of 40 ms."""
+    """The time that the machinery adds to runs of 40 ms."""
     print(f"{'runs':>6}  processor time beside the runs, of 40 ms each")
     swept(nothing, 20, here())  # imports what the command has imported before
     _, start = bare(nothing, 0)
@@ -292,7 +292,7 @@ def _rate(runs: int) -> float:
 
 
 def million() -> None:
-    """What a million runs would take."""
+    """The time that a million runs would take."""
     real = real_sweep()
     empty = swept(nothing, SIZES[-1], here())
     per_core = real.steady / CORES

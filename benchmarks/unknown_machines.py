@@ -85,7 +85,7 @@ class Case:
     """One machine, or several of which one recording each is taken, and what spoils the files."""
 
     effects: tuple[Effects, ...] = (Effects(),)  # of each recording, the last one goes on
-    faults: tuple[Faults, ...] = (Faults(),)  # likewise
+    faults: tuple[Faults, ...] = (Faults(),)  # of each recording, in the same way
     rod_known: float = 0.0  # [m]
     other_robot: bool = False  # whether the second recording is of another robot
     crossed: bool = False  # whether the logs of two runs are mixed
@@ -327,7 +327,7 @@ def _summary(rows: Iterable[Row]) -> None:
 
 
 def _uncertainty(name: str, group: Sequence[Row]) -> None:
-    """What priors and noise allow, how far the stated holds, and each figure within its limits."""
+    """The bound of priors and noise, the truth of the stated, and each figure within its limits."""
 
     def column(key: str) -> NDArray[np.float64]:
         return np.array([getattr(row, key) for row in group], dtype=float)

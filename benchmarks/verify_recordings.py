@@ -5,8 +5,8 @@
 
 Robots with drawn geometry, ripple of gears and resolvers, listed and not, and errors of the
 encoders, on the kinematic plant. Each is identified from 120 s of path a. Then come recordings of
-60 s of path b, with the ball-bar's base placed anew and its encoders mounted anew: of the robot as
-it was, and after one change (`CHANGES`). Writes docs/studies/verify_recordings.csv.
+60 s of path b, with the ball-bar's base placed and its encoders mounted again: of the robot as it
+was, and after one change (`CHANGES`). Writes docs/studies/verify_recordings.csv.
 
 --everything-on : robots with every error source in MuJoCo and motor torque, identified from both
 manual paths; then three recordings of each as it was (`AGAIN`). Prints whether they hold.
@@ -166,7 +166,7 @@ def main() -> None:
 
 
 def _shares(rows: list[dict[str, object]]) -> list[str]:
-    """Of the checks of one kind: how many hold, name the cause alone, among several, wrongly."""
+    """Counts of checks of one kind: that hold, name the cause alone, among several, wrongly."""
     named = [(str(row["named"]).split(", or "), row["change"]) for row in rows]
     alone = sum(names == [change] for names, change in named)
     among = sum(change in names and len(names) > 1 for names, change in named)

@@ -116,7 +116,7 @@ def _bound(
 
 
 def logged(fitted: tuple[int, ...], duration: float, seed: int) -> list[str]:
-    """What the identification of a run in which nothing is wrong finds fault with."""
+    """Faults that an identification finds in a run in which nothing is wrong."""
     settings = SimulationSettings(
         cell=CellSettings(
             robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)

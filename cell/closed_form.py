@@ -35,7 +35,7 @@ def has_arm_structure(chain: Chain) -> bool:
 def has_closed_form(chain: Chain) -> bool:
     """Whether `robot_branches` holds for a chain: nominal rows of that structure, no offset beside.
 
-    The axes of an arm that is built alike may miss one another: then its wrist is not decoupled.
+    The axes of an arm that is built so may miss one another: then its wrist is not decoupled.
     """
     return _is_spherical(chain, _SPHERICAL) or _is_spherical(chain, _mirrored(_SPHERICAL))
 

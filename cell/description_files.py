@@ -306,7 +306,7 @@ class EncoderFile(Strict):
 
 
 class AxialStiffnessFile(Strict):
-    """What is in series along the rod of a ball-bar."""
+    """Stiffnesses in series along the rod of a ball-bar."""
 
     rod: Positive
     gimbal: Positive  # b1, b2, b3

@@ -1,4 +1,4 @@
-"""What stands in the cell: nominal robot, ball-bar and offset plate, as checked descriptions.
+"""Checked descriptions of the cell: nominal robot, ball-bar and offset plate.
 
 SI units and float64 throughout, arrays write-protected; `dataclasses.replace` makes a changed copy.
 DH rows are standard, `Rz(theta + q) Tz(d) Tx(a) Rx(alpha)`; matrices act on row vectors,

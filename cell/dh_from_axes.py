@@ -7,7 +7,7 @@ one nearer to x_(i-1), so -90 < theta <= 90 deg, and at a right angle the one wi
 
 Standard rows have four numbers where a pose has six. What they cannot hold is left as a constant
 transform at either end: `T_base_tip = T_base_dh @ T_1 ... T_J @ T_flange_tip`. The height of the
-base and its turn about axis 1 are in row 1 where the base's z is parallel to that axis; likewise
+base and its turn about axis 1 are in row 1 where the base's z is parallel to that axis, and
 those of the tip in row J.
 """
 
@@ -119,7 +119,7 @@ def dh_from_modified(a: Array, d: Array, alpha: Array, theta: Array) -> DHForm:
 
 
 def _aligned(axes: JointAxes) -> tuple[Array, Array]:
-    """Directions (J, 3) with parallel neighbours alike, and the signs (J,) that make them so."""
+    """Directions (J, 3) with parallel neighbours the same way, and the signs (J,) for it."""
     z = np.array(axes.direction / np.linalg.norm(axes.direction, axis=1)[:, None])
     given = z.copy()
     count = len(z)

@@ -14,6 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from cell.errors import DescriptionError
+from cell.file_units import AngleUnit
 from cell.logs import SourceName
 from cell.recording import EncoderName
 from cell.schema import Strict
@@ -63,7 +64,7 @@ class TimeColumn(Strict):
 
 
 class Written(Strict):
-    """What a file shows that a reader need not know; the simulator writes it so."""
+    """Details of a file that a reader need not know; the simulator writes it so."""
 
     period_s: Annotated[float, Field(gt=0.0)] = ABB_PERIOD  # of a robot's rows
     # Names of columns that the dialect finds by expression; `{}` is the number of the axis.
@@ -94,7 +95,7 @@ class Dialect(Strict):
     joints: tuple[Selector, ...] = Field(
         (), description="Robot: in place of motors, the angles of the DH model."
     )
-    angle_unit: Literal["rad", "deg"] = Field("rad", description="Of these angles.")
+    angle_unit: AngleUnit = Field("rad", description="Of these angles.")
     torques: tuple[Selector, ...] = Field(
         (),
         description="Robot: what each motor exerts [N m], positive along its angle; all or none.",

@@ -47,7 +47,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 def require_writable(folder: Path) -> None:
     """Raises InputError if files cannot be made in a folder, or the folder itself cannot.
 
-    Whoever computes for long asks before.
+    A long computation asks before.
     """
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not existing.is_dir():

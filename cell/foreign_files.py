@@ -48,7 +48,7 @@ def repeated(folder: Path, files: Iterable[str]) -> tuple[str, str] | None:
         try:
             status = os.stat(folder / name)  # noqa: PTH116  also where the name holds a NUL
             key: object = (status.st_dev, status.st_ino)
-        except (OSError, ValueError):  # whoever reads it says so
+        except (OSError, ValueError):  # its reader says so
             key = name
         if key in names:
             return names[key], name

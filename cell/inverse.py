@@ -83,9 +83,18 @@ def refine(
         error = pose_error(target_rotation, target_tip, frames)
         jacobian = joint_screws(frames).transpose(2, 1, 0)
         try:
-            step = _newton_step(jacobian, error)
+            if chain.rows == len(error):
+                step = np.linalg.solve(jacobian, error.T[:, :, None])[:, :, 0]
+            else:  # of least squares and least length
+                step = np.einsum("njk,kn->nj", np.linalg.pinv(jacobian), error)
         except np.linalg.LinAlgError:
-            raise UnreachableError(_singular(jacobian, q)) from None
+            bad = int(np.abs(np.linalg.det(jacobian)).argmin())
+            angles = " ".join(f"{angle:.1f}" for angle in np.degrees(q[bad]))
+            raise UnreachableError(
+                f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) leads to a singular "
+                f"posture of the robot, joints at {angles} deg. Move the start or the pose away "
+                "from it."
+            ) from None
         # a step of more than 0.3 rad is a sign of a singularity, not of progress
         q += np.clip(step, -0.3, 0.3)
         reached = chain.rows >= 6 or np.abs(error).max() < REACHED
@@ -99,27 +108,10 @@ def refine(
     )
 
 
-def _newton_step(jacobian: Array, error: Array) -> Array:
-    """(N, J) [rad] step of least squares and least length; jacobian : (N, 6, J), error : (6, N)."""
-    if jacobian.shape[1] == jacobian.shape[2]:
-        return np.asarray(np.linalg.solve(jacobian, error.T[:, :, None])[:, :, 0])
-    return np.asarray(np.einsum("njk,kn->nj", np.linalg.pinv(jacobian), error))
-
-
-def _singular(jacobian: Array, q: Array) -> str:
-    """Says which sample cannot be solved for; jacobian : (N, 6, 6), one of them singular."""
-    bad = int(np.abs(np.linalg.det(jacobian)).argmin())
-    angles = " ".join(f"{angle:.1f}" for angle in np.degrees(q[bad]))
-    return (
-        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) leads to a singular posture "
-        f"of the robot, joints at {angles} deg. Move the start or the pose away from it."
-    )
-
-
 def refine_reachable(
     chain: Chain, q: Array, poses: Array, *, tolerance: float = 1e-13
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """As `refine`, for the poses that the chain can take: angles (K, J) [rad], and which (N,)."""
+    """Angles (K, J) [rad] of `refine` at the poses that the chain takes; which of them (N,)."""
     try:
         return refine(chain, q, poses, tolerance=tolerance), np.ones(len(q), dtype=bool)
     except UnreachableError:

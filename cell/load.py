@@ -63,7 +63,7 @@ def load_cell(robot: str, ballbar: str, plate: str, *, relative_to: Path | None 
 def load_measured_cell(
     robot: str, instrument: str, plate: str, *, relative_to: Path | None = None
 ) -> Cell:
-    """As `load_cell`, held by a ball-bar or by an instrument that measures a length.
+    """The cell of `load_cell`, held by a ball-bar or by an instrument that measures a length.
 
     instrument : a shipped ball-bar or instrument, or a path; a file shows by its schema which one
     it describes. An instrument stands in the cell as a massless ball-bar whose rod is sensed.

@@ -37,14 +37,11 @@ class RobotLog:
     flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
 
     def __post_init__(self) -> None:
-        _protect(self, "t", "q", "torque")
-        _protect(self, "segment", dtype=np.uint16)
-        _protect(self, "flags", dtype=np.uint32)
+        _protect(self)
         joints = self.q.shape[-1]
-        _check_series("robot log", self.t, self.q, joints)
+        _check("robot log", self, self.q, joints)
         if self.torque is not None:
-            _check_series("robot log, torque", self.t, self.torque, joints)
-        _check_marks("robot log", self.t, self.segment, self.flags)
+            _check("robot log, torque", self, self.torque, joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +58,8 @@ class BallBarLog:
     flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
 
     def __post_init__(self) -> None:
-        _protect(self, "t", "angles")
-        _protect(self, "segment", dtype=np.uint16)
-        _protect(self, "flags", dtype=np.uint32)
-        _check_series("ball-bar log", self.t, self.angles, len(self.joints))
-        _check_marks("ball-bar log", self.t, self.segment, self.flags)
+        _protect(self)
+        _check("ball-bar log", self, self.angles, len(self.joints))
         if list(self.joints) != sorted(set(self.joints)) or not set(self.joints) <= {1, 2, 3, 4, 5}:
             raise ValueError(
                 f"ball-bar log: joints {self.joints} are not distinct, increasing and within 1..5"
@@ -85,11 +79,8 @@ class LengthLog:
     flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
 
     def __post_init__(self) -> None:
-        _protect(self, "t", "length")
-        _protect(self, "segment", dtype=np.uint16)
-        _protect(self, "flags", dtype=np.uint32)
-        _check_series("length log", self.t, self.length[:, None], 1)
-        _check_marks("length log", self.t, self.segment, self.flags)
+        _protect(self)
+        _check("length log", self, self.length[:, None], 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +94,8 @@ class ForceLog:
     wrench: Array  # (N, 6) [N, N m] forces, then torques about the flange's origin; flange frame
 
     def __post_init__(self) -> None:
-        _protect(self, "t", "wrench")
-        _check_series("force log", self.t, self.wrench, 6)
+        _protect(self)
+        _check("force log", self, self.wrench, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +111,8 @@ class TrackerLog:
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
 
     def __post_init__(self) -> None:
-        _protect(self, "t", "points")
-        _protect(self, "segment", dtype=np.uint16)
-        _check_series("tracker log", self.t, self.points, 3)
-        _check_marks("tracker log", self.t, self.segment, None)
+        _protect(self)
+        _check("tracker log", self, self.points, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +129,8 @@ class ChannelLog:
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
 
     def __post_init__(self) -> None:
-        _protect(self, "t", "values")
-        _protect(self, "segment", dtype=np.uint16)
-        _check_series(self.name, self.t, self.values, len(self.names))
-        _check_marks(self.name, self.t, self.segment, None)
+        _protect(self)
+        _check(self.name, self, self.values, len(self.names))
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"{self.name}: channel names {self.names} are not all different")
 
@@ -160,15 +147,19 @@ def segment_starts(segment: NDArray[np.uint16] | None) -> tuple[int, ...]:
     return tuple(int(row) for row in np.flatnonzero(np.diff(segment)) + 1)
 
 
-def _protect(log: object, *names: str, dtype: type[np.generic] = np.float64) -> None:
-    """Replace arrays of a log by write-protected copies."""
-    for name in names:
-        values = getattr(log, name)
+def _protect(log: Any) -> None:
+    """Replace the arrays of a log by write-protected copies."""
+    series = ("t", "q", "torque", "angles", "length", "wrench", "points", "values")
+    dtypes: dict[str, type[np.generic]] = dict.fromkeys(series, np.float64)
+    for name, dtype in {**dtypes, "segment": np.uint16, "flags": np.uint32}.items():
+        values = getattr(log, name, None)
         if values is not None:
             object.__setattr__(log, name, read_only(values, dtype))
 
 
-def _check_series(what: str, t: Array, values: Array, columns: int) -> None:
+def _check(what: str, log: Any, values: Array, columns: int) -> None:
+    """Raises ValueError unless values, times and marks of a log fit each other."""
+    t = log.t
     if t.ndim != 1 or values.shape != (t.size, columns):
         raise ValueError(
             f"{what}: times {t.shape} and values {values.shape} do not fit (N,) and (N, {columns})"
@@ -177,9 +168,6 @@ def _check_series(what: str, t: Array, values: Array, columns: int) -> None:
         raise ValueError(f"{what}: times or values are not finite")
     if t.size > 1 and np.diff(t).min() <= 0.0:
         raise ValueError(f"{what}: times do not increase strictly")
-
-
-def _check_marks(what: str, t: Array, *marks: NDArray[Any] | None) -> None:
-    for values in marks:
-        if values is not None and values.shape != t.shape:
-            raise ValueError(f"{what}: segment or flags {values.shape} do not fit times {t.shape}")
+    for mark in (getattr(log, "segment", None), getattr(log, "flags", None)):
+        if mark is not None and mark.shape != t.shape:
+            raise ValueError(f"{what}: segment or flags {mark.shape} do not fit times {t.shape}")

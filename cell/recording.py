@@ -77,7 +77,7 @@ class Sources(Strict):
 
     @property
     def every(self) -> tuple[SourceFile, ...]:
-        """Those that the recording has."""
+        """The sources that the recording has."""
         optional = (self.ballbar, self.length, self.force, self.tracker)
         return (self.robot, *(source for source in optional if source is not None))
 

@@ -67,7 +67,7 @@ def _numbers(value: Any, loc: Loc) -> Iterator[tuple[Loc, float]]:
 
 
 def _beyond(key: str, value: float) -> str:
-    """What is expected of a number that its key does not allow; empty where it does."""
+    """The expectation that a number of this key does not meet; empty where it does."""
     unit = None if "_per_" in key else _UNIT.search(key)
     most = LARGEST_COUNT if isinstance(value, int) else LARGEST_OTHER
     most = LARGEST[unit[1]] if unit else most

@@ -76,27 +76,21 @@ def explain(
     example: Example | None = None,
 ) -> list[tuple[Loc, str]]:
     """Place in the data and sentence, `key.path = value: what was expected.`, of each error."""
-    return [_sentence(error, model, data, example) for error in errors if not _is_echo(error, data)]
-
-
-def _is_echo(error: ErrorDetails, data: Any) -> bool:
-    """Whether a list counts as too short only because pydantic omits items that are wrong."""
-    if error["type"] != "too_short":
-        return False
-    return _item_count(error, data) >= int(error["ctx"]["min_length"])
-
-
-def _item_count(error: ErrorDetails, data: Any) -> int:
-    """How many items a list in the data has; pydantic omits those that are wrong."""
-    return len(_value_at(data, _place(error["loc"], data, missing=False)))
+    sentences = []
+    for error in errors:
+        if error["type"] == "too_short":  # pydantic omits items that are wrong
+            count = len(_value_at(data, _place(error["loc"], data, missing=False)))
+            if count >= int(error["ctx"]["min_length"]):
+                continue
+            error["ctx"]["actual_length"] = count
+        sentences.append(_sentence(error, model, data, example))
+    return sentences
 
 
 def _sentence(
     error: ErrorDetails, model: type[BaseModel], data: Any, example: Example | None
 ) -> tuple[Loc, str]:
     kind, context = error["type"], error.get("ctx", {})
-    if kind == "too_short":
-        context = {**context, "actual_length": _item_count(error, data)}
     raw = error["loc"]
     raw = (*raw, *context.get("loc", ()))
     if kind in ("union_tag_invalid", "union_tag_not_found"):
@@ -179,9 +173,7 @@ def _dotted(loc: Loc) -> str:
 def _shown(value: Any) -> str:
     if isinstance(value, dict | list):
         return ""
-    text = (
-        "null" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
-    )
+    text = _flow(value).lower() if value is None or isinstance(value, bool) else repr(value)
     return f" = {text if len(text) <= 60 else text[:57] + '...'}"
 
 
@@ -190,7 +182,7 @@ def _plain(value: Any) -> Any:
 
 
 def _add_it(loc: Loc, model: type[BaseModel], example: Example | None) -> str:
-    """What to add for a missing key, as the example has it, and whether the part is needed."""
+    """The line to add for a missing key, as the example has it, and whether the part is needed."""
     if isinstance(loc[-1], int):
         return f"The list {_dotted(loc[:-1])} needs at least {loc[-1] + 1} items."
     key, place = loc[-1], _dotted(loc[:-1])

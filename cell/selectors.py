@@ -1,7 +1,7 @@
 """How a dialect finds a column in a header: by name, by regular expression, or by number.
 
 `re:robot_0.*posRawAbs` is an expression, `#3` the third column. One expression may stand for
-several columns, such as the six joints: their names are alike but for one number that counts on
+several columns, such as the six joints: their names differ by one number that counts on
 from one to the next and gives the order (joint 2 before joint 10). Names that do not are refused: a
 damaged header would otherwise change the order unseen.
 
@@ -78,7 +78,7 @@ def find(selector: str, names: Sequence[str]) -> list[int]:
 
 
 def why_not(selector: str, names: Sequence[str]) -> str:
-    """What an expression for several columns finds instead, in words; empty for other selectors."""
+    """The columns that an expression for several finds instead; empty for other selectors."""
     pick = _PICK.fullmatch(selector)
     if pick is None:
         return ""

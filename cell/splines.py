@@ -9,7 +9,7 @@ from scipy.linalg import solveh_banded
 
 from cell.arrays import Array
 
-DEGREE = 5  # continuous acceleration and jerk; used for logs and recorded paths alike
+DEGREE = 5  # continuous acceleration and jerk; used for logs and recorded paths
 
 
 def smoothing_spline(t: Array, values: Array, inner: Array, *, rows: int = 2) -> BSpline:

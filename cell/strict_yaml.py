@@ -35,11 +35,6 @@ MAX_DEPTH = 40  # nesting of the deepest description is below 10
 _TAG = "tag:yaml.org,2002:"
 
 
-def _to_int(text: str) -> int:
-    base = {"0o": 8, "0x": 16}.get(text[:2], 10)
-    return int(text if base == 10 else text[2:], base)
-
-
 def _to_float(text: str) -> float:
     value = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     if math.isinf(value) and "inf" not in text.lower():
@@ -55,7 +50,10 @@ _SCALARS: dict[str, _Scalar] = {
         re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z"),
         lambda text: text.lower() == "true",
     ),
-    _TAG + "int": (re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z"), _to_int),
+    _TAG + "int": (
+        re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z"),
+        lambda text: int(text, 0 if text[:2] in ("0o", "0x") else 10),
+    ),
     _TAG + "float": (
         re.compile(
             r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"
@@ -158,7 +156,7 @@ def _root(text: str) -> yaml.Node | None:
     """The root node of a text.
 
     Where libyaml refuses a text, PyYAML gives the reason. libyaml accepts a tab, a `?` and a `!` in
-    places where PyYAML does not; both read a text without these alike.
+    places where PyYAML does not; both read a text without these the same way.
     """
     if yaml.__with_libyaml__ and text.isascii() and not any(mark in text for mark in "\t?!"):
         try:
@@ -211,11 +209,9 @@ def parse_value(text: str, option: str) -> Any:
     option : what stands before the message of an error. Raises DescriptionError as `load_yaml`.
     """
 
-    def at(_: int) -> Place:
-        return Place(option, 0)
-
-    root = _parsed(text, at)
-    return None if root is None else _build(at, root, (), {})
+    place = Place(option, 0)
+    root = _parsed(text, lambda _: place)
+    return None if root is None else _build(lambda _: place, root, (), {})
 
 
 def load_model(path: Path, model: type[M], *, example: Path | None = None) -> M:
@@ -343,24 +339,18 @@ def _build_mapping(at: _At, node: yaml.MappingNode, loc: Loc, places: Places) ->
 
 def _build_scalar(at: _At, node: yaml.ScalarNode) -> Any:
     pattern, convert = _SCALARS[node.tag]
+    place, tag = at(node.start_mark.line + 1), node.tag.removeprefix(_TAG)
     shown = node.value if len(node.value) <= 40 else node.value[:37] + "..."
     if not pattern.match(node.value):
-        _refuse(
-            at(node.start_mark.line + 1),
-            f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says; leave the tag out.",
-        )
+        _refuse(place, f"{shown!r} is no {tag}, as its tag says; leave the tag out.")
     if not is_printable(node.value, allowed="\n\t"):
-        _refuse(
-            at(node.start_mark.line + 1),
-            f"{printable(shown)!r} holds a control or invisible character. Write it without.",
-        )
+        what = f"{printable(shown)!r} holds a control or invisible character. Write it without."
+        _refuse(place, what)
     try:
         return convert(node.value)
     except ValueError:
-        _refuse(
-            at(node.start_mark.line + 1),
-            f"number {shown} is beyond what can be represented; write a smaller one.",
-        )
+        what = f"number {shown} is beyond what can be represented; write a smaller one."
+        _refuse(place, what)
 
 
 def _refuse(place: Place, what: str) -> NoReturn:

@@ -146,7 +146,7 @@ def _without_none(hint: Any) -> Any:
 
 
 def _values(hint: Any, info: ArgumentInfo | OptionInfo) -> str:
-    """What may follow an option, with its limits; empty for a switch."""
+    """Values that may follow an option, with its limits; empty for a switch."""
     kind = _without_none(hint)
     many = get_origin(kind) is list
     kind = get_args(kind)[0] if many else kind

@@ -26,5 +26,5 @@ def on_post_page(output: str, page: Any, **_: object) -> str:
 
 
 def on_post_template(output_content: str, **_: object) -> str:
-    """As `on_post_page`, of the page that a server shows for a wrong address."""
+    """The output of `on_post_page`, for the page that a server shows for a wrong address."""
     return output_content.replace(_FOREIGN_SHIM, _OWN_SHIM)

@@ -21,7 +21,7 @@ from sim.path import Lissajous
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
 WIDEST = np.pi  # [rad] largest amplitude of b1, b3 and b5, where the cables allow it
-# [rad] likewise of a telescoping bar: of wider paths an arm reaches a fifth as many (UR10e)
+# [rad] the same of a telescoping bar: of wider paths an arm reaches a fifth as many (UR10e)
 WIDEST_FREE = 0.5 * np.pi
 
 
@@ -65,9 +65,9 @@ class Space:
             low, high = -np.pi + self.margin, -self.margin
             centre[:, k] = low + (high - low) * middle[:, k]
             room[:, k] = np.minimum(centre[:, k] - low, high - centre[:, k])
-        whole = 1.0 + np.floor(np.clip(cycles, 0.0, 1.0 - 1e-9) * self.cycles)
+        whole_cycles = 1.0 + np.floor(np.clip(cycles, 0.0, 1.0 - 1e-9) * self.cycles)
         position = self.lower + (self.upper - self.lower) * genomes[:, 4 * BAR_ROWS :]
-        return Lissajous(centre, share * room, whole, 2.0 * np.pi * phase), position
+        return Lissajous(centre, share * room, whole_cycles, 2.0 * np.pi * phase), position
 
 
 def shape_of(shapes: Lissajous, k: int | NDArray[np.intp]) -> Lissajous:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.chain import Frames, joint_screws
 from cell.errors import InputError
+from cell.number_text import significant_text
 from planning.capsules import smallest_distance
 from planning.stations import Aim, PoseSetup, Station, station_frames
 
@@ -67,12 +68,12 @@ class Screen:
 
     @property
     def sentence(self) -> str:
-        """What every limit excluded, as part of a sentence."""
+        """The number of poses that every limit excluded, as part of a sentence."""
         worst = max(self.excluded, key=lambda limit: self.excluded[limit])
         counts = ", ".join(f"{name} {count}" for name, count in self.excluded.items())
         nearest = ""
         if worst == "reach" and np.isfinite(self.nearest) and self.nearest > CLOSED:
-            nearest = f"; the target comes no closer than {self.nearest * 1e3:.3g} mm"
+            nearest = f"; the target comes no closer than {significant_text(self.nearest * 1e3)} mm"
         return f"of {self.drawn} drawn, excluded: {counts}; the most by {worst}{nearest}"
 
 

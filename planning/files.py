@@ -91,8 +91,8 @@ def cell_data(plan: PathPlan, folder: Path) -> dict[str, object]:
 
     Files of one's own are copied into the folder.
     """
-    held = "instrument" if plan.request.telescoping else "ballbar"
-    names = {"robot": plan.request.cell.robot, held: plan.rod, "plate": plan.request.cell.plate}
+    rod = "instrument" if plan.request.telescoping else "ballbar"
+    names = {"robot": plan.request.cell.robot, rod: plan.rod, "plate": plan.request.cell.plate}
     return {
         **{k: portable_name(n, k, relative_to=Path(), folder=folder) for k, n in names.items()},
         "ballbar_position_m": plan.evaluation.candidate.position.tolist(),
@@ -101,11 +101,15 @@ def cell_data(plan: PathPlan, folder: Path) -> dict[str, object]:
 
 def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> dict[str, object]:
     """All predictions of the plan in SI units; cell : as the scenario names it."""
-    typical = plan.typical
+    typical, request = plan.typical, plan.request
+    closed = has_closed_form(nominal_chain(plan.evaluator.cell.robot))
+    excluded = set(OF_OTHER_ARMS if closed else OF_CLOSED_FORM)
+    if request.telescoping:
+        excluded |= set(OF_BALLBARS["limits"])
     priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
     return {
         "schema": "ballbar-plan-result/1",
-        "name": plan.request.name,
+        "name": request.name,
         "cell": cell,
         "tcp_sigma_m": {
             "rms_median_robot": float(np.median(plan.tcp)),
@@ -117,47 +121,38 @@ def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> d
         | ({} if (before := plan.tcp_before) is None else {"by_results_before": before}),
         "observability": plan.indices(),
         "sphere_covered": plan.coverage,
-        **_held_data(plan),
+        **_rod_data(plan),
         "sag_between_targets_m": targets.sag,
         "search": {
             "evaluated": plan.evaluated,
             "seconds": round(plan.seconds, 1),
-            "seed": plan.request.seed,
+            "seed": request.seed,
             "stopped": plan.stopped,
         },
-        "limits": limits_data(plan),
+        "limits": request.limits.model_dump(exclude=excluded),
         "sigma": {
             n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()
         },
     }
 
 
-def _held_data(plan: PathPlan) -> dict[str, object]:
-    """What is expected along the rod: force of a ball-bar, or length of a telescoping bar."""
-    out: dict[str, object] = {}
+def _rod_data(plan: PathPlan) -> dict[str, object]:
+    """Expected force in the rod of a ball-bar, or length of a telescoping bar."""
+    data: dict[str, object] = {}
     if plan.forces is not None:
         tension = plan.forces.tension
-        out["load_sign_changes"] = [int(n) for n in plan.reversals]
-        out["rod_force_N"] = [float(tension.min()), float(tension.max())]
+        data["load_sign_changes"] = [int(n) for n in plan.reversals]
+        data["rod_force_N"] = [float(tension.min()), float(tension.max())]
     if plan.lengths is not None:
         length = plan.lengths.length
-        out["length_m"] = {
+        data["length_m"] = {
             "expected": [float(length.min()), float(length.max())],
             "stroke": list(plan.lengths.stroke),
             "robots": len(length),
             "robots_that_leave_the_stroke": plan.lengths.leaving,
         }
-        out["length_sigma_m"] = plan.request.sensors.length_sigma_m
-    return out
-
-
-def limits_data(plan: PathPlan) -> dict[str, object]:
-    """The limits of a request that apply to its robot and its instrument."""
-    closed = has_closed_form(nominal_chain(plan.evaluator.cell.robot))
-    other = set(OF_OTHER_ARMS if closed else OF_CLOSED_FORM)
-    if plan.request.telescoping:
-        other |= set(OF_BALLBARS["limits"])
-    return plan.request.limits.model_dump(exclude=other)
+        data["length_sigma_m"] = plan.request.sensors.length_sigma_m
+    return data
 
 
 def limit_lines(request: PlanRequest) -> list[str]:

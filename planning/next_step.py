@@ -1,4 +1,4 @@
-"""What would help most next: the predicted TCP uncertainty of what was recorded, with one change.
+"""Next steps that would help most: predicted TCP uncertainty of the recordings with one change.
 
 The prediction is that of planning.crlb along the recorded motions, of the identified robot with the
 corrections and the noise that were identified; recordings together share the machine. Changes are
@@ -97,7 +97,7 @@ def next_steps(
     recordings: Sequence[RecordedPassage],
     paths: Mapping[str, Lissajous],
 ) -> list[NextStep]:
-    """What could be done next, the most helpful first.
+    """Steps that could be taken next, the most helpful first.
 
     paths : by name; of those that the robot can run at the ball-bar's present place the best one
         is among the steps.

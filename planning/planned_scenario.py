@@ -44,7 +44,7 @@ EVERYTHING_ON: dict[str, object] = {
         )
     },
 }
-TWO_CLOCKS: dict[str, object] = {  # likewise
+TWO_CLOCKS: dict[str, object] = {  # of a real cell too
     "offset_s": 0.508,
     "skew": 5.0e-5,
     "overrun_probability": 0.005,

@@ -105,7 +105,7 @@ class PosePlanRequest(Strict):
         "beside smooth errors of the joints.",
     )
     unexplained_rad: Positive = Field(
-        1e-4, description="Likewise of a rotation about each axis, where poses are measured."
+        1e-4, description="The same of a rotation about each axis, where poses are measured."
     )
     settle_s: Annotated[float, Field(ge=0.0)] = Field(
         3.0, description="Time for which the programs wait at each pose."

@@ -47,7 +47,7 @@ Step = tuple[Literal["stop", "pass", "intermediate", "speed", "wait", "pause"], 
 
 @dataclass(frozen=True, eq=False)
 class ProgrammedPath:
-    """What a program of a path depends on."""
+    """A path, as a program of it needs it."""
 
     name: str  # of module and procedure, at most 24 letters, digits and underscores
     robot: Robot

@@ -49,10 +49,12 @@ def route_of(setup: PoseSetup, poses: Candidates, rng: np.random.Generator) -> R
     for k in range(1, poses.size):
         stops = axes[k - 1 : k + 1]
         if station[k] == station[k - 1]:  # else a person moves instrument and robot
-            move = (setup, int(station[k]), stops[:1], stops[1:])
-            if not in_stroke(*move):
-                released.append(k)
-            if not clear_moves(*move)[0]:
+            place = setup.stations[int(station[k])]
+            if setup.instrument.measured == "length":
+                _, frames = _along(setup, place, stops[:1], stops[1:])
+                if _outside(setup, place, frames).any():  # the instrument cannot stay on it
+                    released.append(k)
+            if not clear_moves(setup, int(station[k]), stops[:1], stops[1:])[0]:
                 middle = _intermediate(setup, int(station[k]), stops[0], stops[1], rng)
                 if middle is None:
                     blocked.append(k)
@@ -77,14 +79,6 @@ def clear_moves(setup: PoseSetup, station: int, begin: Array, end: Array) -> NDA
         apart = np.where(leaving[owner], apart, rod)
     close = apart < setup.request.limits.clearance_m
     return np.asarray(np.bincount(owner, close, len(begin)) == 0)
-
-
-def in_stroke(setup: PoseSetup, station: int, begin: Array, end: Array) -> bool:
-    """Whether a length instrument may stay on the target during moves from begin to end (M, J)."""
-    place = setup.stations[station]
-    return setup.instrument.measured != "length" or not bool(
-        _outside(setup, place, _along(setup, place, begin, end)[1]).any()
-    )
 
 
 def _along(

@@ -1,4 +1,4 @@
-"""What stands in the cell of a request: robot, instrument, seats, targets and axis limits, in SI.
+"""Cell of a request for still poses: robot, instrument, seats, targets and axis limits, in SI.
 
 A station is a seat with a target: one placement of the instrument that measures one ball or
 reflector on the flange. Poses are planned in the controller's axis angles, since limits apply to

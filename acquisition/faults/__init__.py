@@ -1,1 +1,1 @@
-"""What can be wrong with a logged row, one module a kind."""
+"""Faults of logged rows, one module a kind."""

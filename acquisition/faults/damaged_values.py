@@ -49,7 +49,7 @@ _SAMPLE = 2000  # rows, whose median gives the noise to 3 %
 
 
 class _Log(NamedTuple):
-    """What is judged, and by what."""
+    """The values that are judged, and the noise by which they are."""
 
     t: Array  # (N,) [s]
     values: Array  # (N, C) [rad]
@@ -70,13 +70,12 @@ class _Notable(NamedTuple):
 def damaged_values(t: Array, values: Array, breaks: Mask) -> Mask:
     """(N, C) values that their neighbours contradict.
 
-    t : (N,) [s]. values : (N, C) [rad]. breaks : (N,) rows at which a new stretch begins; rows on
-        the
-        other side of a break are no neighbours.
+    t : (N,) [s]. values : (N, C) [rad]. breaks : (N,) rows at which a new stretch begins; rows
+        on the other side of a break are no neighbours.
     """
-    out = np.zeros(values.shape, dtype=bool)
+    damaged = np.zeros(values.shape, dtype=bool)
     if t.size <= _JUDGES + 1:
-        return out
+        return damaged
     firsts = np.union1d(0, np.flatnonzero(breaks))
     lasts = np.append(firsts[1:], t.size) - 1
     period = float(np.median(np.diff(t), overwrite_input=True))
@@ -88,14 +87,14 @@ def damaged_values(t: Array, values: Array, breaks: Mask) -> Mask:
         for k in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
             if k.size:
                 row, channel = sets.row[k], sets.channel[k]
-                _mark(out, row, channel, _contradicted(log, row, channel, apart, None), apart)
+                _mark(damaged, row, channel, _contradicted(log, row, channel, apart, None), apart)
     for _ in range(_CLOSE):
-        row, channel = _beside(out)
-        if not row.size or not (again := _contradicted(log, row, channel, 0, out)[:, 0]).any():
+        row, channel = _beside(damaged)
+        if not row.size or not (again := _contradicted(log, row, channel, 0, damaged)[:, 0]).any():
             break
-        out[row[again], channel[again]] = True
-    _mark_bursts(out, log, notable)
-    return out
+        damaged[row[again], channel[again]] = True
+    _mark_bursts(damaged, log, notable)
+    return damaged
 
 
 def load_scale(loads: Array) -> Array:

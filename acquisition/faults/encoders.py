@@ -145,7 +145,7 @@ def counter_scales(fitted: Fitted) -> dict[str, float]:
 def counter_words(table: Table, fitted: Fitted) -> Counts:
     """(N, E) [counts] counter words of the fitted encoders.
 
-    Raises LogError for a word that is no 32-bit counter.
+    Raises LogError for a word that is no 32-bit counter, or a counter that wraps as one of 16 bits.
     """
     for encoder in fitted.values():
         counter = table.columns[encoder.column]
@@ -156,30 +156,23 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
             raise LogError(
                 f"{table.location(outside[0])}: column {encoder.column}: {counter[outside[0]]} is "
                 f"no 32-bit counter word. Expected UDINT, 0 to {WORD - 1}, or DINT, {-WORD // 2} "
-                f"to {WORD // 2 - 1}. "
-                "Log it as one of these."
+                f"to {WORD // 2 - 1}. Log it as one of these."
             )
-        _refuse_short_words(table, encoder.column)
+        rows = np.flatnonzero(usable(table.flags))
+        counter = counter[rows]
+        wraps = np.flatnonzero(np.abs(np.diff(counter)) > SHORT_WORD // 2)
+        if wraps.size > SOME_WRAPS and np.ptp(counter) < SHORT_WORD:
+            raise LogError(
+                f"{table.location(rows[wraps[0] + 1])}: column {encoder.column}: the counter lies "
+                f"within {counter.min()} to {counter.max()} and jumps from one end to the other "
+                f"{wraps.size} times, as the lower 16 bits of a counter do. Log the whole word, "
+                "UDINT or DINT."
+            )
     return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
 
 
-def _refuse_short_words(table: Table, column: str) -> None:
-    """Raises LogError for a counter that wraps as one of 16 bits does."""
-    counter = table.columns[column][usable(table.flags)]
-    if not counter.size or np.ptp(counter) >= SHORT_WORD:
-        return
-    wraps = np.flatnonzero(np.abs(np.diff(counter)) > SHORT_WORD // 2)
-    if wraps.size > SOME_WRAPS:
-        raise LogError(
-            f"{table.location(np.flatnonzero(usable(table.flags))[wraps[0] + 1])}: column "
-            f"{column}: the counter lies within {counter.min()} to {counter.max()} and jumps from "
-            f"one end to the other {wraps.size} times, as the lower 16 bits of a counter do. Log "
-            "the whole word, UDINT or DINT."
-        )
-
-
 def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) -> Table:
-    """The table with rows flagged to which no motion leads, or from which a counter counts anew.
+    """The table with rows flagged to which no motion leads, or from which a counter counts again.
 
     t : (N,) [s]. words : (N, E) counter words. Rows with excluding flags are not looked at.
     Raises LogError if the encoders would turn too fast throughout.
@@ -240,10 +233,10 @@ def encoder_angles(words: Counts, valid: Mask, fitted: Fitted) -> Array:
     return np.stack(columns).T
 
 
-def with_counts_checked(table: Table, words: Counts, fitted: Fitted, *, robot_moves: bool) -> Table:
-    """The table itself; words : (N, E) counter words.
+def refuse_standing(table: Table, words: Counts, fitted: Fitted, *, robot_moves: bool) -> None:
+    """Raises LogError for a counter that stands while others, or the robot, move.
 
-    Raises LogError for a counter that stands while others, or the robot, move.
+    words : (N, E) counter words.
     """
     valid = usable(table.flags)
     first = words[int(np.argmax(valid))]
@@ -255,4 +248,3 @@ def with_counts_checked(table: Table, words: Counts, fitted: Fitted, *, robot_mo
             f"{name} is {first[standing[0]]} in every row while the others or the robot move. "
             "Check the cable, or remove the encoder from recording.yaml."
         )
-    return table

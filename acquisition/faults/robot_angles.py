@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.dialect import AngleKind
 from cell.errors import LogError
+from cell.file_units import AngleUnit
 from cell.neighbours import Rows
 from cell.robot_angles import (
     controller_to_joints,
@@ -26,8 +26,6 @@ from cell.robot_angles import (
     joints_to_motors,
     motors_to_joints,
 )
-
-Unit = Literal["rad", "deg"]
 
 # [rad] 0.1 deg beyond a limit that is named: limits are stated in whole degrees, logs are rounded,
 # and a controller that stops at its limit overshoots by less.
@@ -39,10 +37,10 @@ _BLOCK = 4096  # rows at a time, as in cell.robot_angles
 
 @dataclass(frozen=True)
 class Reading:
-    """What the numbers of a robot's log are taken for."""
+    """The kind and unit for which the numbers of a robot's log are taken."""
 
     kind: AngleKind
-    unit: Unit
+    unit: AngleUnit
 
     def __str__(self) -> str:
         kinds = {"motors": "motor angles", "axes": "axis angles", "joints": "joint angles"}
@@ -73,8 +71,8 @@ class Reading:
     def scales(self, robot: Robot, columns: Sequence[str]) -> dict[str, float]:
         """[rad] by which a unit of each column turns the joint that it turns most."""
         unit = np.vstack((np.zeros(robot.joints), np.eye(robot.joints)))
-        turned = self.joints(robot, unit)
-        most = np.abs(turned[1:] - turned[0]).max(axis=1)
+        joints = self.joints(robot, unit)
+        most = np.abs(joints[1:] - joints[0]).max(axis=1)
         return dict(zip(columns, most.tolist(), strict=True))
 
 

@@ -1,15 +1,13 @@
 """Segments of a log: stretches of one clock and one counter reference, and which can be joined.
 
-A segment begins where the logger ran anew, where the clock was set, where a counter was reset, and
-after a pause. Two of them can be used as one log if nothing of what joins them is lost:
+A segment begins where the logger started again, where the clock was set, where a counter was reset,
+and after a pause. Two of them can be used as one log if nothing of what joins them is lost:
 
-- The clock was set back and the motion goes on: the rows behind are put one period after the last.
-What that
-  is off by is at most a late row, and identification measures steps of the clock
+- The clock was set back and the motion goes on: the rows after it are put one period after the
+  last. That is off by a late row at most, and identification measures steps of the clock
   (ident.signals.steps).
 - The clock goes on, forth or after a pause, and so do the counters: nothing to be done. Whether a
-pause was
-  one, or the clock jumped, is seen from the motion, in identification.
+  pause was one, or the clock jumped, is seen from the motion, in identification.
 - A counter was reset between two neighbouring rows: the motion on both sides shows by how much, in
   identification.
 
@@ -35,7 +33,7 @@ from cell.arrays import Array
 from cell.errors import LogError
 from cell.neighbours import Mask, Rows
 
-# Whether all counters started anew between two rows, each of which may be missing.
+# Whether all counters started again between two rows, each of which may be missing.
 PoweredUp = Callable[[int | None, int | None], bool]
 
 PAUSE = 0.5  # [s] without rows: a new segment
@@ -58,11 +56,11 @@ class Segments:
 
 @dataclass(frozen=True, eq=False)
 class _Log:
-    """What the boundaries between segments are judged by."""
+    """The data by which boundaries between segments are judged."""
 
     angles: Array  # (N, C) [rad]
     valid: Mask  # (N,) rows whose angles mean something
-    begins: Mask  # (N,) rows from which the logger ran anew
+    begins: Mask  # (N,) rows at which the logger started again
     reset: Rows  # rows at which a counter was preset or jumped
     powered_up: PoweredUp | None
     period: float  # [ns]
@@ -70,7 +68,7 @@ class _Log:
 
 
 class _Boundary(NamedTuple):
-    """What happened between two rows."""
+    """An event between two rows."""
 
     kind: str  # empty for nothing that is reported
     severity: Severity = "warning"
@@ -133,7 +131,7 @@ def find_segments(
 
 
 def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
-    """What happened between `row` and the row before; stamps (N,) [ns], joined up to there."""
+    """The event between `row` and the row before; stamps (N,) [ns], joined up to there."""
     before = next((k for k in range(row - 1, -1, -1) if log.valid[k]), None)
     behind = next((k for k in range(row, stamps.size) if log.valid[k]), None)
     elapsed = float(stamps[row] - stamps[row - 1])

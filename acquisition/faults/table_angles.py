@@ -87,8 +87,15 @@ def fits(robot: Robot, reading: Reading, logged: Array) -> bool:
     return not (excess(robot, joints_to_axes(robot, reading.joints(robot, logged))) > FAR).any()
 
 
-def limit_findings(robot: Robot, rows: PoseRows, q: Array) -> tuple[Finding, ...]:
-    """Poses whose joint angles q (N, J) [rad] put an axis beyond its limits by more than 1 deg."""
+def angle_findings(
+    robot: Robot, rows: PoseRows, reading: Reading, logged: Array
+) -> tuple[Finding, ...]:
+    """Findings about logged angles (N, J).
+
+    Axes more than 1 deg beyond their limits, that never move or lie on a grid, and poses that the
+    table has before.
+    """
+    q = reading.joints(robot, logged)
     axes = joints_to_axes(robot, q)
     over = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
     axis = int(over.max(axis=0).argmax())
@@ -96,35 +103,25 @@ def limit_findings(robot: Robot, rows: PoseRows, q: Array) -> tuple[Finding, ...
         f"axis {axis + 1} of {robot.name} lies up to {np.rad2deg(over[:, axis].max()):.3g} deg "
         "beyond its limits."
     )
-    return rows.remark("beyond axis limits", sentence, (over > _BEYOND).any(axis=1))
-
-
-def angle_findings(rows: PoseRows, logged: Array, unit: AngleUnit) -> tuple[Finding, ...]:
-    """Findings about logged angles (N, J) in `unit`: axes on a grid, axes that never move."""
-    findings = list[Finding]()
-    still = np.ptp(logged, axis=0) * RADIANS[unit] < _STANDS
+    findings = [*rows.remark("beyond axis limits", sentence, (over > _BEYOND).any(axis=1))]
+    still = np.ptp(logged, axis=0) * RADIANS[reading.unit] < _STANDS
     if still.all() and len(logged) > 1:
         sentence = "no axis moves over the whole table. Are these the columns of the angles?"
         findings += rows.remark("joints stand still", sentence)
     elif still.any() and len(logged) > 1:
-        axes = _axes(np.flatnonzero(still).tolist())
-        findings += rows.remark("axis stands still", f"{axes} never moves.")
+        standing = _axes(np.flatnonzero(still).tolist())
+        findings += rows.remark("axis stands still", f"{standing} never moves.")
     steps: dict[tuple[float, AngleUnit], list[int]] = {}
-    for axis in np.flatnonzero(~still).tolist():
-        if (step := _grid(logged[:, axis], unit)) is not None:
-            steps.setdefault(step, []).append(axis)
-    for (size, of_unit), rounded in steps.items():
-        sentence = f"all angles of {_axes(rounded)} are whole multiples of {size:g} {of_unit}."
+    for k in np.flatnonzero(~still).tolist():
+        if (step := _grid(logged[:, k], reading.unit)) is not None:
+            steps.setdefault(step, []).append(k)
+    for (size, unit), rounded in steps.items():
+        sentence = f"all angles of {_axes(rounded)} are whole multiples of {size:g} {unit}."
         findings += rows.remark("angles on a grid", sentence)
-    return tuple(findings)
-
-
-def repeated(rows: PoseRows, q: Array) -> tuple[Finding, ...]:
-    """A finding about poses of q (N, J) [rad] that the table has before."""
     again = np.zeros(len(q), dtype=bool)
     again[cKDTree(q).query_pairs(_SAME, output_type="ndarray").max(axis=1)] = True
     sentence = "the joint angles of a row before; keep such rows on one side of a split."
-    return rows.remark("repeated pose", sentence, again)
+    return (*findings, *rows.remark("repeated pose", sentence, again))
 
 
 def _grid(angles: Array, unit: AngleUnit) -> tuple[float, AngleUnit] | None:

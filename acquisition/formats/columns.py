@@ -1,4 +1,4 @@
-"""What device files that are no plain tables share: the wanted columns, and the table of a file."""
+"""Steps that device files share which are no plain tables: their wanted columns, their table."""
 
 from __future__ import annotations
 

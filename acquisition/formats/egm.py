@@ -75,6 +75,11 @@ def decode(message: bytes) -> EgmFeedback:
     return _remembered(message) if len(message) <= USUAL_MESSAGE else _decoded(message)
 
 
+def _damaged(what: str) -> LogError:
+    """The error about a message that no controller sends."""
+    return LogError(f"EGM message: {what} {_REMEDY}")
+
+
 def _decoded(message: bytes) -> EgmFeedback:
     """The feedback in one message; raises as `decode`."""
     robot = _submessages(message)
@@ -145,15 +150,10 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
         clock = {number: value for number, wire, value in fields if wire == _VARINT}
         seconds, ticks = clock.get(1), clock.get(2)
         if not isinstance(seconds, int) or not isinstance(ticks, int):
-            raise LogError(
-                f"EGM message: a time {clock} without seconds, or without its fraction. {_REMEDY}"
-            )
+            raise _damaged(f"a time {clock} without seconds, or without its fraction.")
         time_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // ticks_per_second)
         if ticks >= ticks_per_second or time_ns >= 2**63:
-            raise LogError(
-                f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be. "
-                f"{_REMEDY}"
-            )
+            raise _damaged(f"a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be.")
         return time_ns
     return None
 
@@ -164,12 +164,10 @@ def _doubles(message: bytes, what: str) -> tuple[float, ...]:
     for number, wire, value in _fields(message):
         if number == 1 and wire in (_FIXED64, _BYTES) and isinstance(value, bytes):
             if len(value) % 8:
-                raise LogError(
-                    f"EGM message: {what} of {len(value)} bytes; a double has 8. {_REMEDY}"
-                )
+                raise _damaged(f"{what} of {len(value)} bytes; a double has 8.")
             values += struct.unpack(f"<{len(value) // 8}d", value)
     if not all(math.isfinite(number) for number in values):
-        raise LogError(f"EGM message: {what} {tuple(values)} are not finite. {_REMEDY}")
+        raise _damaged(f"{what} {tuple(values)} are not finite.")
     return tuple(values)
 
 
@@ -189,9 +187,7 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
         key, at = _varint(message, at)
         number, wire = key >> 3, key & 7
         if not 0 < number < 2**29:
-            raise LogError(
-                f"EGM message: field number {number} at byte {at - 1} cannot be. {_REMEDY}"
-            )
+            raise _damaged(f"field number {number} at byte {at - 1} cannot be.")
         if wire == _VARINT:
             value, at = _varint(message, at)
             yield number, wire, value
@@ -201,15 +197,9 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
         elif wire in (_FIXED64, _FIXED32):
             length = 8 if wire == _FIXED64 else 4
         else:
-            raise LogError(
-                f"EGM message: field {number} has wire type {wire}, which EGM does not use. "
-                f"{_REMEDY}"
-            )
+            raise _damaged(f"field {number} has wire type {wire}, which EGM does not use.")
         if length > len(message) - at:
-            raise LogError(
-                f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left. "
-                f"{_REMEDY}"
-            )
+            raise _damaged(f"field {number} claims {length} bytes, {len(message) - at} are left.")
         yield number, wire, message[at : at + length]
         at += length
 
@@ -223,4 +213,4 @@ def _varint(message: bytes, at: int) -> tuple[int, int]:
         value |= (byte & 0x7F) << (7 * i)
         if byte < 0x80:
             return value & (2**64 - 1), at + i + 1
-    raise LogError(f"EGM message: the number at byte {at} has no end. {_REMEDY}")
+    raise _damaged(f"the number at byte {at} has no end.")

@@ -56,8 +56,7 @@ def read_json_lines(path: Path, file: str, time: str, layout: Layout) -> tuple[T
         raise LogError(
             f"{file}:{text.number[damaged[0]]}: {damaged.size} of {len(samples)} lines are no "
             f"object with numbers for {', '.join(wanted)}: {line[:60]!r}. Whole numbers are needed "
-            f"for {time}. "
-            "Copy the file again, or remove these lines."
+            f"for {time}. Copy the file again, or remove these lines."
         )
     table = one_file({}, file, text.number, text.findings)
     if damaged.size:

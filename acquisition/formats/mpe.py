@@ -54,12 +54,12 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         )
     wanted = (time, *wanted_columns(layout, time, names, file))
     width = 4 * len(names)
-    rest = (len(raw) - at) % width
-    if rest:
-        first, last = len(raw) - rest, len(raw) - 1
-        sentence = f"the last row has {rest} of {width} bytes (bytes {first} to {last}); dropped."
+    torn = (len(raw) - at) % width
+    if torn:
+        first, last = len(raw) - torn, len(raw) - 1
+        sentence = f"the last row has {torn} of {width} bytes (bytes {first} to {last}); dropped."
         findings.append(finding("torn row", "repaired", file, sentence, count=1))
-    numbers = np.frombuffer(raw, dtype="<f4", offset=at, count=(len(raw) - at - rest) // 4)
+    numbers = np.frombuffer(raw, dtype="<f4", offset=at, count=(len(raw) - at - torn) // 4)
     with np.errstate(invalid="ignore"):  # signalling NaNs, refused below
         rows = numbers.reshape(-1, len(names)).astype(np.float64)
     # A power loss leaves a block of zeros at the end; the first row may be zero.

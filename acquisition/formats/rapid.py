@@ -2,7 +2,7 @@
 
     CONST jointtarget p10:=[[0,-15.2,30,0,45,10],[9E9,9E9,9E9,9E9,9E9,9E9]];
 
-Angles are degrees of the controller's axes. Targets of an array and of `MoveAbsJ` are read alike,
+Angles are degrees of the controller's axes. Targets of an array and of `MoveAbsJ` are read too,
 comments (`! ...`) are not. Source: ABB, Technical reference manual RAPID, jointtarget.
 """
 

@@ -1,6 +1,6 @@
 """ROS 2 bags (SQLite `.db3`, or MCAP) as a table: stamps and positions of the wanted joints.
 
-The stamp is header.stamp, on the clock of whoever published; the time of recording is the
+The stamp is header.stamp, on the publisher's clock; the time of recording is the
 network's. Several publishers may share a topic, each with joints of its own: read are the
 JointState messages that name all wanted joints, in whatever order.
 """

@@ -27,7 +27,7 @@ SILENCE = 2.0
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
 # Messages; a network may swap neighbours, a new session goes back further.
 _REORDERED = 10
-# Messages a poll: whoever sends faster than they are read must not keep a poll from ending.
+# Messages a poll: a sender faster than the reader must not keep a poll from ending.
 _MOST = 10_000
 _LONGEST_POLL = 0.1  # [s] of a poll, for the same reason
 _LONGEST = 4096  # bytes of a message; a robot's have some hundred
@@ -60,11 +60,11 @@ class EgmSource:
             self._socket.bind((address, port))
         except OSError as error:
             self._socket.close()
-            known = {
+            reasons = {
                 errno.EADDRINUSE: "another program listens there",
                 errno.EADDRNOTAVAIL: "no network card has this address",
             }
-            reason = known.get(error.errno or 0, error.strerror)
+            reason = reasons.get(error.errno or 0, error.strerror)
             raise InputError(
                 f"--egm {address}:{port}: {reason}. Name another port or address."
             ) from None
@@ -141,13 +141,13 @@ class EgmSource:
             last = number if last is None else max(last, number)
         self._last_seqno = last
         ends = "the controller started a new EGM session" if self._held else ""
-        shown = [feedback for _, feedback in messages if len(feedback.joints_deg) >= _AXES]
-        angles = [feedback.joints_deg[:_AXES] for feedback in shown]
-        stamps = [(f.tm_ms or 0) * 1_000_000 if f.time_ns is None else f.time_ns for f in shown]
+        complete = [feedback for _, feedback in messages if len(feedback.joints_deg) >= _AXES]
+        angles = [feedback.joints_deg[:_AXES] for feedback in complete]
+        stamps = [(f.tm_ms or 0) * 1_000_000 if f.time_ns is None else f.time_ns for f in complete]
         return Batch(
             records=[frame(content) for content, _ in messages],
             t_ns=np.array(stamps, dtype=np.int64),
-            values=np.array(angles, dtype=np.float64).reshape(len(shown), _AXES),
+            values=np.array(angles, dtype=np.float64).reshape(len(complete), _AXES),
             status=np.zeros(0, dtype=np.int64),
             lost=lost,
             refused=refused,

@@ -32,7 +32,7 @@ _MISSING: dict[SourceName, str] = {
 
 @dataclass(frozen=True)
 class CellNames:
-    """What stands in the cell, as recording.yaml names it, and the lines of its encoders."""
+    """Robot, ball-bar and plate as recording.yaml names them, and the lines of the encoders."""
 
     robot: str
     ballbar: str
@@ -116,7 +116,7 @@ class RecordingFolder:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What the recording still needs before it can be read, as phrases."""
+        """Phrases for everything that the recording still needs before it can be read."""
         return tuple(words for name, words in _MISSING.items() if name not in self._files)
 
     def _write(self, notes: str) -> None:

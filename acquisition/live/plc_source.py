@@ -112,10 +112,10 @@ class PlcSource:
         """(N, K) [deg] turned since the first sample of the recording; counter (N, K) words."""
         if not len(counter):
             return np.zeros(counter.shape)
-        last, turned = self._last or (counter[0], np.zeros(counter.shape[1], dtype=np.int64))
+        last, total = self._last or (counter[0], np.zeros(counter.shape[1], dtype=np.int64))
         words = np.vstack((last, counter)).T
         counts = np.stack([unwrap_counter(column) for column in words], axis=1)
-        counts += turned - counts[0]
+        counts += total - counts[0]
         self._last, bits = (counter[-1], counts[-1]), self.encoders.bits
         return np.rad2deg(counts_to_rad(counts[1:], lines=self._lines, bits=bits, sign=1))
 

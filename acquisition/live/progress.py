@@ -1,4 +1,4 @@
-"""What a recorder has done so far: records, losses, gaps, rate, angles, faults of encoders."""
+"""Progress of a recorder: records, losses, gaps, rate, angles, faults of encoders."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class RecorderState(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """What a recorder has done so far."""
+    """Counts and latest values of a recorder."""
 
     name: SourceName
     state: RecorderState = RecorderState.WAIT

@@ -57,7 +57,7 @@ class Recorder:
 
     @property
     def progress(self) -> Progress:
-        """What has been done so far; may be read from any thread."""
+        """The progress so far; may be read from any thread."""
         return self._tally.progress
 
     def run(self) -> None:
@@ -213,7 +213,7 @@ class LiveRecording:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What the recording still needs before it can be read, as phrases."""
+        """Phrases for everything that the recording still needs before it can be read."""
         return self._folder.missing
 
     def wait(self, seconds: float = POLL) -> bool:
@@ -242,7 +242,7 @@ class LiveRecording:
 
 
 def notes(progress: Progress) -> list[str]:
-    """What a reader of the recording should know of a source, as sentences."""
+    """Sentences about a source that a reader of the recording should know."""
     sentences = [
         f"{progress.name}: segment {i} ended: {event}."
         for i, event in enumerate(progress.events, start=1)

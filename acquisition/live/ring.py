@@ -87,13 +87,13 @@ class RingReader:
         return Taken(samples, lost)
 
     def _slots(self, first: int, count: int, capacity: int) -> NDArray[np.void]:
-        parts, at = [np.zeros(0, dtype=SAMPLE)], first
-        while at < first + count:  # twice where the ring's end lies between
-            slot = at % capacity
-            size = min(first + count - at, capacity - slot)
+        parts, number = [np.zeros(0, dtype=SAMPLE)], first
+        while number < first + count:  # twice where the ring ends between
+            slot = number % capacity
+            size = min(first + count - number, capacity - slot)
             raw = self._read(HEADER.itemsize + slot * SAMPLE.itemsize, size * SAMPLE.itemsize)
             parts.append(np.frombuffer(raw, dtype=SAMPLE))
-            at += size
+            number += size
         return np.concatenate(parts)
 
     def _living_header(self) -> _Header:

@@ -1,4 +1,4 @@
-"""What a recorder expects of a device: whole records of its log, as they become available."""
+"""The protocol of a device: it delivers whole records of its log as they become available."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DeviceSilentError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What a device delivered since the last poll."""
+    """Records that a device delivered since the last poll."""
 
     records: list[bytes]  # lines or frames of the file, each complete
     t_ns: NDArray[np.int64]  # (N,) [ns] the device's stamps of the records
@@ -52,7 +52,7 @@ class Source(Protocol):
     channels: tuple[str, ...]  # names of the columns of Batch.values
 
     def file_start(self) -> bytes:
-        """What stands before the records in each file."""
+        """Bytes before the records in each file."""
 
     def connect(self) -> None:
         """Raises DeviceSilentError when the device does not answer."""

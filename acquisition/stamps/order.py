@@ -1,7 +1,7 @@
 """Time stamps of a log: order, duplicates, gaps, and float seconds counted from the first row.
 
 Stamps are integer nanoseconds until the first one has been subtracted. A stamp that goes back means
-that the clock was set or the recorder started anew: a new segment. Rows are put in another order
+that the clock was set or the recorder started again: a new segment. Rows are put in another order
 only where their sequence numbers say so.
 """
 
@@ -45,19 +45,7 @@ def in_sequence(table: Table, sequence: str | None) -> Table:
             f"{table.location(row)}: time stamp {stamps[row] * 1e-9:.9g} s is negative. "
             "Log a clock that counts up from its start, or cut this row out."
         )
-    if sequence is None or sequence not in table.columns:
-        return table
-    return _by_sequence(table, sequence)
-
-
-def in_order(table: Table) -> Table:
-    """The rows of one file without damaged and repeated stamps.
-
-    Of rows with the same stamp the first remains. Stamps that go back for good remain: a new
-    segment begins there (acquisition.faults.segments).
-    Raises LogError where too many stamps are out of place, or the clock is too coarse.
-    """
-    return _without_repeats(_without_strays(table))
+    return table if sequence not in table.columns else _by_sequence(table, sequence)
 
 
 def _by_sequence(table: Table, sequence: str) -> Table:
@@ -80,8 +68,8 @@ def _by_sequence(table: Table, sequence: str) -> Table:
     sentence = "rows put in the order of their sequence numbers."
     table = table.remarked("rows out of order", "repaired", sentence, rows=late).take(order)
     table = table.flagged(order != np.arange(order.size), RowFlag.REORDERED)
-    anew = np.diff(stretch[order], prepend=0) > 0
-    return replace(table, begins=table.begins | anew)
+    restarted = np.diff(stretch[order], prepend=0) > 0
+    return replace(table, begins=table.begins | restarted)
 
 
 def _without_strays(table: Table) -> Table:
@@ -114,8 +102,14 @@ def _without_strays(table: Table) -> Table:
     return table.remarked("damaged stamp", "repaired", sentence, rows=rows).take(~stray)
 
 
-def _without_repeats(table: Table) -> Table:
-    """The rows without those that have the stamp of the row before."""
+def in_order(table: Table) -> Table:
+    """The rows of one file without damaged and repeated stamps.
+
+    Of rows with the same stamp the first remains. Stamps that go back for good remain: a new
+    segment begins there (acquisition.faults.segments).
+    Raises LogError where too many stamps are out of place, or the clock is too coarse.
+    """
+    table = _without_strays(table)
     step = np.diff(table.columns[STAMP])
     repeated = np.flatnonzero(step == 0) + 1
     if not repeated.size:

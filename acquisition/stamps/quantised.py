@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -63,11 +63,7 @@ def spread(table: Table, declared: bool | None = None) -> Table:
     # Counted from the first row, a float64 of steps is exact to a nanosecond.
     shown = (stamps - stamps[0]) / step
     cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
-    every = (
-        line
-        for part in np.split(np.arange(stamps.size), cuts)
-        for line in _lines(shown, int(part[0]), int(part[-1]) + 1)
-    )
+    every = _lines(shown, [0, *cuts.tolist(), stamps.size])
     most = stamps.size if declared else int(1 + cuts.size + ENDING * rarer)
     lines = list(islice(every, most))
     if next(every, None):
@@ -132,12 +128,17 @@ def _step(table: Table) -> int:
     return coarse if (np.abs(counts - np.rint(counts)) < BETWEEN).all() else exact
 
 
-def _lines(shown: Array, first: int, stop: int) -> Iterator[tuple[int, int]]:
-    """First row of each line, and the row behind its last; shown (N,) [steps]."""
-    while first < stop:
-        behind = _furthest(shown, first, stop)
-        yield first, behind
-        first = behind
+def _lines(shown: Array, parts: list[int]) -> Iterator[tuple[int, int]]:
+    """First row of each line, and the row behind its last; shown (N,) [steps].
+
+    parts : first rows of the parts that have lines of their own, and the number of rows.
+    """
+    for begin, stop in pairwise(parts):
+        first = begin
+        while first < stop:
+            behind = _furthest(shown, first, stop)
+            yield first, behind
+            first = behind
 
 
 def _furthest(shown: Array, first: int, stop: int) -> int:

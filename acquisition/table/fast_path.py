@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from acquisition.report import Finding
-from acquisition.table.header import PREAMBLE, Header, Kind, Layout, read_header
+from acquisition.table.header import PREAMBLE, Header, Layout, read_header
 from acquisition.table.text import LONGEST_LINE, Content, LogText, text_of, unterminated
 from cell.errors import LogError
 
@@ -98,8 +98,15 @@ def _columns(source: BinaryIO, header: Header, size: int) -> dict[str, NDArray[A
         row += table.num_rows
         end += len(part)
     source.seek(end)
-    plain = bool(row) and all(_plain(columns[name], kind) for name, kind in header.columns.items())
-    return columns if plain else None
+    for name, kind in header.columns.items():
+        if columns[name].dtype.kind == "f" and row:
+            lower, upper = (
+                float(columns[name].min()),
+                float(columns[name].max()),
+            )  # NaN where one is
+            if not np.isfinite(upper - lower) or (kind == "decimal" and max(-lower, upper) > FINE):
+                return None  # not finite, or digits were lost
+    return columns if row else None
 
 
 def _read(source: BinaryIO, size: int) -> Iterator[bytes]:
@@ -125,7 +132,11 @@ def _parts(source: BinaryIO, size: int) -> Iterator[bytes]:
 
 def _parsed(part: bytes, header: Header) -> pa.Table | None:
     """The wanted columns of some lines, named f0, f1, ... by position; None if not plain."""
-    if _passes_unseen(part, header):
+    # What pyarrow takes though it is not plain: hexadecimal integers, anything in unread columns.
+    integers = {"integer", "text"} & set(header.columns.values())
+    if integers and (b"x" in part or b"X" in part):
+        return None
+    if _unread(header) and not _plain_unread(part):
         return None
     fields = [f"f{k}" for k in range(len(header.names))]
     kinds = zip(header.positions, header.columns.values(), strict=True)
@@ -152,17 +163,6 @@ def _put(out: NDArray[Any], column: pa.ChunkedArray) -> None:
         row += len(part)
 
 
-def _passes_unseen(part: bytes, header: Header) -> bool:
-    """Whether rows may hold what pyarrow takes though it is not plain.
-
-    Hexadecimal integers, and anything in columns that are not read.
-    """
-    integers = {"integer", "text"} & set(header.columns.values())
-    if integers and (b"x" in part or b"X" in part):
-        return True
-    return _unread(header) and not _plain_unread(part)
-
-
 def _unread(header: Header) -> bool:
     """Whether there are columns that are not read."""
     return len(header.names) > len(header.columns)
@@ -170,11 +170,3 @@ def _unread(header: Header) -> bool:
 
 def _plain_unread(part: bytes) -> bool:
     return not (b'"' in part or b"\0" in part) and part.isascii()
-
-
-def _plain(column: NDArray[Any], kind: Kind) -> bool:
-    """Whether all numbers of a column (N,) are finite, and none has lost digits."""
-    if column.dtype.kind == "i":
-        return True
-    lower, upper = float(column.min()), float(column.max())  # NaN if there is one
-    return bool(np.isfinite(upper - lower)) and (kind != "decimal" or max(-lower, upper) <= FINE)

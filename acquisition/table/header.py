@@ -25,7 +25,7 @@ PREAMBLE = 200  # lines before a header, at most
 
 @dataclass(frozen=True)
 class Remedies:
-    """What errors about a table advise, by the file that describes its columns."""
+    """Advice in errors about a table, by the file that describes its columns."""
 
     description: str = "recording.yaml"
     missing: str = "Log them, or name the dialect of this file."
@@ -221,8 +221,10 @@ def _columns_in(
     columns = wanted | {name: kind for name, kind in layout.optional.items() if positions[name]}
     findings: tuple[Finding, ...] = ()
     if unused:
-        sentence = f"{_listed(unused)}.{_misspelt(names, unused, layout)}"
-        count = len(unused)
+        absent = (name for name in layout.optional if not positions[name])
+        similar = ((name, other) for name in absent if (other := _nearest(name, unused)))
+        meant = [f" Is {other!r} meant for {name}? Then rename it." for name, other in similar]
+        sentence, count = f"{_listed(unused)}.{''.join(meant[:1])}", len(unused)
         findings = (finding("column not used", "warning", line.file, sentence, count=count),)
     return names, columns, tuple(positions[name][0] for name in columns), findings
 
@@ -314,14 +316,6 @@ def _columns(names: list[str]) -> str:
 def _meant(missing: str, unused: list[str]) -> str:
     similar = _nearest(missing, unused)
     return f" Is {similar!r} meant?" if similar else ""
-
-
-def _misspelt(names: list[str], unused: list[str], layout: Layout) -> str:
-    """A question about an absent optional column whose name is nearly that of an unused one."""
-    for name in layout.optional:
-        if not selectors.find(name, names) and (similar := _nearest(name, unused)):
-            return f" Is {similar!r} meant for {name}? Then rename it."
-    return ""
 
 
 def _nearest(wanted: str, unused: list[str]) -> str | None:

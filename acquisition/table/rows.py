@@ -57,7 +57,7 @@ class _Lines:
     findings: tuple[Finding, ...] = ()
 
     def take(self, rows: NDArray[np.intp]) -> _Lines:
-        """Those of the lines; a row behind one that is left out begins what that one began."""
+        """The chosen lines; a row behind one that is left out begins what that one began."""
         begins = np.diff(np.cumsum(self.begins)[rows], prepend=0) > 0
         lines = [self.lines[i] for i in rows]
         return replace(self, lines=lines, number=self.number[rows], begins=begins)
@@ -82,7 +82,13 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
     Raises LogError if there are none, if more than TORN_LIMIT are torn, or if commas and points are
     mixed.
     """
-    rows = _without_headers(_below_header(text, header), header.line)
+    rows = _below_header(text, header)
+    if header.line and header.line in rows.lines:
+        again = np.array([line == header.line for line in rows.lines], dtype=bool)
+        sentence = "the header stands here again: the logger was restarted; a new segment."
+        number = rows.number[again]
+        rows = replace(rows, begins=again).take(np.flatnonzero(~again))
+        rows = rows.remarked("header again", "repaired", sentence, lines=number)
     if not rows.lines:
         raise UnfinishedLogError(
             f"{text.file}: a header but no complete row below it. Is the file cut off? "
@@ -93,12 +99,14 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
         rows = replace(rows, lines=tabbed, separator="\t")
     rows = _full_rows(_without_end(rows), header, layout.remedies)
     rows, commas = _with_decimal_commas(rows, header, layout)
+    plain = [_unquoted(line, rows.separator) for line in rows.lines] if rows.quoted else rows.lines
+    plain = [line.replace(",", ".") for line in plain] if commas else plain
     repaired = np.zeros(len(rows.lines), dtype=bool)
     repaired[0] = bool(header.glued)
     return PlainRows(
         file=text.file,
         lines=rows.lines,
-        plain=_plain_lines(rows, commas=commas),
+        plain=plain,
         separator=rows.separator,
         number=rows.number,
         begins=rows.begins,
@@ -126,17 +134,6 @@ def _below_header(text: LogText, header: Header) -> _Lines:
     )
 
 
-def _without_headers(rows: _Lines, header: str) -> _Lines:
-    """The lines without headers that stand there again; a new stretch begins behind each."""
-    if not header or header not in rows.lines:
-        return rows
-    again = np.array([line == header for line in rows.lines], dtype=bool)
-    sentence = "the header stands here again: the logger was restarted; a new segment."
-    number = rows.number[again]
-    rows = replace(rows, begins=again).take(np.flatnonzero(~again))
-    return rows.remarked("header again", "repaired", sentence, lines=number)
-
-
 def _without_end(rows: _Lines) -> _Lines:
     """The lines without a separator at their end, if they have one."""
 
@@ -152,7 +149,11 @@ def _without_end(rows: _Lines) -> _Lines:
 
 def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
     """The rows that have as many fields as the header."""
-    width = _widths(rows)
+    if rows.quoted:
+        counts = (_width(line, rows.separator) for line in rows.lines)
+    else:
+        counts = (line.count(rows.separator) + 1 for line in rows.lines)
+    width = np.fromiter(counts, dtype=np.int64, count=len(rows.lines))
     torn = np.flatnonzero(width != rows.width)
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths(rows.take(torn), width[torn], header, remedies, total=width.size)
@@ -167,14 +168,6 @@ def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
     full = rows.take(np.flatnonzero(width == rows.width))
     sentence = f"{got}; treated as torn line and dropped."
     return full.remarked("torn line", "repaired", sentence, lines=rows.number[torn])
-
-
-def _widths(rows: _Lines) -> NDArray[np.int64]:
-    """(N,) number of fields of each line."""
-    if rows.quoted:
-        return np.array([_width(line, rows.separator) for line in rows.lines], dtype=np.int64)
-    counts = map(str.count, rows.lines, repeat(rows.separator))
-    return np.fromiter(counts, dtype=np.int64, count=len(rows.lines)) + 1
 
 
 def _width(line: str, separator: str) -> int:
@@ -247,18 +240,8 @@ def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[
     return rows, bool(commas)
 
 
-def _plain_lines(rows: _Lines, *, commas: bool) -> list[str]:
-    """Lines without quotes and decimal commas.
-
-    A quoted separator becomes `?`, which no number contains.
-    """
-    plain = rows.lines
-    if rows.quoted:
-        plain = [_unquoted(line, rows.separator) for line in plain]
-    return [line.replace(",", ".") for line in plain] if commas else plain
-
-
 def _unquoted(line: str, separator: str) -> str:
+    """The line without quotes; a quoted separator becomes `?`, which no number contains."""
     if '"' not in line:
         return line
     return separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))

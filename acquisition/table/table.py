@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -40,7 +40,7 @@ class Table:
     file: NDArray[np.int64]  # (N,) index into files
     line: NDArray[np.int64]  # (N,) line number, counted from 1
     flags: Flags = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (N,) row flags
-    # (N,) rows from which the logger ran anew
+    # (N,) rows at which the logger started again
     begins: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     findings: tuple[Finding, ...] = ()
 
@@ -181,7 +181,10 @@ def _parse(rows: PlainRows, header: Header, remedy: str) -> dict[str, NDArray[An
     if columns is None and "text" in wanted.values():
         columns = _numbers(rows, header, {n: k for n, k in wanted.items() if k != "text"})
     if columns is None:
-        _refuse_cell(rows, header, remedy)
+        for row, number in enumerate(rows.number):
+            if reason := _damage(rows, header, row):
+                raise LogError(f"{rows.file}:{number}: {reason} {remedy}")
+        raise LogError(f"{rows.file}: the table holds a cell that is no number. Export it again.")
     for name, position in zip(wanted, header.positions, strict=True):
         coarse = wanted[name] == "decimal" and np.abs(columns[name]).max() > FINE
         if name not in columns or coarse:
@@ -261,15 +264,8 @@ def _damage(rows: PlainRows, header: Header, row: int) -> str:
     return ""
 
 
-def _refuse_cell(rows: PlainRows, header: Header, remedy: str) -> NoReturn:
-    for row, number in enumerate(rows.number):
-        if reason := _damage(rows, header, row):
-            raise LogError(f"{rows.file}:{number}: {reason} {remedy}")
-    raise LogError(f"{rows.file}: the table holds a cell that is no number. Export it again.")
-
-
 def _wrong_number(cell: str, kind: str) -> str:
-    """What is wrong with a cell, in words; empty if nothing is."""
+    """The fault of a cell as a clause; empty if there is none."""
     if not cell:
         return "is an empty cell; a number was expected."
     if _NUMBER[kind].fullmatch(cell):

@@ -134,7 +134,8 @@ def text_of(content: Content, file: str) -> LogText:
         raise LogError(_nul_inside(text, decoded, file))
     if not text:
         raise LogError(f"{file}: the file holds nothing but NUL bytes. Copy it again.")
-    lines = _split_lines(text)
+    windows = "\r" in text and text.count("\r") == text.count("\n") == text.count("\r\n")
+    lines = text.split("\r\n") if windows else _universal_newlines(text).split("\n")
     if lines.pop():
         findings.append(unterminated(file, len(lines) + 1))
     _refuse_long(lines, file)
@@ -260,13 +261,5 @@ def _nul_inside(text: str, decoded: _Decoded, file: str) -> str:
     return f"{location}: {why}. The file is damaged here: split it around this line."
 
 
-def _split_lines(text: str) -> list[str]:
-    if "\r" not in text:
-        return text.split("\n")
-    if text.count("\r") == text.count("\n") == text.count("\r\n"):
-        return text.split("\r\n")
-    return _universal_newlines(text).split("\n")
-
-
 def _universal_newlines(text: str) -> str:
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return text if "\r" not in text else text.replace("\r\n", "\n").replace("\r", "\n")

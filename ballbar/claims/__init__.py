@@ -1,1 +1,1 @@
-"""What the thesis says against what comes out here."""
+"""Statements of the thesis against results of simulated runs."""

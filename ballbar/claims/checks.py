@@ -77,7 +77,16 @@ def judge(check: Check, evidence: ClaimEvidence) -> CheckOutcome:
         case Monotonic():
             return _monotonic(check, evidence)
         case Apart():
-            return _apart(check, evidence)
+            table = selected(evidence.table, check.rows)
+            first, second = selected(table, check.first), selected(table, check.second)
+            distances = apart(first, second, check.each)
+            if check.at_most is not None:
+                met, limits = max(distances) <= check.at_most, f"at most {check.at_most:g}"
+            else:
+                least = check.at_least or 0.0
+                met, limits = min(distances) >= least, f"at least {least:g}"
+            result = f"{check.what}: {_range(distances, ' times their size')}"
+            return CheckOutcome(met, result, limits)
 
 
 def measured(measure: Measure, evidence: ClaimEvidence) -> str:
@@ -156,17 +165,6 @@ def _monotonic(check: Monotonic, evidence: ClaimEvidence) -> CheckOutcome:
     met = all((1.0 - check.tolerance) * a <= b for a, b in itertools.pairwise(ordered))
     ends = f"{_number(values[0])} to {_number(values[-1])}{unit_of(check.column)}"
     return CheckOutcome(met, f"{check.what}: {ends}", check.direction)
-
-
-def _apart(check: Apart, evidence: ClaimEvidence) -> CheckOutcome:
-    table = selected(evidence.table, check.rows)
-    distances = apart(selected(table, check.first), selected(table, check.second), check.each)
-    if check.at_most is not None:
-        met, limits = max(distances) <= check.at_most, f"at most {check.at_most:g}"
-    else:
-        limit = check.at_least or 0.0
-        met, limits = min(distances) >= limit, f"at least {limit:g}"
-    return CheckOutcome(met, f"{check.what}: {_range(distances, ' times their size')}", limits)
 
 
 def _equal_table(check: EqualTable, evidence: ClaimEvidence) -> CheckOutcome:

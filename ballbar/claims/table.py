@@ -32,7 +32,7 @@ _UNITS = {"_mm_mrad": "mm|mrad", "_mm": "mm", "_um": "um", "_us": "us", "_ppm": 
 
 @dataclass(frozen=True, eq=False)
 class ClaimEvidence:
-    """What the checks of one file look at."""
+    """Runs or studies that the checks of one file look at."""
 
     table: pd.DataFrame = field(default_factory=pd.DataFrame)  # a row for each run, or each cost
     failures: str = ""  # sentence about failed runs; empty without any
@@ -51,7 +51,7 @@ def runs_evidence(table: Path, size: Sequence[str]) -> ClaimEvidence:
 
 
 def identifiability_evidence(scenario: Path) -> ClaimEvidence:
-    """What each of the thesis's costs identifies on the nominal mechanism of a scenario.
+    """Parameters that each of the thesis's costs identifies on the nominal mechanism of a scenario.
 
     Each cost has the encoders that it needs.
     """

@@ -1,4 +1,4 @@
-"""Commands of the test bench: a scenario run once or many times, and the thesis's statements."""
+"""Commands of the test bench: a scenario run once, many times or as a day at the cell; claims."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands.options import AsJson, Out, Overrides, ScenarioFile, command_line, say_json
-from ballbar.terminal import INTERRUPTED, err, out, progress_bar
+from ballbar.terminal import INTERRUPTED, err, out, progress_bar, silence
 from cell.errors import InputError
 from cell.files import require_writable
 
 if TYPE_CHECKING:  # each command loads what it shows alone
+    from ballbar.rehearsal.day import Stage
     from ballbar.replay.live import LiveRun
     from ballbar.result.limits import Limit
     from ballbar.scenario import PoseScenario
@@ -97,8 +98,8 @@ def _run_poses(
     settings: PoseScenario, scenario: Path, folder: Path, *, live: bool, as_json: bool
 ) -> None:
     """Runs a scenario of still poses, and exits."""
-    from ballbar.commands.result_json import pose_scenario_data
-    from ballbar.report.pose_terminal import say_pose_comparison, say_poses
+    from ballbar.commands.result_json import run_data
+    from ballbar.report.terminal import say_identification, say_pose_comparison
     from ballbar.run_poses import run_pose_scenario
 
     if live:
@@ -111,10 +112,11 @@ def _run_poses(
             settings, scenario, folder, command=command_line(), progress=progress
         )
     if as_json:
-        say_json(pose_scenario_data(data, folder))
-    say_poses(out, data.run)
-    out.print(escape(data.simulation.plant))
-    say_pose_comparison(out, data.comparison)
+        say_json(run_data(data, folder))
+    say_identification(out, data)
+    if data.simulation is not None and data.comparison is not None:
+        out.print(escape(data.simulation.plant))
+        say_pose_comparison(out, data.comparison)
     _say_limits(data.limits)
     out.print(f"Look at {escape(str(folder / 'report.html'))}")
     raise typer.Exit(0 if data.acceptable else 1)
@@ -149,7 +151,15 @@ def simulate(
     settings = load_any_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
     if isinstance(settings, PoseScenario):
-        _simulate_poses(settings, scenario, folder, as_json=as_json)
+        from ballbar.commands.result_json import pose_simulation_data
+        from ballbar.run import simulate_pose_scenario
+
+        with progress_bar() as progress:
+            poses = simulate_pose_scenario(settings, scenario, folder, progress=progress)
+        if as_json:
+            say_json(pose_simulation_data(poses, folder))
+        out.print(escape(poses.plant))
+        out.print(f"Poses {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
         return
     with progress_bar() as progress:
         simulation = simulate_scenario(settings, scenario, folder, progress=progress)
@@ -162,18 +172,71 @@ def simulate(
     raise typer.Exit(0 if all(limit.met for limit in limits) else 1)
 
 
-def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:
-    """Simulates a scenario of still poses."""
-    from ballbar.commands.result_json import pose_simulation_data
-    from ballbar.run import simulate_pose_scenario
-    from sim.recording_files import truth_path
+@commands.command(
+    epilog="Example: `ballbar rehearse irb2400`, or `ballbar rehearse irb2400 --fault slip`"
+)
+def rehearse(
+    scenario: ScenarioFile,
+    out_dir: Out = None,
+    speed: Annotated[
+        float,
+        typer.Option(
+            help="Times real time at which the robot moves; less while the identification is late.",
+            min=0.1,
+            max=20.0,
+        ),
+    ] = 10.0,
+    fault: Annotated[
+        str | None,
+        typer.Option(
+            help="Fault that begins midway in the first path, which is recorded again once it was "
+            "noticed, such as slip, encoder_frozen or tool_moved.",
+            metavar="NAME",
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Rehearse a day: record live, identify, plan a second path, identify, correct, verify.
+
+    A simulated PLC and controller deliver the paths to the recorder over ADS and EGM; files of a
+    sensed length grow. Writes recordings, results, plan, targets, rehearsal.html and rehearsal.json
+    to DIR (default runs/NAME-rehearsal). Exits with 1 when a limit under `accept` is not met, for
+    an alarm without a fault, and for a fault that nothing notices.
+    """
+    from ballbar.record.show import ads_reader
+    from ballbar.rehearsal.files import chain, rehearse_into
+    from ballbar.scenario import load_scenario
+
+    settings = load_scenario(scenario, overrides=overrides or ())
+    if settings.cell.instrument is None:
+        ads_reader("a simulated PLC")
+    if settings.identify.cost != "ml" or settings.identify.data != "files":
+        raise InputError(f"{scenario}: a rehearsal identifies device logs with ml.")
+    folder = out_dir or Path("runs") / f"{settings.name}-rehearsal"
+    if as_json:
+        silence()
+
+    def show(stage: Stage) -> None:
+        word = "[green]ok[/]    " if stage.met else "[red]missed[/]"
+        out.print(f"{word} {stage.took:4.0f} s  {escape(f'{stage.name}: {stage.sentence}')}")
 
     with progress_bar() as progress:
-        simulation = simulate_pose_scenario(settings, scenario, folder, progress=progress)
+        day = rehearse_into(
+            folder,
+            settings,
+            file=scenario,
+            speed=speed,
+            fault=fault,
+            command=command_line(),
+            show=show,
+            progress=progress,
+        )
     if as_json:
-        say_json(pose_simulation_data(simulation, folder))
-    out.print(escape(simulation.plant))
-    out.print(f"Poses {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
+        say_json(chain(day))
+    _say_limits(day.limits)
+    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {day.took:.0f} s in all")
+    raise typer.Exit(0 if day.acceptable else 1)
 
 
 @commands.command(

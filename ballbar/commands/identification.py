@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,9 +19,63 @@ from ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 
 if TYPE_CHECKING:
     from ballbar.identify_settings import IdentifySettings
-    from ident.identify_poses import PoseOptions
 
 commands = typer.Typer()
+
+
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Folders with recording.yaml and the device files, or with poses.yaml, all of one "
+        "robot.",
+        metavar="RECORDING",
+    ),
+]
+Validate = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--validate",
+        help="Held-out recording: the result is tested on it, not fitted; may be repeated.",
+        metavar="RECORDING",
+    ),
+]
+Model = Annotated[
+    ModelName,
+    typer.Option(
+        help="Kinematics alone (dh) or with corrections (complete); auto decides by the data."
+    ),
+]
+CorrectionNames = Annotated[
+    str,
+    typer.Option(
+        help=f"Corrections of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
+        metavar="auto|NAME,NAME",
+    ),
+]
+RodSigma = Annotated[
+    float | None,
+    typer.Option(
+        help="Standard deviation [m] of a rod that was measured; its length is bd3 in the "
+        "ball-bar's file.",
+        metavar="METRES",
+    ),
+]
+Accuracy = Annotated[
+    float | None,
+    typer.Option(
+        help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
+        "an acceptable result; default: half of the nominal robot's error.",
+        metavar="MM",
+    ),
+]
+JointErrorSource = Annotated[
+    str,
+    typer.Option(
+        help="Joint errors of still poses: search them (auto), do without (none), or keep "
+        "those of another result.",
+        metavar="auto|none|RESULT",
+    ),
+]
 
 
 @commands.command(
@@ -27,67 +83,21 @@ commands = typer.Typer()
     "--validate runs/c/recording --out runs/together`"
 )
 def identify(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Folders with recording.yaml and the device files, or with poses.yaml, all of one "
-            "robot.",
-            metavar="RECORDING",
-        ),
-    ],
-    validate: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--validate",
-            help="Held-out recording: the result is tested on it, not fitted; may be repeated.",
-            metavar="RECORDING",
-        ),
-    ] = None,
+    recordings: Recordings,
+    validate: Validate = None,
     out_dir: Out = None,
     samples: Annotated[
         int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)
     ] = DEFAULT_SAMPLES,
-    model: Annotated[
-        ModelName,
-        typer.Option(
-            help="Kinematics alone (dh) or with corrections (complete); auto decides by the data."
-        ),
-    ] = "auto",
-    corrections: Annotated[
-        str,
-        typer.Option(
-            help=f"Corrections of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
-            metavar="auto|NAME,NAME",
-        ),
-    ] = "auto",
+    model: Model = "auto",
+    corrections: CorrectionNames = "auto",
     force: Annotated[
         ForceSource,
         typer.Option(help="Source of the rod's force; auto takes the best that was logged."),
     ] = "auto",
-    rod_sigma: Annotated[
-        float | None,
-        typer.Option(
-            help="Standard deviation [m] of a rod that was measured; its length is bd3 in the "
-            "ball-bar's file.",
-            metavar="METRES",
-        ),
-    ] = None,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
-            "an acceptable result; default: half of the nominal robot's error.",
-            metavar="MM",
-        ),
-    ] = None,
-    joint_errors: Annotated[
-        str,
-        typer.Option(
-            help="Joint errors of still poses: search them (auto), do without (none), or keep "
-            "those of another result.",
-            metavar="auto|none|RESULT",
-        ),
-    ] = "auto",
+    rod_sigma: RodSigma = None,
+    accuracy: Accuracy = None,
+    joint_errors: JointErrorSource = "auto",
     rerun: Annotated[
         bool, typer.Option("--rerun", help="Write the replay file run.rrd as well.")
     ] = False,
@@ -100,12 +110,11 @@ def identify(
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
+    from ballbar.report.process import reporting_process
+    from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
+    from cell.files import claimed_folder
     from cell.pose_file import pose_file_path
 
-    if pose_file_path(recordings[0]).is_file():
-        _identify_poses(
-            recordings, validate or [], out_dir, joint_errors, rerun=rerun, as_json=as_json
-        )
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
         samples=samples,
@@ -115,94 +124,38 @@ def identify(
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
-    _identify_recordings(
-        recordings, validate or [], out_dir, settings, rerun=rerun, as_json=as_json
-    )
-
-
-def _identify_recordings(
-    recordings: list[Path],
-    validate: list[Path],
-    out_dir: Path | None,
-    settings: IdentifySettings,
-    *,
-    rerun: bool,
-    as_json: bool,
-) -> None:
-    """Logs of a moving robot: identify, write the outputs, say, and exit."""
-    from ballbar.report.process import reporting_process
-    from ballbar.result.names import OUTPUTS
-    from cell.files import claimed_folder
-
-    first = recordings[0]
+    moving = not all(pose_file_path(recording).is_file() for recording in recordings)
+    first = recordings[0].parent if recordings[0].is_file() else recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     with (
-        claimed_folder(folder, OUTPUTS, "the result"),
+        claimed_folder(folder, OUTPUTS if moving else POSE_OUTPUTS, "the result"),
         progress_bar() as progress,
-        reporting_process(replay=rerun) as begin,
+        reporting_process(replay=rerun) if moving else nullcontext(partial) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.outputs import write_outputs
         from ballbar.report.terminal import say_identification
         from ballbar.result.iterations import IterationLog
-        from ballbar.result.run_recordings import identify_recordings
+        from ballbar.result.run_recordings import identify_files
         from ident.options import Listener
 
         log = IterationLog(progress)
-        data = identify_recordings(
+        run = identify_files(
             recordings,
-            validate,
+            validate or [],
             settings=settings,
+            joint_errors=joint_errors,
             listener=log.listener if rerun else Listener(log.listener.progress),
         )
-        data = replace(data, iterations=tuple(log.steps))
+        run = replace(run, iterations=tuple(log.steps))
         write_outputs(
-            folder, data, command=command_line(), replay=rerun, progress=progress, begin=begin
+            folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
     if as_json:
-        say_json(run_data(data, folder))
-    say_identification(out, data)
-    out.print(f"Results in {escape(str(folder))}")
-    raise typer.Exit(0 if data.acceptable else 1)
-
-
-def _identify_poses(
-    folders: list[Path],
-    validate: list[Path],
-    out_dir: Path | None,
-    joint_errors: str,
-    *,
-    rerun: bool,
-    as_json: bool,
-) -> None:
-    """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
-    from ballbar.commands.result_json import pose_run_data
-    from ballbar.outputs import write_pose_outputs
-    from ballbar.report.pose_terminal import say_poses
-    from ballbar.result.names import POSE_OUTPUTS
-    from ballbar.result.pose_run import identify_pose_folders
-    from cell.files import claimed_folder
-
-    first = folders[0] if folders[0].is_dir() else folders[0].parent
-    folder = out_dir or first.with_name(first.resolve().name + "-identified")
-    options = _pose_options(joint_errors)
-    with claimed_folder(folder, POSE_OUTPUTS, "the result"), progress_bar() as progress:
-        run = identify_pose_folders(folders, validate, options=options, progress=progress)
-        write_pose_outputs(folder, run, command=command_line(), replay=rerun, progress=progress)
-    if as_json:
-        say_json(pose_run_data(run, folder))
-    say_poses(out, run)
+        say_json(run_data(run, folder))
+    say_identification(out, run)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
-
-
-def _pose_options(joint_errors: str) -> PoseOptions:
-    from ballbar.result.calibration import Calibration
-    from ident.identify_poses import PoseOptions
-
-    if joint_errors in ("auto", "none"):
-        return PoseOptions(search=joint_errors == "auto")
-    return PoseOptions(search=False, learned=Calibration.load(joint_errors).joint_errors())
 
 
 def _settings(**options: object) -> IdentifySettings:

@@ -45,11 +45,11 @@ COMMANDS = {
         "init": "shipped",
         "run": "bench",
         "simulate": "bench",
-        "rehearse": "rehearsal",
+        "rehearse": "bench",
         "sweep": "bench",
         "claims": "bench",
         "identifiability": "identifiability",
-        "schema": "schemas",
+        "schema": "shipped",
     },
 }
 MODULES = {name: module for modules in COMMANDS.values() for name, module in modules.items()}
@@ -73,8 +73,8 @@ class ListedCommands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Name, command and remaining words of a call; imports the module of the command."""
-        name, _, rest = super().resolve_command(ctx, args)
-        return name, name and self.imported(name), rest
+        name, _, words = super().resolve_command(ctx, args)
+        return name, name and self.imported(name), words
 
     def imported(self, name: str) -> Any:
         """The command, from its module."""

@@ -198,7 +198,7 @@ def align(
         list[str] | None,
         typer.Option(
             help="Channel of A and the channel of B that holds the same motion; may be repeated. "
-            "Default: channels of the same name, or without any those that move alike.",
+            "Default: channels of the same name, or without any those that move in the same way.",
             metavar="a=b",
         ),
     ] = None,
@@ -207,10 +207,10 @@ def align(
     time_a: Annotated[
         str | None, typer.Option(help=_TIME.format("A") + ", ".join(TIME_FORMS) + ".")
     ] = None,
-    time_b: Annotated[str | None, typer.Option(help=_TIME.format("B") + "likewise.")] = None,
+    time_b: Annotated[str | None, typer.Option(help=_TIME.format("B") + "as of A.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Clock offset and skew between two logs of one motion, whoever recorded them.
+    """Clock offset and skew between two logs of one motion, of any recorders.
 
     Channels of both logs are compared with gain and zero of each pair free, so units and directions
     do not matter. Exits with 1 if no clock offset makes them agree, or several do.

@@ -12,57 +12,43 @@ import yaml
 
 from ballbar.result.calibration import Calibration
 from ballbar.result.names import OUTPUTS
+from ballbar.result.run_data import PoseRun, RunData
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.claims.run import Judged
     from ballbar.result.compare import Comparison
     from ballbar.result.limits import Limit
-    from ballbar.result.pose_run import PoseRun
-    from ballbar.result.run_data import RunData
-    from ballbar.run_poses import PoseScenarioRun
     from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
     from sim.simulate import Simulation
     from sim.still_poses import PoseSimulation
 
 
-def run_data(data: RunData, folder: Path) -> dict[str, object]:
-    """JSON of `run` and `identify`: the calibration written to `folder`, comparison and limits."""
-    return {
-        "acceptable": data.acceptable,
-        "sentence": data.identification.verdict.sentence,
-        "folder": str(folder),
-        "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
-        "calibration": Calibration.load(folder).file.model_dump(mode="json", by_alias=True),
-        "plant": plant_data(data.simulation) if data.simulation else None,
-        "comparison": comparison_data(data.comparison) if data.comparison else None,
-        "limits": [asdict(limit) for limit in data.limits],
-    }
+def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
+    """JSON of `run` and `identify`: the calibration written to `folder`, comparison and limits.
 
-
-def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
-    """JSON of `identify` on still poses: the calibration written to `folder`."""
+    An identification from still poses without simulation has neither plant nor limits.
+    """
     file = Calibration.load(folder).file
-    return {
+    result: dict[str, object] = {
         "acceptable": run.acceptable,
         "sentence": run.identification.verdict.sentence,
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
         "calibration": file.model_dump(mode="json", by_alias=True),
     }
-
-
-def pose_scenario_data(data: PoseScenarioRun, folder: Path) -> dict[str, object]:
-    """JSON of `run` on a scenario of still poses: as `pose_run_data`, comparison and limits."""
-    return pose_run_data(data.run, folder) | {
-        "acceptable": data.acceptable,
-        "plant": data.simulation.plant,
-        "comparison": {
-            "tcp_error": _tcp(data.comparison.tcp),
-            "tcp_error_nominal": _tcp(data.comparison.tcp_nominal),
-        },
-        "limits": [asdict(limit) for limit in data.limits],
+    limits = [asdict(limit) for limit in run.limits]
+    if isinstance(run, RunData):
+        plant: object = plant_data(run.simulation) if run.simulation else None
+        comparison = comparison_data(run.comparison) if run.comparison else None
+        return result | {"plant": plant, "comparison": comparison, "limits": limits}
+    if run.simulation is None or run.comparison is None:
+        return result
+    errors = {
+        "tcp_error": _tcp(run.comparison.tcp),
+        "tcp_error_nominal": _tcp(run.comparison.tcp_nominal),
     }
+    return result | {"plant": run.simulation.plant, "comparison": errors, "limits": limits}
 
 
 def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:

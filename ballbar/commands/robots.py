@@ -125,8 +125,8 @@ def show(
 
 
 def _say(written: NewRobot) -> None:
-    """What was written, the check, what lies outside the rows, and what is missing."""
-    from ballbar.robot_file.check import POSES
+    """Prints the check, the poses outside the rows, what is missing, and the written files."""
+    from ballbar.robot_file.new_robot import POSES
     from ballbar.robot_file.text import is_identity, missing, transform_lines
 
     draft, form, difference = written.draft, written.draft.form, written.difference

@@ -1,4 +1,4 @@
-"""Commands that show what is shipped, and copy it: `ballbar list` and `ballbar init`."""
+"""Commands that show what is shipped, and write it: `ballbar list`, `init` and `schema`."""
 
 from __future__ import annotations
 
@@ -47,3 +47,27 @@ def init(
     place = escape(str(folder))
     out.print(f"Wrote {len(names)} scenarios and folders to {place}.")
     out.print(f"Change them, and run them: ballbar run {place}/irb2400.yaml")
+
+
+@commands.command(epilog="Example: `ballbar schema --out schemas`")
+def schema(
+    folder: Annotated[
+        Path, typer.Option("--out", help="Folder for the schemas; it must hold nothing else.")
+    ] = Path("schemas"),
+) -> None:
+    """Write the JSON schema of every kind of YAML file, for editors.
+
+    Writes KIND.schema.json to DIR for scenarios, sweeps, requests, recordings, robots and all other
+    files. A first line `# yaml-language-server: $schema=schemas/scenario.schema.json` in a file
+    makes the editor complete its keys, show what they mean and mark what is wrong.
+    """
+    import json
+
+    from ballbar.json_schemas import KINDS, json_schema
+    from cell.files import claimed_folder, write_whole
+
+    files = {f"{kind}.schema.json": json_schema(kind) for kind in KINDS}
+    with claimed_folder(folder, set(files), "the schemas"):
+        for name, content in files.items():
+            write_whole(folder / name, f"{json.dumps(content, indent=2)}\n".encode())
+    out.print(f"{len(files)} schemas in {escape(str(folder))}: {', '.join(KINDS)}")

@@ -31,7 +31,7 @@ from cell.robot_angles import controller_to_joints, joints_to_axes
 QUADRANTS = (0, 3, 5)  # axes that confdata has the quadrant of, from 0
 # [deg] beyond its quadrant that an axis may stand for the rounding of a target's numbers
 ROUNDING = 0.5
-ALIKE = 0.1  # [deg] of all axes within which two solutions are one
+SAME = 0.1  # [deg] of all axes within which two solutions are one
 STILL = 1e-6  # [deg] of an axis that the correction does not move
 FULL_TURN = 360.0
 
@@ -65,15 +65,16 @@ def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
             f"{target.name}: the nominal robot does not reach the pose, or stands at a singularity "
             "there; are tool, frame and robot the right ones?",
         )
-    turned = _turned(robot, solutions, target)
-    turned = _decided(robot, chain, turned[_in_range(robot, turned)], target)
-    if not len(turned):
+    low, high = np.degrees(robot.axis_lower) - 1e-9, np.degrees(robot.axis_upper) + 1e-9
+    axes = _on_stated_turns(robot, solutions, target)
+    axes = _decided(robot, chain, axes[((axes >= low) & (axes <= high)).all(axis=1)], target)
+    if not len(axes):
         raise ProgramError(
             target.line,
             f"{target.name}: no solution within the axis ranges has the configuration "
             f"{_shown(target.configuration)}; are tool, frame and robot the right ones?",
         )
-    return np.asarray(turned[0])
+    return np.asarray(axes[0])
 
 
 def configuration_changes(
@@ -88,7 +89,7 @@ def configuration_changes(
     """
     if not target.configuration:
         return []
-    moved = np.abs(after - before) > STILL
+    changed = np.abs(after - before) > STILL
     chain = nominal_chain(robot)
     if _posture(robot, chain, before) != _posture(robot, chain, after):
         raise ProgramError(
@@ -96,15 +97,16 @@ def configuration_changes(
         )
     if len(target.configuration) == 2:  # S, T
         turn = target.configuration[1]
-        bits = given = int(turn.value)
-        for j in np.flatnonzero(moved).tolist():
+        stated = int(turn.value)
+        bits = stated
+        for j in np.flatnonzero(changed).tolist():
             bits = (bits & ~(1 << j)) | (int(after[j] < 0.0) << j)
-        return [(turn, turn.with_integer(bits))] if bits != given else []
-    out = []
+        return [(turn, turn.with_integer(bits))] if bits != stated else []
+    changes = []
     for number, axis in zip(target.configuration, QUADRANTS, strict=False):
-        if moved[axis] and _outside(after[axis], int(number.value)) > 0.0:
-            out.append((number, number.with_integer(int(np.floor(after[axis] / 90.0)))))
-    return out
+        if changed[axis] and _outside(after[axis], int(number.value)) > 0.0:
+            changes.append((number, number.with_integer(int(np.floor(after[axis] / 90.0)))))
+    return changes
 
 
 def _solutions(robot: Robot, chain: Chain, pose: Array) -> Array:
@@ -115,7 +117,7 @@ def _solutions(robot: Robot, chain: Chain, pose: Array) -> Array:
     return np.degrees(joints_to_axes(robot, q)) if len(q) else q
 
 
-def _turned(robot: Robot, axes: Array, target: ProgramTarget) -> Array:
+def _on_stated_turns(robot: Robot, axes: Array, target: ProgramTarget) -> Array:
     """Solutions (K, J) [deg] on the turns that the configuration states, of the right ones."""
     data = [int(number.value) for number in target.configuration]
     axes = axes - FULL_TURN * np.round(axes / FULL_TURN)
@@ -125,10 +127,10 @@ def _turned(robot: Robot, axes: Array, target: ProgramTarget) -> Array:
         wrong = ((axes < 0.0) != negative.astype(bool)) & ~small
         return np.asarray(axes + np.where(wrong, np.where(negative, -FULL_TURN, FULL_TURN), 0.0))
     right = np.ones(len(axes), dtype=bool)
-    for given, axis in zip(data, QUADRANTS, strict=False):
-        centre = 90.0 * given + 45.0
+    for quadrant, axis in zip(data, QUADRANTS, strict=False):
+        centre = 90.0 * quadrant + 45.0
         axes[:, axis] += FULL_TURN * np.round((centre - axes[:, axis]) / FULL_TURN)
-        right &= [_outside(angle, given) <= ROUNDING for angle in axes[:, axis]]
+        right &= [_outside(angle, quadrant) <= ROUNDING for angle in axes[:, axis]]
     others = [j for j in range(axes.shape[1]) if j not in QUADRANTS]
     low, high = np.degrees(robot.axis_lower), np.degrees(robot.axis_upper)
     for j in others:
@@ -157,7 +159,7 @@ def _decided(robot: Robot, chain: Chain, axes: Array, target: ProgramTarget) -> 
             return axes
     missed = differs.sum(axis=1)
     best = axes[missed == missed.min()]
-    if np.ptp(best, axis=0).max() > ALIKE:
+    if np.ptp(best, axis=0).max() > SAME:
         raise ProgramError(
             target.line,
             f"{target.name}: {len(best)} solutions of the nominal robot agree with the "
@@ -173,19 +175,14 @@ def _bits(posture: _Posture, *, krl: bool) -> list[int]:
 
 
 def _posture(robot: Robot, chain: Chain, axes: Array) -> _Posture:
-    """Of axis angles (J,) [deg]."""
+    """The posture at axis angles (J,) [deg]."""
     frames = forward(chain, controller_to_joints(robot, np.radians(axes))[None])
-    out, up = frames.x_link[0][:, 0], np.array([0.0, 0.0, 1.0])
+    forward_axis, up = frames.x_link[0][:, 0], np.array([0.0, 0.0, 1.0])
     wrist = frames.origin[4][:, 0]
     lower = frames.origin[2][:, 0] - frames.origin[1][:, 0]
     to_wrist = wrist - frames.origin[1][:, 0]
-    front = (lower @ up) * (to_wrist @ out) - (lower @ out) * (to_wrist @ up)
-    return _Posture(bool(wrist @ out < 0.0), bool(front > 0.0), bool(axes[4] < 0.0))
-
-
-def _in_range(robot: Robot, axes: Array) -> Array:
-    low, high = np.degrees(robot.axis_lower), np.degrees(robot.axis_upper)
-    return np.asarray(((axes >= low - 1e-9) & (axes <= high + 1e-9)).all(axis=1))
+    front = (lower @ up) * (to_wrist @ forward_axis) - (lower @ forward_axis) * (to_wrist @ up)
+    return _Posture(bool(wrist @ forward_axis < 0.0), bool(front > 0.0), bool(axes[4] < 0.0))
 
 
 def _outside(angle: float, quadrant: int) -> float:

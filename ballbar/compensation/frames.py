@@ -25,7 +25,7 @@ MM = 1e-3  # [m]
 
 @dataclass(frozen=True, eq=False)
 class FrameOptions:
-    """What is known beside the program, by lower-case name; "" for all others."""
+    """Tools, frames and payloads beside the program, by lower-case name; "" for all others."""
 
     tools: dict[str, Array] = field(default_factory=dict)
     frames: dict[str, Array] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class FrameOptions:
 def frame_options(
     tools: Sequence[str], frames: Sequence[str], payloads: Sequence[str], keep: Sequence[str]
 ) -> FrameOptions:
-    """Of the texts of the options. Raises InputError for one that is not understood."""
+    """The options from their texts. Raises InputError for one that is not understood."""
     return FrameOptions(
         tools={name: _frame("--tool", values) for name, values in map(_named, tools)},
         frames={name: _frame("--frame", values) for name, values in map(_named, frames)},
@@ -74,8 +74,8 @@ def angles_near(pose: Array, previous: Sequence[float]) -> Array:
     b = np.degrees(np.arctan2(-r[2, 0], cosine))
     if cosine < 1e-7:  # A and C turn about the same axis: A stays
         a = before[0]
-        turned = Rotation.from_euler("Z", -a, degrees=True).as_matrix() @ r
-        options = np.array([[a, b, np.degrees(np.arctan2(-turned[1, 2], turned[1, 1]))]])
+        without_a = Rotation.from_euler("Z", -a, degrees=True).as_matrix() @ r
+        options = np.array([[a, b, np.degrees(np.arctan2(-without_a[1, 2], without_a[1, 1]))]])
     else:
         a, c = np.degrees(np.arctan2(r[1, 0], r[0, 0])), np.degrees(np.arctan2(r[2, 1], r[2, 2]))
         options = np.array([[a, b, c], [a + 180.0, 180.0 - b, c + 180.0]])

@@ -23,8 +23,8 @@ from ballbar.compensation.frames import FrameOptions
 from ballbar.compensation.krl_values import (
     AXES,
     EXTERNAL_AXES,
-    Frame,
-    Point,
+    KrlFrame,
+    KrlPoint,
     constant_frame,
     fields_of,
     numbered_frame,
@@ -71,7 +71,7 @@ class _Krl(ProgramSource):
     def __init__(self, path: Path, options: FrameOptions, shared: _Krl | None = None) -> None:
         words = r"'[bBhH][0-9A-Fa-f]+'|[$A-Za-z_][$\w]*"
         super().__init__(path, options, comments=r";[^\n]*|(?m:^)&[^\n]*", words=words, lines=True)
-        self.points: dict[str, tuple[_Krl, Point]] = shared.points if shared else {}
+        self.points: dict[str, tuple[_Krl, KrlPoint]] = shared.points if shared else {}
         self.data: dict[str, dict[str, str]] = shared.data if shared else {}  # FDAT by name
         if shared:
             self.uses, self.names = shared.uses, shared.names
@@ -80,8 +80,8 @@ class _Krl(ProgramSource):
         self.is_list = any(_routine(tokens)[0] == "defdat" for tokens in lines)
         self.routines = {_routine(tokens)[1] for tokens in lines}
         self.has_data_sets = any(tokens[0].isword("fdat_act") for tokens in lines)
-        self.inline: dict[str, Frame] = {}  # tool and base of the inline form that is read
-        self.spline: dict[str, Frame] = {}  # and of the spline block
+        self.inline: dict[str, KrlFrame] = {}  # tool and base of the inline form that is read
+        self.spline: dict[str, KrlFrame] = {}  # and of the spline block
 
     def declare(self, tokens: list[Token]) -> None:
         """The point or data set that a line gives constant values to."""
@@ -102,7 +102,7 @@ class _Krl(ProgramSource):
         if not kind and (name.startswith("$") or not any(t.isword("a1", "x") for t in tokens)):
             return
         self.placed |= {tokens[0].start, reader.token.start}
-        point = Point(shown, tokens[0].line, fields_of(reader, shown), kind != "frame")
+        point = KrlPoint(shown, tokens[0].line, fields_of(reader, shown), kind != "frame")
         if reader.token.kind != "end":
             raise computed(point.line, shown, f"{reader.shown} after its value")
         if name in self.points:
@@ -165,16 +165,16 @@ class _Krl(ProgramSource):
                 raise ProgramError(line, f"$IPO_MODE: {_EXTERNAL}")
             self._of_data("$base", match[1] or "", line)
 
-    def _of_data(self, what: str, name: str, line: int) -> Frame:
+    def _of_data(self, what: str, name: str, line: int) -> KrlFrame:
         """The tool or base of a data set; without a number where it is not in these files."""
         data = self.data.get(name, {})
         if data.get("ipo_frame", "base") != "base":
             raise ProgramError(line, f"{name.upper()}: {_EXTERNAL}")
         return numbered_frame(data.get(f"{what[1:]}_no", ""))
 
-    def _with(self, tokens: list[Token]) -> dict[str, Frame]:
-        """What a motion sets for itself: WITH $TOOL=STOOL2(FP1), $BASE=..."""
-        frames: dict[str, Frame] = {}
+    def _with(self, tokens: list[Token]) -> dict[str, KrlFrame]:
+        """Tool and base that a motion sets for itself: WITH $TOOL=STOOL2(FP1), $BASE=..."""
+        frames: dict[str, KrlFrame] = {}
         while tokens and tokens[-1].text.lower().startswith("c_"):
             tokens = tokens[:-1]  # approximation, C_SPL
         for item in filter(None, parts(tokens, ",")):
@@ -187,7 +187,7 @@ class _Krl(ProgramSource):
                 self._assignment(names[0], item)
         return frames
 
-    def _frame(self, what: str, tokens: list[Token]) -> Frame:
+    def _frame(self, what: str, tokens: list[Token]) -> KrlFrame:
         """A tool or base: a constant, one of a number, or that of a data set."""
         line, shown, value = tokens[0].line, tokens[0].text, _text(tokens[2:], "")
         stored, of_data = _FORMS[what]
@@ -211,7 +211,7 @@ class _Krl(ProgramSource):
             f"{what[1:].upper()}_DATA[1]",
         )  # fmt: skip
 
-    def _move(self, tokens: list[Token], frames: dict[str, Frame]) -> None:
+    def _move(self, tokens: list[Token], frames: dict[str, KrlFrame]) -> None:
         move, reader = tokens[0], self.reader(tokens, 1)
         for k in range(MOVES[move.text.lower()]):
             if k:
@@ -220,11 +220,11 @@ class _Krl(ProgramSource):
         if reader.token.issymbol(":", "+", "-", "*", "."):
             raise computed(move.line, f"target of {move.text}", reader.shown)
 
-    def _goal(self, reader: Reader, move: Token, frames: dict[str, Frame]) -> None:
+    def _goal(self, reader: Reader, move: Token, frames: dict[str, KrlFrame]) -> None:
         what, token = f"target of {move.text}", reader.token
         self.placed.add(token.start)
         if token.issymbol("{"):
-            point = Point(move.text, move.line, fields_of(reader, what))
+            point = KrlPoint(move.text, move.line, fields_of(reader, what))
             self._add(point, self._setup(frames, move.line, joints=point.joints))
             return
         shown = reader.name("[]") if token.kind == "word" else ""
@@ -237,14 +237,14 @@ class _Krl(ProgramSource):
             setup = self._setup(frames, move.line, joints=self.points[name][1].joints)
             self.uses.setdefault(name, []).append((move.line, setup))
 
-    def _setup(self, frames: dict[str, Frame], line: int, *, joints: bool) -> MoveSetup:
+    def _setup(self, frames: dict[str, KrlFrame], line: int, *, joints: bool) -> MoveSetup:
         """Tool, base and payload of a motion, from it or from the options."""
-        poses, number = [], frames.get("$tool", Frame()).number
+        poses, number = [], frames.get("$tool", KrlFrame()).number
         for what, option, stated in (
             ("$tool", "tool", self.options.tool),
             ("$base", "frame", self.options.frame),
         ):
-            frame = frames.get(what, Frame())
+            frame = frames.get(what, KrlFrame())
             weighed = what == "$tool" and any(self.options.payloads)  # counts for axis angles too
             if self.has_data_sets and what not in frames and (weighed or not joints):
                 raise ProgramError(
@@ -260,12 +260,12 @@ class _Krl(ProgramSource):
         payload = self.options.payload(number)
         return MoveSetup(poses[0], poses[1], payload, f"tool {number}" if number else "$TOOL")
 
-    def declared_point(self, point: Point) -> None:
+    def declared_point(self, point: KrlPoint) -> None:
         """The target that a declared point is, by the motions that go there."""
         if point.is_target or point.name.lower() in self.uses:
             self._add(point, self.setup_of(point.name, point.line, joints=point.joints))
 
-    def _add(self, point: Point, setup: MoveSetup) -> None:
+    def _add(self, point: KrlPoint, setup: MoveSetup) -> None:
         self.targets.append(point.target(setup))
         for axis in () if point.joints else EXTERNAL_AXES:
             if axis in point.fields and point.fields[axis].value != 0.0:
@@ -314,8 +314,8 @@ def read_krl(path: Path, options: FrameOptions) -> list[Program]:
     suffixes = (".SRC", ".DAT") if path.suffix.isupper() else (".src", ".dat")
     pair = [path.with_suffix(suffix) for suffix in suffixes]
     files: list[_Krl] = []
-    for each in [p for p in pair if p.exists()] or [path]:
-        files.append(_Krl(each, options, files[0] if files else None))
+    for part in [p for p in pair if p.exists()] or [path]:
+        files.append(_Krl(part, options, files[0] if files else None))
     for file in files:
         file.guarded(file.declare, file.statements())
     for file in files:

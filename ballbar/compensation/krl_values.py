@@ -22,7 +22,7 @@ _INTEGER = re.compile(r"'[bB][01]+'|'[hH][0-9A-Fa-f]+'|\d+")  # of S and T
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class KrlPoint:
     """A constant value of a point, and where it stands."""
 
     name: str
@@ -40,10 +40,8 @@ class Point:
         fields, line, name = self.fields, self.line, self.name
         needed, allowed = (AXES, ()) if self.joints else (POSE, ("s", "t"))
         if not set(needed) <= set(fields) <= {*needed, *allowed, *EXTERNAL_AXES}:
-            given = ", ".join(fields).upper()
-            raise ProgramError(
-                line, f"{name}: expected {', '.join(needed).upper()}, there are {given}"
-            )
+            expected, stated = (", ".join(keys).upper() for keys in (needed, fields))
+            raise ProgramError(line, f"{name}: expected {expected}, there are {stated}")
         if ("s" in fields) is not ("t" in fields):
             raise ProgramError(line, f"{name}: S and T are both needed, or neither")
         return ProgramTarget(
@@ -57,7 +55,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class KrlFrame:
     """A tool or base: its number where it has one, its pose (4, 4) where it is constant."""
 
     number: str = ""
@@ -67,8 +65,8 @@ class Frame:
 def fields_of(reader: Reader, what: str) -> dict[str, Number]:
     """Components of an aggregate of numbers, by lower-case name."""
     reader.expect("{", what)
-    if reader.token.kind == "word" and reader.tokens[reader.at + 1].issymbol(":"):
-        reader.at += 2  # the type before the components
+    if reader.token.kind == "word" and reader.tokens[reader.place + 1].issymbol(":"):
+        reader.place += 2  # the type before the components
     fields: dict[str, Number] = {}
     while True:
         component = reader.next()
@@ -94,16 +92,16 @@ def fields_of(reader: Reader, what: str) -> dict[str, Number]:
         reader.expect(",", what)
 
 
-def constant_frame(fields: dict[str, Number], token: Token) -> Frame:
+def constant_frame(fields: dict[str, Number], token: Token) -> KrlFrame:
     """The frame of X, Y, Z, A, B, C; token : names it in messages."""
     if set(fields) != set(POSE):
         raise ProgramError(token.line, f"{token.text}: expected X, Y, Z, A, B, C")
-    return Frame("", pose_of_angles([fields[key].value for key in POSE]))
+    return KrlFrame("", pose_of_angles([fields[key].value for key in POSE]))
 
 
-def numbered_frame(number: str) -> Frame:
+def numbered_frame(number: str) -> KrlFrame:
     """A tool or base of the controller; number 0 is the flange and the robot's base."""
-    return Frame(number, np.eye(4) if number == "0" else None)
+    return KrlFrame(number, np.eye(4) if number == "0" else None)
 
 
 def words_of(reader: Reader) -> list[tuple[str, str]]:

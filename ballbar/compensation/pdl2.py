@@ -78,9 +78,9 @@ class _Pdl2(ProgramSource):
         reader, line = self.reader(tokens, first + 1), tokens[first].line
         while reader.token.isword(*_CURVES, "arm"):
             reader.name("[]")
-        given = one_line(reader.token.text) or "without TO"
+        word = one_line(reader.token.text) or "without TO"
         if not reader.token.isword("to"):
-            raise ProgramError(line, f"MOVE {given}: where to is computed")
+            raise ProgramError(line, f"MOVE {word}: where to is computed")
         reader.next()
         if _is_target(reader.token):
             self._add("MOVE", reader)
@@ -92,7 +92,7 @@ class _Pdl2(ProgramSource):
             if reader.token.issymbol("(", ":", "."):
                 raise computed(line, "target of MOVE", name)
             self.named_target("MOVE", name, line, declared=name.lower() in self.assigned)
-        after = reader.tokens[reader.at :]
+        after = reader.tokens[reader.place :]
         if any(t.isword("via", "syncmove", *_MOVES) or _is_target(t) for t in after):
             raise ProgramError(line, "MOVE has another target, which is not understood")
 

@@ -32,7 +32,7 @@ FAULTS_SHOWN = 10
 
 @dataclass(frozen=True, eq=False)
 class MoveSetup:
-    """What a pose is stated in, and what the robot carries on the way to it."""
+    """Tool and frame that a pose is stated in, and the load of the robot on the way to it."""
 
     tool: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) tcp in the flange's frame
     frame: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) in the robot's base frame
@@ -134,7 +134,7 @@ class ProgramSource:
         return declared
 
     def setup_of(self, name: str, line: int, *, joints: bool) -> MoveSetup:
-        """What the moves to a declared target have in force, which has to be the same."""
+        """The setup of all moves to a declared target, which has to be the same."""
         uses = self.uses.get(name.lower(), [])
         if not uses and not joints:
             raise ProgramError(
@@ -150,7 +150,7 @@ class ProgramSource:
         return uses[0][1] if uses else MoveSetup(payload=self.options.payload(""))
 
     def program(self) -> Program:
-        """What was read. Raises InputError naming the lines that are not understood."""
+        """The program as read. Raises InputError naming the lines that are not understood."""
         refuse(self.path, self.faults)
         return Program(self.path, self.text, tuple(self.targets), tuple(dict.fromkeys(self.notes)))
 
@@ -184,5 +184,5 @@ def refuse(path: Path, faults: Sequence[tuple[int, str]]) -> None:
         return
     lines = [f"{path}:{line}: {why}" for line, why in sorted(set(faults))]
     more = len(lines) - FAULTS_SHOWN
-    rest = [f"and {more} more"] if more > 0 else []
-    raise InputError("\n".join(["nothing was written.", *lines[:FAULTS_SHOWN], *rest]))
+    others = [f"and {more} more"] if more > 0 else []
+    raise InputError("\n".join(["nothing was written.", *lines[:FAULTS_SHOWN], *others]))

@@ -98,17 +98,17 @@ def tokens_of(text: str, comments: str, *, lines: bool, words: str) -> list[Toke
         rf"|(?P<word>{words})|(?P<number>{_NUMBER.pattern})|(?P<symbol>:=|<>|<=|>=|.)",
         re.DOTALL,
     )
-    out, line = [], 1
+    tokens, line = [], 1
     for match in pattern.finditer(text):
         piece, named = match[0], next(kind for kind in _KINDS if match[kind])
         if named == "newline":
             if lines:
-                out.append(Token("end", "\n", *match.span(), line))
+                tokens.append(Token("end", "\n", *match.span(), line))
         elif named != "skip":
-            out.append(Token(named, piece, *match.span(), line))  # type: ignore[arg-type]
+            tokens.append(Token(named, piece, *match.span(), line))  # type: ignore[arg-type]
         line += piece.count("\n")
-    out.append(Token("end", "", len(text), len(text), line))
-    return out
+    tokens.append(Token("end", "", len(text), len(text), line))
+    return tokens
 
 
 def parts(tokens: Iterable[Token], separator: str) -> list[list[Token]]:
@@ -127,22 +127,22 @@ def parts(tokens: Iterable[Token], separator: str) -> list[list[Token]]:
 class Reader:
     """A place in the tokens of a program."""
 
-    def __init__(self, tokens: Sequence[Token], text: str, at: int = 0) -> None:
-        self.tokens, self.text, self.at = tokens, text, at
+    def __init__(self, tokens: Sequence[Token], text: str, place: int = 0) -> None:
+        self.tokens, self.text, self.place = tokens, text, place
 
     @property
     def token(self) -> Token:
-        return self.tokens[min(self.at, len(self.tokens) - 1)]
+        return self.tokens[min(self.place, len(self.tokens) - 1)]
 
     def next(self) -> Token:
         token = self.token
-        self.at += 1
+        self.place += 1
         return token
 
     def take(self, *symbols: str) -> bool:
         """Whether the next token is one of the symbols, which is then passed."""
         if self.token.issymbol(*symbols):
-            self.at += 1
+            self.place += 1
             return True
         return False
 
@@ -185,11 +185,11 @@ class Reader:
 
 def rewritten(text: str, changes: Iterable[tuple[Number, str]]) -> str:
     """The text with some of its numbers replaced."""
-    out, at = [], 0
+    pieces, place = [], 0
     for number, new in sorted(changes, key=lambda change: change[0].start):
-        out += [text[at : number.start], new]
-        at = number.end
-    return "".join((*out, text[at:]))
+        pieces += [text[place : number.start], new]
+        place = number.end
+    return "".join((*pieces, text[place:]))
 
 
 def number_text(number: Number, before: float, after: float, unit: str) -> str:

@@ -3,7 +3,7 @@
 An axis target is corrected as it is. A cartesian target stands for the joints that the nominal
 robot has there in the configuration that it states; these are corrected, and the target becomes the
 pose of the nominal robot with the corrected joints, since it is the nominal robot that the
-controller reckons with.
+controller computes with.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -43,6 +44,7 @@ from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import quat_wxyz
 from ident.robot.inverse_calibration import CorrectedTargets, TargetError
 
+T = TypeVar("T")
 WRITTEN = 1e-11  # [rad] last step to the axes that a text stands for
 SHOWN = 10  # targets of the largest changes in the report
 
@@ -64,58 +66,54 @@ def correct_program(program: Program, result: Result) -> CorrectedProgram:
 
     So it does for a program in another language than that of the robot's controller.
     """
-    robot = result.robot
-    _require_language(program.path, robot)
-    q = _nominal_joints(program, robot)
+    robot, language = result.robot, LANGUAGES[program.path.suffix.lower()]
+    if robot.program_language not in {None, language}:
+        raise InputError(
+            f"{program.path}: nothing was written. The program is {language.upper()} by its "
+            f"ending, and {robot.title} takes {str(robot.program_language).upper()} "
+            "(program_language of its file). Is it the result of another robot?"
+        )
+    axes = _of_targets(program, lambda k: _axes(program.targets[k], robot))
+    q = controller_to_joints(robot, np.radians(np.array(axes).reshape(-1, robot.joints)))
     corrected, notes = _corrected(program, result, q)
-    changes: list[tuple[Number, str]] = []
-    turned, faults = [], []
     before, after = (np.degrees(joints_to_axes(robot, angles)) for angles in (q, corrected.q))
-    for k, target in enumerate(program.targets):
-        try:
-            numbers = _numbers(robot, target, before[k], after[k])
-            written = _axes_as_written(robot, target, numbers, after[k])
-            configured = configuration_changes(robot, target, before[k], written)
-            changes += numbers
-            changes += configured
-            turned += [
-                f"{program.path.name}:{number.line}: configuration {number.text} becomes {text}, "
-                "since an axis passes a limit of it"
-                for number, text in configured
-            ]
-        except ProgramError as fault:
-            faults.append((fault.line, fault.why))
-    refuse(program.path, faults)
+
+    def changes_of(k: int) -> tuple[list[tuple[Number, str]], list[tuple[Number, str]]]:
+        target = program.targets[k]
+        numbers = _numbers(robot, target, before[k], after[k])
+        written = _axes_as_written(robot, target, numbers, after[k])
+        return numbers, configuration_changes(robot, target, before[k], written)
+
+    changes = _of_targets(program, changes_of)
     return CorrectedProgram(
         program=program,
-        text=rewritten(program.text, changes),
+        text=rewritten(program.text, [c for both in changes for part in both for c in part]),
         corrected=corrected,
         q=q,
         axis_changes=np.radians(after - before),
-        notes=(*program.notes, *notes, *turned),
+        notes=(
+            *program.notes,
+            *notes,
+            *(
+                f"{program.path.name}:{number.line}: configuration {number.text} becomes {text}, "
+                "since an axis passes a limit of it"
+                for _, configured in changes
+                for number, text in configured
+            ),
+        ),
     )
 
 
-def _require_language(path: Path, robot: Robot) -> None:
-    language = LANGUAGES[path.suffix.lower()]
-    if robot.program_language not in {None, language}:
-        raise InputError(
-            f"{path}: nothing was written. The program is {language.upper()} by its ending, and "
-            f"{robot.title} takes {str(robot.program_language).upper()} (program_language of its "
-            "file). Is it the result of another robot?"
-        )
-
-
-def _nominal_joints(program: Program, robot: Robot) -> Array:
-    """(N, J) [rad] of the nominal robot at the targets."""
-    axes, faults = np.zeros((len(program.targets), robot.joints)), []
-    for k, target in enumerate(program.targets):
+def _of_targets(program: Program, compute: Callable[[int], T]) -> list[T]:
+    """A value of each target. Raises InputError naming the lines of those that have none."""
+    values, faults = [], []
+    for k in range(len(program.targets)):
         try:
-            axes[k] = _axes(target, robot)
+            values.append(compute(k))
         except ProgramError as fault:
             faults.append((fault.line, fault.why))
     refuse(program.path, faults)
-    return controller_to_joints(robot, np.radians(axes))
+    return values
 
 
 def _axes(target: ProgramTarget, robot: Robot) -> Array:
@@ -155,20 +153,20 @@ def _corrected(program: Program, result: Result, q: Array) -> tuple[CorrectedTar
     parts: dict[tuple[float, ...], list[int]] = {}
     for k, target in enumerate(program.targets):
         parts.setdefault(target.setup.load, []).append(k)
-    whole = [np.empty((len(q), q.shape[1])), *(np.empty(len(q)) for _ in range(4))]
+    columns = [np.empty((len(q), q.shape[1])), *(np.empty(len(q)) for _ in range(4))]
     faults: list[tuple[int, str]] = []
     for key, rows in parts.items():
         payload = Payload(key[0], np.array(key[1:])) if key else None
         try:
-            done = corrected_joints(result, q[rows], payload)
+            part = corrected_joints(result, q[rows], payload)
         except TargetError as error:
             named = [(program.targets[rows[k]], why) for k, why in error.faults.items()]
             faults += [(target.line, f"{target.name}: {why}") for target, why in named]
             continue
-        for array, values in zip(whole, vars(done).values(), strict=True):
+        for array, values in zip(columns, vars(part).values(), strict=True):
             array[rows] = values
     refuse(program.path, faults)
-    return CorrectedTargets(*whole), _payload_notes(program, result, parts)
+    return CorrectedTargets(*columns), _payload_notes(program, result, parts)
 
 
 def _payload_notes(
@@ -182,9 +180,9 @@ def _payload_notes(
     if () not in parts or "joint_compliance" not in identified:
         return []
     tools = sorted({program.targets[k].setup.tool_name for k in parts[()]} - {""})
-    of = f" of {', '.join(tools)}" if tools else ""
+    of_tools = f" of {', '.join(tools)}" if tools else ""
     return [
-        f"the payload{of} is not known and was taken for that of the recording "
+        f"the payload{of_tools} is not known and was taken for that of the recording "
         f"({significant_text(result.cell.plate.mass)} kg); state it by --payload"
     ]
 
@@ -271,42 +269,42 @@ def program_data(
         "source_sha256": result.sha256,
         "targets": [
             {
-                "file": done.program.path.name,
+                "file": file.program.path.name,
                 "name": target.name,
                 "line": target.line,
-                "position_error_m": float(done.corrected.position_before[k]),
-                "angle_error_rad": float(done.corrected.angle_before[k]),
-                "left_in_the_model_m": float(done.corrected.position_after[k]),
-                "axis_correction_rad": done.axis_changes[k].tolist(),
+                "position_error_m": float(file.corrected.position_before[k]),
+                "angle_error_rad": float(file.corrected.angle_before[k]),
+                "left_in_the_model_m": float(file.corrected.position_after[k]),
+                "axis_correction_rad": file.axis_changes[k].tolist(),
             }
-            for done in programs
-            for k, target in enumerate(done.program.targets)
+            for file in programs
+            for k, target in enumerate(file.program.targets)
         ],
-        "notes": [note for done in programs for note in done.notes],
+        "notes": [note for file in programs for note in file.notes],
     }
 
 
 def program_lines(programs: Sequence[CorrectedProgram]) -> list[str]:
     """Lines of text: how many, the largest changes as a table, and what was taken as given."""
     rows = [
-        (float(c.position_before[k]), float(c.angle_before[k]), changes, done.program, target)
-        for done in programs
-        for c in [done.corrected]
-        for k, (target, changes) in enumerate(
-            zip(done.program.targets, np.abs(done.axis_changes).max(axis=1), strict=True)
-        )
+        (float(file.corrected.position_before[k]), k, file)
+        for file in programs
+        for k in range(len(file.program.targets))
     ]
     rows.sort(key=lambda row: -row[0])
-    table = [
-        f"{printable(target.name, ''):20s} {f'{program.path.name}:{target.line}':24s} "
-        f"{position * MM:8.3f} {angle * MRAD:8.3f} {np.degrees(change):8.3f}"
-        for position, angle, change, program, target in rows[:SHOWN]
-    ]
+    table = []
+    for position, k, file in rows[:SHOWN]:
+        target, angle = file.program.targets[k], float(file.corrected.angle_before[k])
+        change = float(np.degrees(np.abs(file.axis_changes[k]).max()))
+        table.append(
+            f"{printable(target.name, ''):20s} {f'{file.program.path.name}:{target.line}':24s} "
+            f"{position * MM:8.3f} {angle * MRAD:8.3f} {change:8.3f}"
+        )
     head = f"{'largest changes':20s} {'line':24s} {'mm':>8s} {'mrad':>8s} {'axis deg':>8s}"
     return [
         f"{len(rows)} targets corrected",
         *([head, *table] if rows else []),
-        *(f"care: {note}" for done in programs for note in done.notes),
+        *(f"care: {note}" for file in programs for note in file.notes),
     ]
 
 

@@ -151,7 +151,7 @@ class _Module(ProgramSource):
                 reader.expect(";", f"after the value of {name.text}")
         except ProgramError as fault:
             failure = fault
-        self.placed |= {token.start for token in self.tokens[i : reader.at]}
+        self.placed |= {token.start for token in self.tokens[i : reader.place]}
         self.data[key] = _Data(kind.text.lower(), name.text, name.line, tuple(values), failure)
 
     def instruction(self, i: int) -> None:
@@ -215,8 +215,8 @@ class _Module(ProgramSource):
             raise used_elsewhere(token, "a move instruction")
         if self.tokens[i + 1].issymbol(":="):
             raise ProgramError(token.line, f"{token.text} is changed by the program")
-        given = self.tokens[max(i - 3, 0) : i]
-        if [part.text.lower() for part in given] not in _TAKES_A_FRAME:
+        before = self.tokens[max(i - 3, 0) : i]
+        if [part.text.lower() for part in before] not in _TAKES_A_FRAME:
             raise ProgramError(
                 token.line,
                 f"{token.text} is used outside of a move instruction, where its value may change "
@@ -228,18 +228,18 @@ class _Module(ProgramSource):
         while not self.tokens[end].issymbol(";") and self.tokens[end].kind != "end":
             end += 1
         self.placed |= {token.start for token in self.tokens[i:end]}
-        given = [parts(argument, "\\") for argument in parts(self.tokens[i + 1 : end], ",")]
-        while given and not given[0][0]:
-            given.pop(0)  # \Conc
+        arguments = [parts(argument, "\\") for argument in parts(self.tokens[i + 1 : end], ",")]
+        while arguments and not arguments[0][0]:
+            arguments.pop(0)  # \Conc
         places, tool_at = MOVES[name.text.lower()]
-        if len(given) <= tool_at:
+        if len(arguments) <= tool_at:
             raise ProgramError(
-                name.line, f"{name.text} has {len(given)} arguments, expected {tool_at + 1}"
+                name.line, f"{name.text} has {len(arguments)} arguments, expected {tool_at + 1}"
             )
         joints = name.text.lower() == "moveabsj"
-        setup = self._setup(given[tool_at], name, joints=joints)
+        setup = self._setup(arguments[tool_at], name, joints=joints)
         for place in places:
-            self._goal(given[place][0], name, setup, joints=joints)
+            self._goal(arguments[place][0], name, setup, joints=joints)
 
     def _goal(self, tokens: list[Token], move: Token, setup: MoveSetup, *, joints: bool) -> None:
         """The target of a move: a name, an element of an array, or an aggregate."""
@@ -343,5 +343,5 @@ def _name(tokens: Sequence[Token], what: str, move: Token) -> str:
     """The name that an argument consists of."""
     if len(tokens) == 1 and tokens[0].kind == "word":
         return tokens[0].text
-    given = one_line("".join(token.text for token in tokens))
-    raise ProgramError(move.line, f"{what} is no name of a declaration ({given}); name one")
+    text = one_line("".join(token.text for token in tokens))
+    raise ProgramError(move.line, f"{what} is no name of a declaration ({text}); name one")

@@ -24,11 +24,11 @@ def constant_value(reader: Reader, what: str, depth: int = 0) -> object:
     if reader.take("["):
         if depth == NESTED:
             raise ProgramError(reader.token.line, f"{what}: lists more than {NESTED} deep")
-        items = [constant_value(reader, what, depth + 1)]
+        values = [constant_value(reader, what, depth + 1)]
         while reader.take(","):
-            items.append(constant_value(reader, what, depth + 1))
+            values.append(constant_value(reader, what, depth + 1))
         reader.expect("]", f"in the value of {what}")
-        return items
+        return values
     if reader.token.isword("true", "false") or reader.token.kind == "string":
         return reader.next().text.lower()
     return reader.number(f"value of {what}")
@@ -107,10 +107,10 @@ def work_object_of(value: object, name: str, line: int) -> Array:
 
 def _parts(value: object, name: str, line: int, *form: str) -> list[object]:
     """The parts of a value, as many as its form has."""
-    given = list_of(value)
-    if len(given) != len(form):
+    items = list_of(value)
+    if len(items) != len(form):
         raise ProgramError(line, f"{name}: expected [{','.join(form)}]")
-    return given
+    return items
 
 
 def _pose(value: object, name: str, line: int) -> Array:
@@ -127,11 +127,11 @@ def _pose(value: object, name: str, line: int) -> Array:
 
 def _numbers(value: object, count: int, name: str, line: int) -> tuple[Number, ...]:
     """So many numbers of a list, each of an axis or quantity that exists."""
-    given = list_of(value)
-    numbers = tuple(part for part in given if isinstance(part, Number))
-    if len(numbers) != count or len(given) != count:
+    items = list_of(value)
+    numbers = tuple(part for part in items if isinstance(part, Number))
+    if len(numbers) != count or len(items) != count:
         raise ProgramError(
-            line, f"{name}: {len(given)} values where {count} are expected; decimals have a point"
+            line, f"{name}: {len(items)} values where {count} are expected; decimals have a point"
         )
     if any(abs(number.value) >= NO_VALUE for number in numbers):
         raise ProgramError(line, f"{name}: 9E9 stands for an axis or value that does not exist")

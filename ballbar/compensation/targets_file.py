@@ -109,15 +109,15 @@ def targets_text(targets: TargetFile, robot: Robot, q: Array) -> str:
     """
     values = q if targets.columns == joint_columns(robot) else np.degrees(joints_to_axes(robot, q))
     places = [targets.header.index(name) for name in targets.columns]
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(csv_text, targets.header))
     for row, angles in zip(targets.rows, values, strict=True):
         fields = [csv_text(field) for field in row]
         for k, angle in zip(places, angles, strict=True):
             fields[k] = repr(float(angle))
         writer.writerow(fields)
-    return out.getvalue()
+    return text.getvalue()
 
 
 def _columns(path: Path, header: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
@@ -158,7 +158,7 @@ def _number(place: str, header: tuple[str, ...], row: tuple[str, ...], column: i
 
 
 @dataclass(frozen=True, eq=False)
-class Correction:
+class CorrectedTable:
     """Given and corrected targets, with the pose errors that the model predicts."""
 
     targets: TargetFile
@@ -168,7 +168,7 @@ class Correction:
     warnings: tuple[str, ...]
 
 
-def correct_file(path: Path, result: Result) -> Correction:
+def correct_file(path: Path, result: Result) -> CorrectedTable:
     """Corrected targets of a CSV file. Raises InputError naming file and line."""
     robot = result.robot
     targets = read_targets(path, robot)
@@ -177,8 +177,8 @@ def correct_file(path: Path, result: Result) -> Correction:
     except TargetError as error:
         faults = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
         shown, more = faults[:_FAULTS_SHOWN], len(faults) - _FAULTS_SHOWN
-        rest = [f"and {more} more targets"] if more > 0 else []
-        raise InputError("\n".join(["nothing was written.", *shown, *rest])) from None
+        others = [f"and {more} more targets"] if more > 0 else []
+        raise InputError("\n".join(["nothing was written.", *shown, *others])) from None
     identified, of_logs = result.calibration.file.corrections, result.calibration.of_logs
     expected = _OF_LOGS if of_logs else _OF_POSES
     missing = [EFFECTS[name] for name in expected if name not in identified]
@@ -189,7 +189,7 @@ def correct_file(path: Path, result: Result) -> Correction:
         )
     if missing:
         warnings.append(f"not identified, so not corrected: {', '.join(missing)}")
-    return Correction(
+    return CorrectedTable(
         targets=targets,
         corrected=corrected,
         axis_changes=joints_to_axes(robot, corrected.q) - joints_to_axes(robot, targets.q),
@@ -225,7 +225,7 @@ def _outside(result: Result, targets: TargetFile) -> list[str]:
     ]
 
 
-def write_corrected(out: Path, correction: Correction, result: Result) -> None:
+def write_corrected(out: Path, correction: CorrectedTable, result: Result) -> None:
     """Writes the corrected targets to a new file, completely or not at all.
 
     Raises InputError if the file exists.
@@ -234,7 +234,7 @@ def write_corrected(out: Path, correction: Correction, result: Result) -> None:
     write_new(out, text.encode())
 
 
-def correction_data(correction: Correction, result: Result, out: Path) -> dict[str, object]:
+def correction_data(correction: CorrectedTable, result: Result, out: Path) -> dict[str, object]:
     """JSON of `correct`, SI units."""
     c = correction.corrected
     return {
@@ -256,7 +256,7 @@ def correction_data(correction: Correction, result: Result, out: Path) -> dict[s
     }
 
 
-def correction_lines(correction: Correction) -> list[str]:
+def correction_lines(correction: CorrectedTable) -> list[str]:
     """Lines of text: effects, predicted pose error, largest corrections, warnings."""
     c = correction.corrected
     position, angle = c.position_before * MM, c.angle_before * MRAD

@@ -73,13 +73,13 @@ def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> Changed
 
 def changed_lines(changed: ChangedFile, result: Result) -> list[str]:
     """Lines of text: how far every origin moved, and what the file does not hold."""
-    each = [
+    changes = [
         f"  {name}: {shift * 1e3:.3f} mm, {turn * 1e3:.3f} mrad"
         for name, shift, turn in zip(changed.joints, changed.shift, changed.turn, strict=True)
     ]
     return [
         "origins of joints, changed by:",
-        *each,
+        *changes,
         f"read back, the chain agrees with the identified one within {changed.error:.1e} m",
         f"Not in it: {'; '.join(result.left_out)}",
         *result.range_notes,

@@ -161,12 +161,13 @@ def _on_axis(place: Array, axis: tuple[float, ...], sign: float) -> Array:
 
     The digits of a file leave 1e-6 rad; the joint's own axis becomes sign * z, through the origin.
     """
-    out, wanted = place.copy(), np.array([0.0, 0.0, sign])
+    pose, direction = place.copy(), np.array([0.0, 0.0, sign])
     for _ in range(3):  # the sine stands for the angle: each turn leaves its cube
-        turned = out[:3, :3] @ np.array(axis) / np.linalg.norm(axis)
-        out[:3, :3] = Rotation.from_rotvec(np.cross(turned, wanted)).as_matrix() @ out[:3, :3]
-    out[:2, 3] = 0.0
-    return np.asarray(out)
+        link_axis = pose[:3, :3] @ np.array(axis) / np.linalg.norm(axis)
+        turn = Rotation.from_rotvec(np.cross(link_axis, direction)).as_matrix()
+        pose[:3, :3] = turn @ pose[:3, :3]
+    pose[:2, 3] = 0.0
+    return np.asarray(pose)
 
 
 def _pose(rotation: Array, translation: Array) -> Array:

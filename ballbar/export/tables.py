@@ -108,7 +108,7 @@ def poe_table(result: Result) -> str:
 
 
 def _last(result: Result) -> str:
-    """What the last row of a table is; of still poses with the targets in the flange's frame."""
+    """A sentence on the last row of a table; of still poses with the targets on the flange."""
     if result.calibration.of_logs:
         last = result.robot.joints
         return f"Row `tool` has no joint: after row {last} the tool turns about its y by beta."

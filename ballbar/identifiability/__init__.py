@@ -1,1 +1,1 @@
-"""What a cost can identify of the parameters, on the nominal mechanism of a scenario."""
+"""Identifiability of the parameters by a cost, on the nominal mechanism of a scenario."""

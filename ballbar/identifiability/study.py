@@ -61,7 +61,7 @@ class KinematicLoop:
 
 @dataclass(frozen=True)
 class Study:
-    """What one cost can identify of the parameters considered."""
+    """Parameters that one cost can identify, of those considered."""
 
     cost: str
     encoders: tuple[int, ...]  # ball-bar joints whose angles the cost uses

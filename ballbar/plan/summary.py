@@ -13,6 +13,7 @@ from rich.table import Table
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slope
 from ballbar.terminal import wide_console
 from ballbar.units import MM, UM, URAD
+from cell.number_text import significant_text
 from planning.next_step import EVERY_ENCODER, ROD_SIGMA
 from planning.plan import COVERED_WITHIN, PathPlan
 from planning.pose_plan import PosePlan
@@ -130,7 +131,7 @@ def say_checks(out: Console, results: list[tuple[int, list[Check]]]) -> None:
         table.add_column(heading, justify="left" if heading == "limit" else "right")
     for rows in zip(*(checks_of_robot for _, checks_of_robot in results), strict=True):
         bad, instants = sum(row.instants for row in rows), sum(row.looked_at for row in rows)
-        values = (f"{row.worst:.3g} {row.unit}".strip() for row in rows)
+        values = (f"{significant_text(row.worst)} {row.unit}".strip() for row in rows)
         violated = f"[{'red' if bad else 'green'}]{bad} of {instants}[/]"
         table.add_row(rows[0].limit, f"{rows[0].allowed:.3g}", *values, violated)
     out.print("MuJoCo, soft servo, robots with errors; worst value of each limit:")

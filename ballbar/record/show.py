@@ -45,10 +45,10 @@ class RecordOptions:
     robot: str
     ballbar: str
     plate: str
-    duration: float | None  # [s]
-    live: bool
-    identify: bool
-    accuracy: float | None  # [m]
+    duration: float | None = None  # [s]
+    live: bool = False
+    identify: bool = False
+    accuracy: float | None = None  # [m]
 
     @property
     def cell(self) -> tuple[str, str, str]:
@@ -111,12 +111,12 @@ def record(
         if options.identify:
             duration, accuracy = options.duration, options.accuracy
             beside = WatchBeside(folder, accuracy=accuracy, duration=duration)
-        shown = meanwhile or partial(show_until_stopped, out, duration=options.duration)
+        display = meanwhile or partial(show_until_stopped, out, duration=options.duration)
         try:
             with on_stop_signals(recording.stop), quiet_libraries():
                 recording.start()
                 try:
-                    shown(recording, beside)
+                    display(recording, beside)
                 finally:
                     recording.finish()
             if beside is not None and meanwhile is None:
@@ -204,7 +204,7 @@ def _ads_memory(plc: str) -> Memory:
 
 
 def ads_reader(wanted: str) -> type[AdsMemory]:
-    """What reads the memory of a PLC; raises InputError where its library cannot be loaded.
+    """The reader of a PLC's memory; raises InputError where its library cannot be loaded.
 
     wanted : what needs it, for the message.
     """

@@ -77,21 +77,18 @@ def show_until_stopped(
                 begun = time.monotonic()
             elapsed = 0.0 if begun is None else time.monotonic() - begun
             if live is not None:
-                table = status_table(progress, elapsed)
-                live.update(table if beside is None else _both(table, beside), refresh=True)
+                parts = [status_table(progress, elapsed)]
+                if beside is not None and beside.failure:
+                    parts.append(Text(f"identification ended: {beside.failure}", style="red"))
+                elif beside is not None and beside.latest is not None:
+                    parts += [Text(), panel(beside.latest)]
+                live.update(Group(*parts), refresh=True)
             else:
                 lines.print_changes(progress)
                 if beside is not None:
                     lines.print_update(beside)
             if duration is not None and elapsed >= duration:
                 return
-
-
-def _both(table: RenderableType, beside: WatchBeside) -> RenderableType:
-    """The table of the sources, and below it what is identified meanwhile."""
-    if beside.failure:
-        return Group(table, Text(f"identification ended: {beside.failure}", style="red"))
-    return table if beside.latest is None else Group(table, Text(), panel(beside.latest))
 
 
 def say_recording(console: Console, progress: list[Progress]) -> None:

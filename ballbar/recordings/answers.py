@@ -36,9 +36,9 @@ class Answers:
             f"{', '.join(TIME_FORMS)}."
         ),
     ] = None
-    ballbar_time: Annotated[Text, _log(help="Form of the second log's time stamps, likewise.")] = (
-        None
-    )
+    ballbar_time: Annotated[
+        Text, _log(help="Form of the second log's time stamps, if they do not show it.")
+    ] = None
     encoder: Annotated[
         list[str] | None,
         _log(
@@ -102,5 +102,8 @@ class Answers:
     ] = None
     target: Annotated[
         list[str] | None,
-        _poses(help="Name of the ball or reflector on the flange, likewise.", metavar="NAME"),
+        _poses(
+            help="Name of the ball or reflector on the flange, once or for each file as well.",
+            metavar="NAME",
+        ),
     ] = None

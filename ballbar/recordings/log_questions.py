@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
+from acquisition.explain import ANGLES
 from acquisition.sources import layout_of
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
@@ -19,8 +20,9 @@ from acquisition.times import TIME_FORMS, recognised, words
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.dialect_questions import new_dialect
 from ballbar.recordings.preview import LogPreview
-from ballbar.recordings.questions import Ask, answer, one_of, time_form, whole_number
+from ballbar.recordings.questions import Ask, answer, loaded, one_of, time_form, whole_number
 from cell.arrays import Array
+from cell.descriptions import BallBar
 from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
 from cell.errors import InputError
 from cell.file_units import METRES, LogLengthUnit
@@ -43,11 +45,6 @@ from cell.selectors import find
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
 UNITS = get_args(LogLengthUnit)
 OWN = "new"  # the answer that asks for a dialect of one's own
-_ANGLES = {
-    "motors": "motor angles",
-    "axes": "axis angles as the controller shows them",
-    "joints": "joint angles of the DH model",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,21 +61,12 @@ def log_description(
     """The description that answers and files give; raises InputError where an answer is missing."""
     if answers.ballbar and answers.instrument:
         raise InputError("give either --ballbar or --instrument: one of them made the second log.")
-
-    def robot(name: str) -> str:
-        load_robot(name)
-        return name
-
-    def holder(name: str) -> str:
-        (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
-        return name
-
     robots, bars = ", ".join(robot_names()), ", ".join((*ballbar_names(), *length_names()))
     question = f"Which robot? ({robots}, or a .yaml file)"
-    head = {"schema": "ballbar-recording/1", "kind": "real"}
-    head["robot"] = answer(answers.robot, question, None, robot, ask)
+    robot, _ = answer(answers.robot, question, None, loaded(load_robot), ask)
+    head = {"schema": "ballbar-recording/1", "kind": "real", "robot": robot}
     question = f"Which ball-bar or other instrument? ({bars}, or a .yaml file)"
-    bar = answer(answers.ballbar or answers.instrument, question, None, holder, ask)
+    bar, _ = answer(answers.ballbar or answers.instrument, question, None, loaded(_holder), ask)
     kind: SourceName = "length" if answers.instrument or describes_instrument(bar) else "ballbar"
     description = LogDescription({**head, "instrument" if kind == "length" else "ballbar": bar})
     sources: dict[str, dict[str, Any]] = {}
@@ -99,6 +87,11 @@ def log_description(
         description.recording["encoders"] = encoders
     description.recording["notes"] = ""
     return description
+
+
+def _holder(name: str) -> BallBar:
+    """The ball-bar, or the instrument of lengths, that held the robot."""
+    return (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
 
 
 def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask: Ask) -> str:
@@ -165,7 +158,7 @@ def _refuse_unfit(dialect: Dialect, log: LogPreview) -> None:
 def _meaning(dialect: Dialect, log: LogPreview) -> str:
     """Meaning of a log by a dialect, as the part of a sentence."""
     if dialect.source == "robot":
-        what = f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
+        what = f"{ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
     else:
         what = "a length" if dialect.source == "length" else "raw counters"
     possible = dialect.time.possible

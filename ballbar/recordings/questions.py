@@ -35,6 +35,11 @@ def answer(
             reply = ask(f"{error}\n{question}", proposal)
 
 
+def loaded(load: Callable[[str], T]) -> Callable[[str], tuple[str, T]]:
+    """A check of an answer that names a description: the answer, and what it describes."""
+    return lambda reply: (reply, load(reply))
+
+
 def one_of(*choices: str) -> Callable[[str], str]:
     """A check of an answer that is one of several words."""
 

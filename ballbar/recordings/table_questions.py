@@ -32,7 +32,7 @@ from ballbar.recordings.proposals import (
     stated_unit,
     value_columns,
 )
-from ballbar.recordings.questions import Ask, answer, one_of
+from ballbar.recordings.questions import Ask, answer, loaded, one_of
 from ballbar.recordings.seat_questions import KEYS
 from cell.arrays import Array
 from cell.descriptions import Robot
@@ -100,10 +100,6 @@ def table_description(
     """The head of poses.yaml, and what it says of a table beside its files."""
     text, kind = pose_text(file, file.name)
     table = _Table(text, kind, column_names(text), answers, ask)
-
-    def loaded(load: Callable[[str], T]) -> Callable[[str], tuple[str, T]]:
-        return lambda reply: (reply, load(reply))
-
     question = f"which robot? ({', '.join(robot_names())}, or a .yaml file)"
     name, robot = table.answer(answers.robot, question, None, loaded(load_robot))
     question = f"which instrument? ({', '.join(instrument_names())}, or a .yaml file)"

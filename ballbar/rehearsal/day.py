@@ -73,15 +73,15 @@ class Rehearsal:
 
 
 @dataclass(eq=False)
-class _Day:
+class Day:
     """A day under way."""
 
-    scenario: Scenario  # as its devices deliver it
-    file: Path
+    scenario: Scenario  # as its devices deliver it (`live.as_recorded`)
+    file: Path  # where the scenario was read
     folder: Path
-    speed: float
+    speed: float  # times real time
     command: str
-    show: Callable[[Stage], None]
+    show: Callable[[Stage], None]  # called with each stage when it is done
     progress: Progress
     stages: list[Stage] = field(default_factory=list)
     paths: dict[str, LivePath] = field(default_factory=dict)
@@ -99,34 +99,14 @@ class _Day:
         return self.folder / RECORDINGS / name
 
 
-def rehearse(
-    scenario: Scenario,
-    *,
-    file: Path,
-    folder: Path,
-    speed: float,
-    fault: str | None,
-    command: str,
-    show: Callable[[Stage], None],
-    progress: Progress,
-) -> Rehearsal:
-    """Rehearses a day in a folder.
+def rehearse(day: Day, fault: str | None) -> Rehearsal:
+    """Rehearses a day in its folder.
 
-    scenario : as its devices deliver it (`live.as_recorded`). file : where it was read. speed :
-    times real time. fault : a key of FAULTS that begins midway in the first path, which is then
-    recorded once more. show : called with each stage when it is done.
+    fault : a key of FAULTS that begins midway in the first path, which is then recorded once more.
 
     Raises InputError and FailureError as the commands of the day do.
     """
-    day = _Day(
-        scenario=scenario,
-        file=file,
-        folder=folder,
-        speed=speed,
-        command=command,
-        show=show,
-        progress=progress,
-    )
+    scenario = day.scenario
     truth = _simulated(day, "path1", scenario)
     if fault is not None:
         _with_fault(day, fault)
@@ -136,32 +116,32 @@ def rehearse(
     _simulated(day, "path2", second)
     _recorded(day, "path2")
     data, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
-    held = _corrected(day)
+    targets = _corrected(day)
     _verified(day, data)
     result = data.identification
     return Rehearsal(
         scenario=scenario,
-        speed=speed,
+        speed=day.speed,
         fault=fault,
         stages=tuple(day.stages),
         limits=(
             *tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept),
-            *corrected_limits(held.after, scenario.accept),
+            *corrected_limits(targets.after, scenario.accept),
         ),
         paths=day.paths,
         nominal=first[1].tcp_nominal.mean,
-        held=held,
+        held=targets,
     )
 
 
-def _simulated(day: _Day, name: str, scenario: Scenario) -> Truth:
+def _simulated(day: Day, name: str, scenario: Scenario) -> Truth:
     """Simulates what the devices will deliver of a path."""
     folder = day.folder / SIMULATED / name
     return simulate_scenario(scenario, day.file, folder, progress=day.progress).truth
 
 
 def _taken(
-    day: _Day, name: str, source: str, *, fault: str | None = None, identify: bool = True
+    day: Day, name: str, source: str, *, fault: str | None = None, identify: bool = True
 ) -> LivePath:
     """Records a simulated path; see `record_live`."""
     day.progress(f"recording {name}")
@@ -177,7 +157,7 @@ def _taken(
     return day.paths[name]
 
 
-def _with_fault(day: _Day, fault: str) -> None:
+def _with_fault(day: Day, fault: str) -> None:
     """The first path with a fault, until it is noticed."""
     path = _taken(day, "fault", "path1", fault=fault)
     cause, alarm = path.cause, path.noticed
@@ -197,7 +177,7 @@ def _with_fault(day: _Day, fault: str) -> None:
     day.done("record with a fault", sentence, figures, met=alarm is not None)
 
 
-def _recorded(day: _Day, name: str) -> None:
+def _recorded(day: Day, name: str) -> None:
     """Records a path and identifies it meanwhile."""
     path = _taken(day, name, name)
     alarms, last = path.alarms, path.last
@@ -218,7 +198,7 @@ def _recorded(day: _Day, name: str) -> None:
 
 
 def _identified(
-    day: _Day, name: str, recordings: tuple[str, ...], truth: Truth
+    day: Day, name: str, recordings: tuple[str, ...], truth: Truth
 ) -> tuple[RunData, Comparison]:
     """Identifies recordings, and compares with the truth of the first."""
     log = IterationLog(day.progress)
@@ -249,7 +229,7 @@ def _identified(
     return data, comparison
 
 
-def _planned(day: _Day) -> Scenario:
+def _planned(day: Day) -> Scenario:
     """Plans the second path after the first result; the scenario of its recording."""
     day.progress("planning the second path")
     second = plan_second_path(day.scenario, day.folder, day.folder / FIRST, day.file.parent)
@@ -270,7 +250,7 @@ def _planned(day: _Day) -> Scenario:
     return second.scenario
 
 
-def _corrected(day: _Day) -> HeldTargets:
+def _corrected(day: Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
@@ -289,27 +269,27 @@ def _corrected(day: _Day) -> HeldTargets:
     )
     day.done("correct targets", sentence, figures, met=True)
     day.progress("holding targets in the plant")
-    held = hold_targets(day.folder, result, day.scenario, day.file.parent)
+    targets = hold_targets(day.folder, result, day.scenario, day.file.parent)
     figures = {
-        "nominal_targets_m": _mean_and_max(held.before),
-        "corrected_targets_m": _mean_and_max(held.after),
-        "corrected_base_aligned_m": _mean_and_max(held.aligned),
+        "nominal_targets_m": _mean_and_max(targets.before),
+        "corrected_targets_m": _mean_and_max(targets.after),
+        "corrected_base_aligned_m": _mean_and_max(targets.aligned),
     }
     sentence = (
-        f"off by {_mm(held.before.mean())} mean, {_mm(held.before.max())} largest as planned; by "
-        f"{_mm(held.after.mean())} mean, {_mm(held.after.max())} largest corrected "
-        f"({_mm(held.aligned.mean())} mean with the base aligned)"
+        f"off by {_mm(targets.before.mean())} mean, {_mm(targets.before.max())} largest as "
+        f"planned; by {_mm(targets.after.mean())} mean, {_mm(targets.after.max())} largest "
+        f"corrected ({_mm(targets.aligned.mean())} mean with the base aligned)"
     )
-    met = held.after.mean() < held.before.mean()
+    met = targets.after.mean() < targets.before.mean()
     day.done("hold them in the plant", sentence, figures, met=bool(met))
-    return held
+    return targets
 
 
 def _mean_and_max(values: Array) -> dict[str, float]:
     return {"mean": float(values.mean()), "max": float(values.max())}
 
 
-def _verified(day: _Day, data: RunData) -> None:
+def _verified(day: Day, data: RunData) -> None:
     """One more path against the result: held out, if the scenario names one.
 
     Of a sensed length it is validated instead: `verify` calls unchanged machines changed there

@@ -14,7 +14,16 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from ballbar.outputs import Progress
-from ballbar.rehearsal.day import FIRST, RECORDINGS, RESULT, SIMULATED, Rehearsal, Stage, rehearse
+from ballbar.rehearsal.day import (
+    FIRST,
+    RECORDINGS,
+    RESULT,
+    SIMULATED,
+    Day,
+    Rehearsal,
+    Stage,
+    rehearse,
+)
 from ballbar.rehearsal.live import as_recorded, check_fault
 from ballbar.rehearsal.second_path import PLAN, REQUEST
 from ballbar.rehearsal.targets import CORRECTED, GIVEN
@@ -38,7 +47,7 @@ def rehearse_into(
     show: Callable[[Stage], None],
     progress: Progress,
 ) -> Rehearsal:
-    """Rehearses a day, and leaves it in a folder as a whole; arguments as of `rehearse`.
+    """Rehearses a day, and leaves it in a folder as a whole; arguments as of `Day`.
 
     Raises InputError for a fault or a scenario that cannot be rehearsed, or when `out` holds
     something else; FailureError when a part of the cell does not come up.
@@ -48,16 +57,8 @@ def rehearse_into(
     with claimed_folder(out, OUTPUTS, "the rehearsal"):
         beside = Path(mkdtemp(dir=out.resolve().parent, prefix=f".{out.name}."))
         try:
-            day = rehearse(
-                delivered,
-                file=file,
-                folder=beside,
-                speed=speed,
-                fault=fault,
-                command=command,
-                show=show,
-                progress=progress,
-            )
+            begun = Day(delivered, file, beside, speed, command, show, progress=progress)
+            day = rehearse(begun, fault)
             progress("writing the report")
             from ballbar.rehearsal.page import rehearsal_page  # noqa: PLC0415  imports Jinja
 

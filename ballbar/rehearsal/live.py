@@ -234,7 +234,7 @@ def _recorded(
     *,
     identify: bool,
 ) -> LivePath:
-    """What a simulated PLC and a simulated controller deliver, by the recorder."""
+    """The recording of a simulated PLC and a simulated controller by the recorder."""
     pace = Pace(speed)
     with _devices(logs, scenario, pace) as (plc, robot, port):
         options = RecordOptions(
@@ -244,10 +244,7 @@ def _recorded(
             robot=scenario.cell.robot,
             ballbar=scenario.cell.measured_by,
             plate=scenario.cell.plate,
-            duration=None,
-            live=False,
             identify=identify,
-            accuracy=None,
         )
         follower = _Follower(None, cause, pace)
 

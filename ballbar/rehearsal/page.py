@@ -30,7 +30,7 @@ def rehearsal_page(day: Rehearsal, *, command: str) -> str:
     """The page as text. command : as the user typed it."""
     missed = [stage.name for stage in day.stages if not stage.met]
     missed += [limit.what for limit in day.limits if not limit.met]
-    cell, held = day.scenario.cell, day.held
+    cell, targets = day.scenario.cell, day.held
     fault = f", with the fault {day.fault}" if day.fault else ""
     page = template("rehearsal.html").render(
         title=day.scenario.name,
@@ -39,18 +39,18 @@ def rehearsal_page(day: Rehearsal, *, command: str) -> str:
         f"{day.took:.0f} s in all.",
         band="bad" if missed else "good",
         heading=f"Not as required: {', '.join(missed)}" if missed else "As required",
-        sentence=f"{held.after.size} targets are off by {millimetres(held.before.mean())} on "
-        f"average as planned with the nominal robot, and by {millimetres(held.after.mean())} after "
-        f"both paths and the correction, {millimetres(held.after.max())} at most.",
+        sentence=f"{targets.after.size} targets are off by {millimetres(targets.before.mean())} on "
+        f"average as planned with the nominal robot, and by {millimetres(targets.after.mean())} "
+        f"after both paths and the correction, {millimetres(targets.after.max())} at most.",
         tiles=_tiles(day),
         stages=[(s.name, s.sentence, s.met, f"{s.took:.0f}") for s in day.stages],
         limits=[(limit.what, *limit.sizes, limit.met) for limit in day.limits],
         live=_live(day),
         held=cumulative(
             [
-                Curve("targets as planned", held.before, BEFORE),
-                Curve("corrected targets", held.after, AFTER),
-                Curve("corrected, base aligned", held.aligned, PURPLE),
+                Curve("targets as planned", targets.before, BEFORE),
+                Curve("corrected targets", targets.after, AFTER),
+                Curve("corrected, base aligned", targets.aligned, PURPLE),
             ],
             label="distance of the tool",
         ),

@@ -39,12 +39,18 @@ def plan_second_path(scenario: Scenario, folder: Path, result: Path, named: Path
 
     named : folder to which the file names of the scenario are relative.
     """
-    plan, said = folder / PLAN, PlainConsole(file=io.StringIO())
+    plan, console = folder / PLAN, PlainConsole(file=io.StringIO())
     write_yaml(folder / REQUEST, request_data(scenario, named))
     request = load_request(folder / REQUEST)
     assert isinstance(request, PlanRequest)
     feasible = plan_path(
-        request, folder / REQUEST, folder=plan, seconds=SEARCH, after=[result], out=said, err=said
+        request,
+        folder / REQUEST,
+        folder=plan,
+        seconds=SEARCH,
+        after=[result],
+        out=console,
+        err=console,
     )
     planned = load_yaml(plan / "plan.yaml").data
     if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on

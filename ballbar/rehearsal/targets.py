@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.compensation.targets_file import (
-    Correction,
+    CorrectedTable,
     axis_columns,
     correct_file,
     read_targets,
@@ -38,7 +38,7 @@ class HeldTargets:
     aligned: Array  # [m] the same after the best rigid motion of the base
 
 
-def correct_targets(folder: Path, result: Result) -> Correction:
+def correct_targets(folder: Path, result: Result) -> CorrectedTable:
     """Writes targets into the folder, and corrected ones beside them.
 
     They are the first of the accuracy box that can be corrected; at singularities none can.

@@ -20,7 +20,7 @@ from ballbar.replay.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEE
 from ballbar.replay.entities import CELL, LEGEND, NOTES
 from ballbar.replay.scene import log_legend, magnification, spaced
 from ballbar.replay.shapes import PAINT
-from ballbar.result.pose_run import PoseRun
+from ballbar.result.run_data import PoseRun
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.chain import Chain, Frames

@@ -30,7 +30,7 @@ from ballbar.report.summary import Tile
 from ballbar.report.tcp_view import TcpRow, tcp_row
 from ballbar.result.calibration_content import KNOWN
 from ballbar.result.compare import Comparison
-from ballbar.result.pose_run import PoseRun
+from ballbar.result.run_data import PoseRun
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from cell.files import write_whole

@@ -12,7 +12,7 @@ from ballbar.report.numbers import with_and_without
 from ballbar.report.parameters import parameter_count
 from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, PoseRun, RunData
 from ballbar.units import MM, PPM, UM, URAD, US
 from cell.geometry import parameter_named
 from cell.number_text import clock_offset_text, clock_skew_text
@@ -25,11 +25,14 @@ if TYPE_CHECKING:
     from sim.simulate import Simulation
 
 
-def say_identification(out: Console, data: RunData) -> None:
+def say_identification(out: Console, data: RunData | PoseRun) -> None:
     """Print held-out recordings, verdict, remarks, fit and clocks.
 
     Sentences are green or red, remarks yellow.
     """
+    if isinstance(data, PoseRun):
+        _say_poses(out, data)
+        return
     for outcome in (validation.outcome for validation in data.validations):
         _sentence(out, outcome.sentence, good=outcome.acceptable)
         for fault in outcome.step_faults:
@@ -82,6 +85,16 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
         out.print(f"clock error: offset {offset:+.2f} us, skew {skew:+.4f} ppm")
 
 
+def say_pose_comparison(out: Console, comparison: Comparison) -> None:
+    """Print how far the identified robot is from the true one."""
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    out.print(
+        f"TCP error within the fitted ranges: mean {tcp.mean * MM:.4f} mm, "
+        f"largest {tcp.maximum * MM:.4f} mm "
+        f"(nominal robot {before.mean * MM:.3f} and {before.maximum * MM:.3f} mm)"
+    )
+
+
 def _comparison_of_poses(out: Console, comparison: Comparison) -> None:
     tcp, nominal = comparison.tcp, comparison.tcp_nominal
     whose = "of both" if comparison.both_have_target else "of the first"
@@ -110,6 +123,39 @@ def _comparison_of_poses(out: Console, comparison: Comparison) -> None:
     if comparison.unlike_ranges:
         axes = ", ".join(map(str, comparison.unlike_ranges))
         out.print(f"[yellow]warning:[/] less than half of the fitted range is common: axes {axes}")
+
+
+def _say_poses(out: Console, run: PoseRun) -> None:
+    result, fit = run.identification, run.identification.fit
+    sentences = [(h.sentence, h.acceptable) for _, _, h in run.held_out]
+    sentences.append((result.verdict.sentence, result.verdict.acceptable))
+    for sentence, good in sentences:
+        _sentence(out, sentence, good=good)
+    for warning in result.verdict.warnings:
+        out.print(f"[yellow]warning:[/] {escape(warning)}")
+    layout = fit.model.unknowns
+    seats, targets = len(layout.seats), len(layout.targets)
+    coefficients = layout.coefficients.stop - layout.coefficients.start
+    out.print(
+        f"{len(layout.parameters)} parameters and {coefficients} coefficients of corrections from "
+        f"{result.table.size} poses, {seats} seat{'s' * (seats > 1)} and {targets} "
+        f"target{'s' * (targets > 1)}, in {fit.iterations} iterations"
+    )
+    if result.search is not None:
+        names = ", ".join(f"joint {o.joint + 1}: {o.order:g}" for o in result.search.orders[:8])
+        more = len(result.search.orders) - 8
+        out.print(
+            escape(
+                f"joint errors found (cycles a turn): {names or 'none'}"
+                + (f" and {more} more" if more > 0 else "")
+            )
+        )
+    beside, over = result.sigma_at_poses.mean() * MM, result.tcp_sigma.mean() * MM
+    out.print(
+        f"stated TCP uncertainty: {beside:.4f} mm at the measured poses; extrapolated over the "
+        f"whole of the fitted ranges {over:.4f} mm (means, 1 sigma, all axes together; without the "
+        "scale of the instrument)"
+    )
 
 
 def _sentence(out: Console, sentence: str, *, good: bool) -> None:

@@ -12,7 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.calibration_file import POSE_CORRECTIONS, SCHEMA, CalibrationFile
+from ballbar.result.calibration_file import (
+    LEARNED_HARMONICS,
+    POSE_CORRECTIONS,
+    SCHEMA,
+    CalibrationFile,
+)
 from ballbar.result.machine_entries import RESTORE
 from ballbar.result.names import CALIBRATION
 from cell.arrays import Array
@@ -182,7 +187,8 @@ class Calibration:
 
     def joint_errors(self) -> JointErrors:
         """The joint errors of still poses, to be kept in another identification."""
-        entries = self.file_of_poses().corrections.get(JOINT_HARMONICS, {})
+        corrections = self.file_of_poses().corrections
+        entries = corrections.get(LEARNED_HARMONICS, {}) | corrections.get(JOINT_HARMONICS, {})
         return JointErrors(
             tuple(orders_of(entries)), tuple(entry.value for entry in entries.values())
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from itertools import count
 from typing import Any, TypeVar, cast
@@ -17,7 +18,6 @@ from ballbar.result.machine_entries import (
     covariance_entry,
     masses_entry,
 )
-from ballbar.result.pose_run import PoseRun
 from ballbar.result.recording_entries import (
     POSES,
     ClockEntry,
@@ -38,21 +38,20 @@ from ballbar.result.recording_entries import (
     StepFaultEntry,
     TrackerEntry,
 )
-from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.run_data import FittedRecording, PoseRun, RunData
 from cell.arrays import Array
 from cell.geometry import Geometry
-from cell.placement import Placement
 from cell.rotation import rotvec_from_matrix
 from cell.schema import Strict
 from cell.statistics import rms
 from ident.corrections.base import Coefficient
 from ident.estimator.fit import Fit
 from ident.estimator.unknowns import belongs_to_recording, shared_names
-from ident.held_out import HeldOut
 from ident.signals.step_fault import StepFault
 from ident.tracker import TrackerCheck
 
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
+_UNIT = re.compile(r"_(?:m|rad|s)$")
 E = TypeVar("E", bound=Strict)
 
 
@@ -85,16 +84,21 @@ def calibration_of(data: RunData) -> CalibrationFile:
             verdict=verdict.sentence,
             warnings=verdict.warnings,
             rod_sigma_m=fit.excess.rod,
+            excess=_entry(ExcessEntry, fit.excess),
             tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
             tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
-            excess=ExcessEntry.model_construct(
-                gear_rad=fit.excess.gear,
-                wrist_rad=fit.excess.wrist,
-                bar_rad=fit.excess.bar,
-                rod_m=fit.excess.rod,
-            ),
         ),
-        held_out=tuple(_held_out(validation.outcome) for validation in data.validations),
+        held_out=tuple(
+            _entry(
+                HeldOutEntry,
+                outcome,
+                identified=_entry(ClosureEntry, outcome.identified),
+                nominal=_entry(ClosureEntry, outcome.nominal),
+                step_faults=_step_faults(outcome.step_faults),
+                tracker=_tracker(outcome.tracker),
+            )
+            for outcome in (validation.outcome for validation in data.validations)
+        ),
     )
 
 
@@ -119,9 +123,7 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
             for i, name in enumerate(layout.names[: layout.shared.size])
         },
         corrections=_corrections_of_poses(fit),
-        orders=()
-        if result.search is None
-        else tuple(
+        orders=tuple(
             _entry(
                 OrderEntry,
                 o,
@@ -129,16 +131,10 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
                 order=round(o.order),
                 aliases=tuple(round(a) for a in o.aliases),
             )
-            for o in result.search.orders
+            for o in (result.search.orders if result.search else ())
         ),
-        seats={
-            name: _placement(fit, layout.seat(fit.x, name), name, part)
-            for name, part in layout.seats.items()
-        },
-        targets={
-            name: _placement(fit, layout.target(fit.x, name), name, part)
-            for name, part in layout.targets.items()
-        },
+        seats={name: _placement(fit, name, part) for name, part in layout.seats.items()},
+        targets={name: _placement(fit, name, part) for name, part in layout.targets.items()},
         ranges=_ranges(arm.lower, arm.upper),
         recordings=tuple(
             _entry(
@@ -149,10 +145,10 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
             )
             for point in fit.linear.evaluations
         ),
-        cross_validation=CrossValidationEntry.model_construct(
-            mean_m=validation.mean,
+        cross_validation=_entry(
+            CrossValidationEntry,
+            validation,
             quantile_95_m=validation.quantile,
-            sigma_m=validation.sigma,
             region_factor=validation.factor_of_points,
         ),
         fit=FitEntry.model_construct(
@@ -183,11 +179,15 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
 
 
 def _entry(entry: type[E], source: object, **values: Any) -> E:
-    """An entry of these values, and of the attributes of `source` that are named as its keys."""
-    names = (name for name in entry.model_fields if name not in values and hasattr(source, name))
-    return cast(
-        E, entry.model_construct(None, **{name: getattr(source, name) for name in names}, **values)
-    )
+    """An entry of these values, and of what `source` has under the other keys.
+
+    A key that ends with its unit, such as `largest_m`, stands for an attribute without it too.
+    """
+    for key in entry.model_fields.keys() - values.keys():
+        for name in (key, _UNIT.sub("", key)):
+            if hasattr(source, name):
+                values[key] = getattr(source, name)
+    return cast(E, entry.model_construct(None, **values))
 
 
 def _parameters(
@@ -232,13 +232,16 @@ def _ranges(lower: Array, upper: Array) -> tuple[RangeEntry, ...]:
     )
 
 
-def _placement(fit: Fit, place: Placement, name: str, part: slice) -> PlacementEntry:
+def _placement(fit: Fit, name: str, part: slice) -> PlacementEntry:
+    """A seat, or a target, whose unknowns are a part of the vector."""
+    layout = fit.model.unknowns
+    place = (layout.seat if layout.seats.get(name) == part else layout.target)(fit.x, name)
     deviations = np.sqrt(np.diag(fit.covariance)[part][:3])
     turn = rotvec_from_matrix(place.rotation[:, :, None])[:, 0]
     return PlacementEntry.model_construct(
         position_m=tuple(place.origin.tolist()),
         position_sigma_m=tuple(deviations.tolist()),
-        rotation_vector_rad=tuple(turn.tolist()) if name in fit.model.unknowns.framed else None,
+        rotation_vector_rad=tuple(turn.tolist()) if name in layout.framed else None,
     )
 
 
@@ -281,48 +284,27 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
 
 
 def _step_faults(faults: Sequence[StepFault]) -> tuple[StepFaultEntry, ...]:
-    return tuple(_entry(StepFaultEntry, fault, time_s=fault.time) for fault in faults)
+    return tuple(_entry(StepFaultEntry, fault) for fault in faults)
 
 
 def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
     if check is None:
         return None
     identified, nominal = (
-        PointErrorsEntry.model_construct(
-            rms_m=errors.rms,
-            largest_m=errors.largest,
+        _entry(
+            PointErrorsEntry,
+            errors,
             clock_offset_s=errors.clock.offset,
             clock_skew=errors.clock.skew,
         )
         for errors in (check.identified, check.nominal)
     )
-    return TrackerEntry.model_construct(
-        acceptable=check.acceptable,
+    return _entry(
+        TrackerEntry,
+        check,
         points=check.t.size,
         unknowns=check.identified.unknowns,
         degrees_of_freedom=check.degrees,
-        noise_m=check.noise,
-        expected_m=check.expected,
         identified=identified,
         nominal=nominal,
-    )
-
-
-def _held_out(outcome: HeldOut) -> HeldOutEntry:
-    identified, nominal = (
-        ClosureEntry.model_construct(
-            position_rms_m=closure.position_rms,
-            position_max_m=closure.position_max,
-            angle_rms_rad=closure.angle_rms,
-            ratio=closure.ratio,
-        )
-        for closure in (outcome.identified, outcome.nominal)
-    )
-    return _entry(
-        HeldOutEntry,
-        outcome,
-        identified=identified,
-        nominal=nominal,
-        step_faults=_step_faults(outcome.step_faults),
-        tracker=_tracker(outcome.tracker),
     )

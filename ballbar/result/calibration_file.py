@@ -8,6 +8,7 @@ fitted range of every joint, and what cross-validation says of poses that were n
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from typing import Annotated, Any, Final, Literal
 
@@ -58,11 +59,16 @@ from ident.estimator.unknowns import belongs_to_recording, shared_names
 
 SCHEMA: Final = "ballbar-calibration/2"
 
+LEARNED_HARMONICS: Final = "learned_harmonics"  # joint errors kept from another result
+
 # Corrections of still poses by name, formed again from the names of their coefficients.
 POSE_CORRECTIONS: dict[str, Callable[[Robot, Iterable[str]], Correction]] = {
     "unit_weights": lambda robot, _: unit_weights(robot),
     "joint_compliance": lambda robot, _: gear_compliance(robot),
     JOINT_HARMONICS: lambda _, coefficients: joint_harmonics(orders_of(coefficients)),
+    LEARNED_HARMONICS: lambda _, coefficients: replace(
+        joint_harmonics(orders_of(coefficients)), name=LEARNED_HARMONICS
+    ),
 }
 
 Places = dict[str, PlacementEntry]

@@ -6,16 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
 from ballbar.result.iterations import Step
 from ident.held_out import HeldOut
+from ident.held_out_poses import PoseHeldOut
+from ident.pose_result import PoseIdentification
 from ident.result import Identification, RecordingEstimate
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
     from ballbar.result.limits import Limit
     from ballbar.scenario import Scenario
     from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,3 +74,24 @@ class RunData:
         fitted = tuple((r.name, r.folder, r.recording) for r in self.recordings)
         held_out = tuple((v.outcome.name, v.folder, v.recording) for v in self.validations)
         return fitted + held_out
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRun:
+    """An identification from still poses with what was read, and the simulation behind it."""
+
+    name: str
+    folders: tuple[tuple[str, Path, PoseImport], ...]  # name, folder and content, as fitted
+    identification: PoseIdentification
+    held_out: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
+    simulation: PoseSimulation | None = None
+    comparison: Comparison | None = None
+    limits: tuple[Limit, ...] = ()
+    iterations: tuple[Step, ...] = ()  # of the fits, where requested
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether verdict, limits and held-out tables are all acceptable."""
+        met = all(limit.met for limit in self.limits)
+        explained = all(outcome.acceptable for _, _, outcome in self.held_out)
+        return self.identification.verdict.acceptable and met and explained

@@ -1,7 +1,7 @@
-"""Recording folders to an identified robot: one, or several in one fit, and held-out ones.
+"""Recordings or tables of still poses to an identified robot: one, several, and held-out ones.
 
-Recordings that are fitted or validated together must be of the same robot, ball-bar and plate:
-their files must say so.
+Recordings that are fitted or validated together must be of the same robot, ball-bar and plate,
+tables of the same robot: their files must say so.
 """
 
 from __future__ import annotations
@@ -11,21 +11,50 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from acquisition.pose_tables import PoseImport, import_poses
 from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
+from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.run_data import FittedRecording, RunData, Validation
+from ballbar.result.calibration import Calibration
+from ballbar.result.run_data import FittedRecording, PoseRun, RunData, Validation
 from cell.errors import InputError
 from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell
+from cell.poses import KnownDistance, PoseGroup, PoseTable
 from cell.recording import load_recording_file
 from ident.held_out import held_out
+from ident.held_out_poses import held_out_poses
 from ident.identify import identify_together
+from ident.identify_poses import PoseOptions, Progress, identify_poses
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.start.automatic import StartError
 from ident.tracker import judged_by_tracker
+
+
+def identify_files(
+    paths: Sequence[Path],
+    validate: Sequence[Path] = (),
+    *,
+    settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
+    joint_errors: str = "auto",
+    listener: Listener = SILENT,
+) -> RunData | PoseRun:
+    """One robot from recordings or tables of still poses, tried on held-out ones.
+
+    settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
+    without, and the path of a result keeps its own.
+
+    Raises as `identify_recordings` and `identify_pose_folders`.
+    """
+    if not any(map(holds_poses, [*paths, *validate])):
+        return identify_recordings(paths, validate, settings=settings, listener=listener)
+    options = PoseOptions(search=joint_errors == "auto")
+    if joint_errors not in ("auto", "none"):
+        options = replace(options, learned=Calibration.load(joint_errors).joint_errors())
+    return identify_pose_folders(paths, validate, options=options, progress=listener.progress)
 
 
 def identify_recordings(
@@ -69,6 +98,66 @@ def identify_recordings(
         recordings=tuple(FittedRecording(*parts) for parts in fitted),
         identification=result,
         validations=validations,
+    )
+
+
+def identify_pose_folders(
+    folders: Sequence[Path],
+    validate: Sequence[Path] = (),
+    *,
+    options: PoseOptions = PoseOptions(),  # noqa: B008  frozen
+    progress: Progress = lambda _: None,
+) -> PoseRun:
+    """One robot from one or several tables of still poses, tried on the held-out ones.
+
+    Raises InputError for bad files, for tables of unlike robots and for logs among them.
+    """
+    every = [*folders, *validate]
+    if logs := [folder for folder in every if not holds_poses(folder)]:
+        raise InputError(
+            f"{logs[0]}: holds no poses.yaml. Still poses and logs of a moving robot cannot be "
+            "identified together; identify each by itself and compare the results."
+        )
+    names = distinct_names(every)
+    progress("reading the poses")
+    read = [import_poses(folder) for folder in every]
+    first = read[0].table.robot
+    for folder, content in zip(every, read, strict=True):
+        if content.table.robot.title != first.title:
+            raise InputError(
+                f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
+                ". Tables that belong together must be of one robot."
+            )
+    count = len(folders)
+    fitted = tuple(zip(names[:count], folders, read[:count], strict=True))
+    result = identify_poses(_joined(fitted), options, progress)
+    held = tuple(
+        (folder, content, held_out_poses(result, replace(content.table, name=name)))
+        for name, folder, content in zip(names[count:], validate, read[count:], strict=True)
+    )
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in held)
+    result = replace(result, elsewhere=elsewhere)
+    return PoseRun(" + ".join(names[:count]), fitted, result, held)
+
+
+def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
+    """Several tables as one: each has seats of its own, targets of one name are one target."""
+    if len(tables) == 1:
+        name, _, content = tables[0]
+        return replace(content.table, name=name)
+    groups: list[PoseGroup] = []
+    distances: list[KnownDistance] = []
+    for name, _, content in tables:
+        groups += [replace(g, seat=f"{name}/{g.seat}") for g in content.table.groups]
+        distances += [
+            replace(d, seats=(f"{name}/{d.seats[0]}", f"{name}/{d.seats[1]}"))
+            for d in content.table.distances
+        ]
+    return PoseTable(
+        " + ".join(name for name, _, _ in tables),
+        tables[0][2].table.robot,
+        tuple(groups),
+        tuple(distances),
     )
 
 

@@ -11,10 +11,10 @@ from rich.markup import escape
 
 from acquisition.pose_tables import import_poses
 from acquisition.report import ImportReport, finding_line
+from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
 from ballbar.result.calibration_file import CalibrationFile
-from ballbar.result.pose_run import holds_poses
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path

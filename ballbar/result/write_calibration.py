@@ -11,8 +11,7 @@ from pathlib import Path
 
 from ballbar.result.calibration import load_calibration
 from ballbar.result.calibration_content import calibration_of, calibration_of_poses
-from ballbar.result.pose_run import PoseRun
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import PoseRun, RunData
 from cell.errors import InputError
 from cell.files import copied_description, write_yaml
 from cell.pose_file import pose_file_path

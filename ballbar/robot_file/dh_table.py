@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ballbar.robot_file.draft import RobotDraft, check_rows, rounded
-from ballbar.robot_file.read import read_description
+from ballbar.robot_file.draft import RobotDraft, check_rows, read_description, rounded
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.dh_from_axes import DHForm, dh_from_modified
@@ -99,14 +98,14 @@ def _form(table: _Table) -> DHForm:
     rows = np.array([form.chain.a, form.chain.d, form.chain.alpha, form.chain.theta])
     *_, before, last = rows.T
     rows = rows[:, :-1]
-    rest = np.eye(4)
+    beyond = np.eye(4)
     if before[0] == 0.0 and before[2] == 0.0:  # a and alpha: both turns are about the same axis
         rows[:, -1] = before + last
     else:
-        rest = forward(_chain(last[:, None]), np.zeros((1, 1))).poses()[0]
+        beyond = forward(_chain(last[:, None]), np.zeros((1, 1))).poses()[0]
     joints = rows.shape[1]
     chain = _chain(rows)
-    return replace(form, chain=chain, sign=np.ones(joints), T_flange_tip=rest)
+    return replace(form, chain=chain, sign=np.ones(joints), T_flange_tip=beyond)
 
 
 def _chain(rows: Array) -> Chain:
@@ -203,7 +202,7 @@ def _table(rows: list[tuple[str, Mapping[str, Any]]], path: str, convention: Any
 def _column(quantity: str, rows: list[tuple[str, Mapping[str, Any]]]) -> Array:
     """(rows,) [m, rad, rad/s] values of a quantity; nan where not stated."""
     units = _COLUMNS[quantity]
-    out = np.full(len(rows), np.nan)
+    values = np.full(len(rows), np.nan)
     for i, (where, row) in enumerate(rows):
         names = [name for name in units if name in row]
         if len(names) > 1:
@@ -211,8 +210,8 @@ def _column(quantity: str, rows: list[tuple[str, Mapping[str, Any]]]) -> Array:
         if not names and quantity in _REQUIRED:
             raise InputError(f"{where}: no {' or '.join(units)}. Add it; a zero is written out.")
         if names:
-            out[i] = _number(row[names[0]], names[0], where) * units[names[0]]
-    return out
+            values[i] = _number(row[names[0]], names[0], where) * units[names[0]]
+    return values
 
 
 def _number(value: Any, name: str, where: str) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,15 +17,17 @@ from cell.description_files import MAX_DH_LENGTH_M, SMALLEST_TWIST_DEG
 from cell.descriptions import Link
 from cell.dh_from_axes import DHForm
 from cell.errors import InputError
+from cell.foreign_files import read_regular
 
 FEWEST_AXES, MOST_AXES = 5, 8  # of cell.description_files.RobotFile
 ASSUMED_RANGE_DEG = 180.0  # written to either side where the source states no limits
+MAX_BYTES = 10_000_000  # of a URDF with every link of a cell; its meshes are other files
 LENGTH_DIGITS, DEGREE_DIGITS, LIMIT_DIGITS = 12, 10, 3  # decimals of what is written
 
 
 @dataclass(frozen=True, eq=False)
 class RobotDraft:
-    """What a source states about a robot of J axes."""
+    """A robot of J axes as its source states it."""
 
     name: str
     title: str
@@ -34,7 +37,7 @@ class RobotDraft:
     upper: Array  # (J,) [rad]
     speed: Array  # (J,) [rad/s] nan where not stated
     bodies: tuple[Link, ...] | str  # base, link 1..J in the source's base; or why there are none
-    tip_poses: Callable[[Array], Array]  # (N, J) [rad] -> (N, 4, 4) [m], by the source's own rules
+    tip_poses: Callable[[Array], Array]  # (N, J) [rad] -> (N, 4, 4) [m], by the rules of the source
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "speed"):
@@ -48,6 +51,29 @@ class RobotDraft:
     def unlimited(self) -> list[int]:
         """Axes, from 1, whose limits are not stated."""
         return [i + 1 for i in range(self.joints) if not np.isfinite(self.upper[i] - self.lower[i])]
+
+
+def read_description(path: Path) -> str:
+    """The text of a URDF or table.
+
+    Raises InputError if it is no regular file, larger than MAX_BYTES, or not UTF-8.
+    """
+    try:
+        raw = read_regular(path, MAX_BYTES)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file. Correct the name.") from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}. Name the URDF or table itself, without "
+            "meshes."
+        ) from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}:{line}: byte 0x{raw[error.start]:02x} is not UTF-8. Save the file as UTF-8."
+        ) from None
 
 
 def rounded(form: DHForm) -> DHForm:

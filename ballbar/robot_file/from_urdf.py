@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.robot_file.draft import RobotDraft, check_rows, rounded
-from ballbar.robot_file.read import read_description
+from ballbar.robot_file.draft import RobotDraft, check_rows, read_description, rounded
 from ballbar.robot_file.urdf import Urdf, parse_urdf, with_round_angles
 from ballbar.robot_file.urdf_chain import UrdfChain, bodies, chain_between
 from cell.dh_from_axes import AxesError, dh_from_axes

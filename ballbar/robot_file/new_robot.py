@@ -1,4 +1,7 @@
-"""A new robot: description file and picture, written only if they agree with their source."""
+"""A new robot: description file and picture, written only if they agree with their source.
+
+The tip poses of both are compared at random joint angles, of the description as it is read back.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +10,45 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from ballbar.robot_file.check import LARGEST, POSES, Difference, difference
+import numpy as np
+
 from ballbar.robot_file.draft import RobotDraft
 from ballbar.robot_file.picture import robot_picture
 from ballbar.robot_file.text import description_text
+from cell.chain import forward
 from cell.descriptions import Robot
 from cell.errors import FailureError, InputError
 from cell.files import write_new
+from cell.geometry import nominal_chain
 from cell.load import load_robot
+from cell.robot_angles import controller_to_joints
+from cell.rotation import rotvec_from_matrix
 
+POSES = 100
+LARGEST = 1e-9  # [m, rad] allowed; rounding of the written decimals gives 1e-12
+_SEED = 2
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True)
+class PoseDifference:
+    """Largest difference of the tip poses."""
+
+    position: float  # [m]
+    angle: float  # [rad]
+
+    @property
+    def acceptable(self) -> bool:
+        return self.position <= LARGEST and self.angle <= LARGEST
 
 
 @dataclass(frozen=True, eq=False)
 class NewRobot:
-    """What was written."""
+    """Description and picture that were written."""
 
     robot: Robot
     draft: RobotDraft
-    difference: Difference
+    difference: PoseDifference
     file: Path
     picture: Path
 
@@ -78,3 +101,16 @@ def write_robot(draft: RobotDraft, file: Path) -> NewRobot:
     write_new(file, text)
     write_new(picture_of(file), picture)
     return NewRobot(robot, draft, largest, file, picture_of(file))
+
+
+def difference(robot: Robot, draft: RobotDraft) -> PoseDifference:
+    """Tip poses of a description as it is read back, against those of the source."""
+    axes = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (POSES, robot.joints))
+    chain = nominal_chain(robot)
+    flange = forward(chain, controller_to_joints(robot, axes)).poses()
+    poses = draft.form.T_base_dh @ flange @ draft.form.T_flange_tip
+    expected = draft.tip_poses(axes)
+    shift = np.linalg.norm(poses[:, :3, 3] - expected[:, :3, 3], axis=1)
+    turn = np.einsum("nik,njk->ijn", poses[:, :3, :3], expected[:, :3, :3])
+    angle = np.linalg.norm(rotvec_from_matrix(turn), axis=0)
+    return PoseDifference(float(shift.max()), float(angle.max()))

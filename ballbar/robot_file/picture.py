@@ -38,9 +38,9 @@ def robot_picture(robot: Robot) -> bytes:
             f"{robot.title}: DH rows; frames x red, y green, z blue; circles are joint axes",
             fontsize=9.0,
         )
-        out = io.BytesIO()
-        figure.savefig(out, format="png", metadata={"Software": None})
-    return out.getvalue()
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def _angles(axes: Array) -> str:

@@ -39,27 +39,23 @@ def description_text(draft: RobotDraft) -> str:
 
 
 def missing(draft: RobotDraft) -> list[tuple[str, str]]:
-    """What the source does not state, and what it is needed for."""
-    out = []
+    """Keys that the source does not state, and what they are needed for."""
+    lacking = []
     if draft.unlimited:
         axes = ", ".join(map(str, draft.unlimited))
-        out.append(
-            (
-                f"limits of axis {axes}",
-                f"+-{ASSUMED_RANGE_DEG:g} deg stands in their place; correct it before planning",
-            )
-        )
+        use = f"+-{ASSUMED_RANGE_DEG:g} deg stands in their place; correct it before planning"
+        lacking.append((f"limits of axis {axes}", use))
     if not np.isfinite(draft.speed).all():
-        out.append(("axis_speed_max_deg_per_s", "planning of paths, and motion at real speed"))
+        lacking.append(("axis_speed_max_deg_per_s", "planning of paths, and motion at real speed"))
     if isinstance(draft.bodies, str):
         reason = f"dynamic simulation, planning of paths, loads of gears ({draft.bodies})"
-        out.append(("links (masses)", reason))
-    out += [
+        lacking.append(("links (masses)", reason))
+    return [
+        *lacking,
         ("motor_to_joint", "logs of motor angles, and gears; without it a motor is its joint"),
         ("gears", "dynamic simulation; errors by elasticity, friction, backlash and ripple"),
         ("servo, rotor_inertia_kg_m2", "dynamic simulation"),
     ]
-    return out
 
 
 def transform_lines(pose: Array) -> list[str]:
@@ -80,7 +76,7 @@ def _comment(text: str) -> Iterable[str]:
 
 
 def _transforms(draft: RobotDraft) -> Iterable[str]:
-    """What standard rows cannot hold, as comments: no computation of the project reads it."""
+    """Transforms that standard rows cannot hold, as comments: no computation reads them."""
     form = draft.form
     for name, pose, text in (
         ("T_base_dh", form.T_base_dh, "of the frame of row 1 in the source's base frame"),

@@ -227,8 +227,9 @@ def with_round_angles(urdf: Urdf) -> Urdf:
 
 def listed(names: Iterable[str]) -> str:
     """At most eight names."""
-    every = sorted(names)
-    return ", ".join(every[:8]) + (f" and {len(every) - 8} more" if len(every) > 8 else "")
+    ordered, most = sorted(names), 8
+    more = f" and {len(ordered) - most} more" if len(ordered) > most else ""
+    return ", ".join(ordered[:most]) + more
 
 
 def _check_tree(urdf: Urdf) -> None:

@@ -29,9 +29,9 @@ class UrdfChain:
         poses = np.broadcast_to(self.fixed[0], (len(q), 4, 4))
         for i, joint in enumerate(self.joints):
             unit = np.array(joint.axis) / np.linalg.norm(joint.axis)
-            turned = np.tile(np.eye(4), (len(q), 1, 1))
-            turned[:, :3, :3] = Rotation.from_rotvec(q[:, i : i + 1] * unit).as_matrix()
-            poses = poses @ turned @ self.fixed[i + 1]
+            turn = np.tile(np.eye(4), (len(q), 1, 1))
+            turn[:, :3, :3] = Rotation.from_rotvec(q[:, i : i + 1] * unit).as_matrix()
+            poses = poses @ turn @ self.fixed[i + 1]
         return np.asarray(poses)
 
     def axes(self) -> JointAxes:

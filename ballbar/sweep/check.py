@@ -6,6 +6,7 @@ split a sweep in two.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from pydantic import ValidationError
 
 from ballbar.scenario import SCENARIOS, Scenario
 from ballbar.sweep.file import Changes, flattened, load_sweep_file
-from ballbar.sweep.files import Files, digests, read_files
+from ballbar.sweep.files import Files, read_files
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
 from ballbar.sweep.version import code_version
 from cell.errors import DescriptionError, InputError
@@ -69,7 +70,7 @@ def load_sweep(path: Path, overrides: Sequence[str] = ()) -> LoadedSweep:
         draws=sweep.draws,
         seed=sweep.seed,
         seeds=sweep.seeds,
-        files=digests(files),
+        files={name: hashlib.sha256(content).hexdigest() for name, content in files},
     )
     return LoadedSweep(Plan.of(data), files, document)
 

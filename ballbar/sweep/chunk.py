@@ -32,7 +32,7 @@ Trial = Callable[[Scenario, Path], Mapping[str, float | int | str]]
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What all chunks of a sweep share."""
+    """Data that all chunks of a sweep share."""
 
     text: str  # of the plan
     trial: Trial
@@ -65,7 +65,7 @@ def run_chunk(text: str, runs: Sequence[int], trial: Trial, top: Path) -> list[R
 
 
 def run_chunk_remotely(text: str, runs: Sequence[int], trial: Trial, files: Files) -> list[Row]:
-    """As `run_chunk`, on a machine that does not have the files.
+    """The rows of `run_chunk`, on a machine that does not have the files.
 
     Raises InputError also when this worker computes with several threads, which changes the last
     digits of the results.

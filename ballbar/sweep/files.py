@@ -7,7 +7,6 @@ every machine.
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -40,11 +39,6 @@ def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
                     "Correct the name."
                 ) from None
     return tuple(sorted(contents.items()))
-
-
-def digests(files: Files) -> dict[str, str]:
-    """SHA-256 of each file, by its name."""
-    return {name: hashlib.sha256(content).hexdigest() for name, content in files}
 
 
 def unpack(files: Files, top: Path) -> None:
@@ -84,5 +78,5 @@ def _recording_files(folder: Path, name: str) -> list[str]:
     sources = content.sources.every
     device = [file for source in sources for file in source.files]
     described = [content.robot, content.measured_by, content.plate]
-    own = [file for file in described if file.endswith(".yaml")]
-    return [f"{name}/{file}" for file in ("recording.yaml", *device, *own)]
+    users = [file for file in described if file.endswith(".yaml")]
+    return [f"{name}/{file}" for file in ("recording.yaml", *device, *users)]

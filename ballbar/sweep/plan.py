@@ -53,7 +53,7 @@ class Axis:
 
     @property
     def key(self) -> str:
-        """What distinguishes it from the other axes: its key under `vary`, or its section."""
+        """Name that distinguishes it from the other axes: its key under `vary`, or its section."""
         return next(iter(self.rows[0])) if self.section == "vary" else self.section
 
     def __len__(self) -> int:

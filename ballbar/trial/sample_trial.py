@@ -126,22 +126,16 @@ def _thesis_cost(settings: IdentifySettings) -> CostName:
 @lru_cache(SAMPLES)
 def _samples(simulated: Scenario, folder: Path, count: int, instants: Instants) -> KinematicSamples:
     """The paired samples of a scenario without its identification, which many costs share."""
-    delay = delay_of(simulated.errors)
-    path = _sampled_path(simulated.cell, simulated.path, folder, count, delay, instants)
+    place = simulated.cell, simulated.path, folder
+    path = _sampled_path(*place, count, delay_of(simulated.errors), instants)
     return kinematic_samples(simulated, path)
 
 
 @lru_cache(CACHED)
 def _sampled_path(
-    cell: CellSettings,
-    path: PathSettings,
-    folder: Path,
-    count: int,
-    delay: float,
-    instants: Instants,
+    cell: CellSettings, path: PathSettings, folder: Path, count: int, late: float, of: Instants
 ) -> SampledPath:
-    nominal = _nominal_path(cell, path, folder)
-    return sample_path(*nominal, count, delay=delay, instants=instants)
+    return sample_path(*_nominal_path(cell, path, folder), count, delay=late, instants=of)
 
 
 @lru_cache(CACHED * len(get_args(ParameterSet)) * len(ENCODERS_NEEDED))

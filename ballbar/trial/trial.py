@@ -49,7 +49,7 @@ from cell.statistics import rms
 from ident.estimator.dependencies import ENCODER_OFFSETS
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
-from ident.thesis.cost_fit import CostFit, fit_cost
+from ident.thesis.cost_fit import fit_cost
 from ident.thesis.costs import Cost, cost_named
 from ident.thesis.moving_average import moving_average
 from ident.thesis.names import Smoothing
@@ -87,9 +87,8 @@ def _cost_samples_row(scenario: Scenario, folder: Path) -> Row:
     fit = shifted.fit
     names = [fit.geometry.table.names[i] for i in fit.parameters]
     cell = sampled_cell(scenario, folder)
-    row = _cost_row(
-        fit, compare_kinematics(cell, fit.geometry, samples.nominal, samples.true, names)
-    )
+    comparison = compare_kinematics(cell, fit.geometry, samples.nominal, samples.true, names)
+    row = _row(comparison, fit.iterations, fit.rms, converged=fit.converged)
     if scenario.identify.shift_rounds:  # robot time = t - shift
         row["clock_offset_error_us"] = (delay_of(scenario.errors) - shifted.shift) * US
         row["last_move_us"] = shifted.last_move * US
@@ -111,10 +110,10 @@ def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
         [samples.nominal.table.names[i] for i in result.parameters],
         clock=(clock.offset - true_offset, clock.skew) if scenario.encoders.fitted else None,
     )
-    quality = _quality(result.iterations, fit.converged, rms(fit.linear.residuals[0]))
     status = noise_status(fit.chi2_per_dof) if fit.converged else Status.NOT_CONVERGED
     verdict: Row = {"chi2_per_dof": fit.chi2_per_dof, "verdict": str(status)}
-    return _row(comparison, quality | verdict)
+    residual = rms(fit.linear.residuals[0])
+    return _row(comparison, result.iterations, residual, converged=fit.converged, verdict=verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +155,8 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     fit = fit_cost(cost, start, q=q, b=b, parameters=parameters, relative_stop=stop)
     robot = UnloadedRobot(made.cell, fit.geometry)
     names = [fit.geometry.table.names[i] for i in fit.parameters]
-    row = _cost_row(fit, compare_with_truth(robot, start, made.truth, names, clock))
+    comparison = compare_with_truth(robot, start, made.truth, names, clock)
+    row = _row(comparison, fit.iterations, fit.rms, converged=fit.converged)
     return row | _identified(fit.geometry, start, names)
 
 
@@ -165,11 +165,11 @@ def _ml_row(scenario: Scenario, made: _Recorded) -> Row:
     (recording,), result = data.recordings, data.identification
     estimate, fitted = recording.estimate, result.fit
     comparison = identification_against_truth(result, made.truth)
-    quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
     verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
     verdict["z_rms"] = z_rms(result, comparison)
-    identified = _identified(estimate.geometry, estimate.nominal, list(comparison.deviations))
-    return _row(comparison, quality | verdict) | identified
+    residual = rms(estimate.whitened)
+    row = _row(comparison, fitted.iterations, residual, converged=fitted.converged, verdict=verdict)
+    return row | _identified(estimate.geometry, estimate.nominal, list(comparison.deviations))
 
 
 def _paired(
@@ -195,8 +195,10 @@ def _paired(
 
 def _identified(model: Geometry, nominal: Geometry, names: Sequence[str]) -> Row:
     """Identified errors: model minus nominal, without origin and encoder offsets (sec. 5.4)."""
-    own = [name for name in names if name.startswith(("r", "b")) and name not in ENCODER_OFFSETS]
-    errors = compare_geometry(model, nominal, own)
+    compared = [
+        name for name in names if name.startswith(("r", "b")) and name not in ENCODER_OFFSETS
+    ]
+    errors = compare_geometry(model, nominal, compared)
     row: Row = {
         "identified_mm_mrad": float(np.linalg.norm(list(errors.values()))) * MM,
         "identified_largest_mm_mrad": max(map(abs, errors.values())) * MM,
@@ -226,15 +228,14 @@ def _spline(t: Array, angles: Array, smoothing: Smoothing) -> CubicSpline | BSpl
     return CubicSpline(t, moving_average(t, angles) if smoothing == "moving_average" else angles)
 
 
-def _cost_row(fit: CostFit, comparison: Comparison) -> Row:
-    return _row(comparison, _quality(fit.iterations, fit.converged, fit.rms))
-
-
-def _quality(iterations: int, converged: bool, rms_residual: float) -> Row:
-    return {"iterations": iterations, "converged": int(converged), "rms_residual": rms_residual}
-
-
-def _row(comparison: Comparison, quality: Row) -> Row:
+def _row(
+    comparison: Comparison,
+    iterations: int,
+    residual: float,
+    *,
+    converged: bool,
+    verdict: Row | None = None,
+) -> Row:
     """The row of a fit: errors of robot, fit quality, errors of clock and parameters."""
     name, largest = comparison.largest
     row: Row = {
@@ -247,7 +248,8 @@ def _row(comparison: Comparison, quality: Row) -> Row:
         # share of the nominal robot's error
         "tcp_left": comparison.tcp.mean / comparison.tcp_nominal.mean,
     }
-    row |= quality
+    row |= {"iterations": iterations, "converged": int(converged), "rms_residual": residual}
+    row |= verdict or {}
     if comparison.offset is not None and comparison.skew is not None:
         row["clock_offset_error_us"] = comparison.offset * US
         row["clock_skew_error_ppm"] = comparison.skew * PPM

@@ -49,7 +49,7 @@ _SHORT = ("waiting", "TCP uncertainty", "verdict", "latest rows")
 
 
 def _facts(data: Data) -> dict[str, str]:
-    """What is known, by the name that it is shown under."""
+    """Facts about a recording, by the name that they are shown under."""
     if data["waiting"]:
         return {"waiting": printable(data["waiting"])}
     facts = {"TCP uncertainty": _uncertainty(data)}
@@ -62,15 +62,15 @@ def _facts(data: Data) -> dict[str, str]:
         )
     axes = " ".join(f"{100 * share:.0f}" for share in data["axes_covered"])
     facts["coverage"] = f"sphere {100 * data['sphere_covered']:.0f} %; axes {axes} %"
-    facts["noise"] = " ".join(_noise(name, sigma) for name, sigma in data["noise"].items())
+    facts["noise"] = " ".join(
+        f"{name} {significant_text(sigma * MM, 2)} mm"
+        if name == "length"
+        else f"{name} {significant_text(sigma * URAD, 2)} urad"
+        for name, sigma in data["noise"].items()
+    )
     if data["predicted"] is not None:
         facts["latest rows"] = f"{data['predicted']:.2f} times what the fit of the others explains"
     return facts
-
-
-def _noise(name: str, sigma: float) -> str:
-    unit, scale = ("mm", MM) if name == "length" else ("urad", URAD)
-    return f"{name} {significant_text(sigma * scale, 2)} {unit}"
 
 
 def _uncertainty(data: Data) -> str:

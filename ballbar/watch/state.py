@@ -1,4 +1,4 @@
-"""What is known of a growing recording: progress, uncertainty, and what is wrong with it."""
+"""State of a growing recording: progress, uncertainty, and alarms."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Alarm:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the growing recording says of the robot."""
+    """Estimate of the robot from a growing recording."""
 
     until: float  # [s] of the recording that was used
     model: str  # dh or complete

@@ -25,13 +25,13 @@ class WatchView:
     def show(self, data: Data) -> None:
         """Adds a state; an alarm stands in the list once for as long as it is there."""
         self._stream.set_time(TIMELINE, duration=data["recorded_s"])
-        shown = {
+        scalars = {
             SIGMA: (data["tcp_sigma_m"], MM),
             END: (data["tcp_sigma_end_m"], MM),
             COVERED: (data["sphere_covered"], 100.0),
             PREDICTED: (data["predicted"], 1.0),
         }
-        for entity, (value, scale) in shown.items():
+        for entity, (value, scale) in scalars.items():
             if value is not None:
                 self._stream.log(entity, rr.Scalars(value * scale))
         alarms = {(alarm["kind"], alarm["subject"]): alarm["sentence"] for alarm in data["alarms"]}

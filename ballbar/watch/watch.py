@@ -63,7 +63,7 @@ CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen
 # Stated standard deviations within which the true TCP error lies in 95 %, also where the scale, one
 # number, is most of it.
 CERTAIN_SIGMAS = 1.96
-PATIENCE = 6  # updates without files that are being written anew, up to which one waits for them
+PATIENCE = 6  # updates without files that are being written again, up to which one waits for them
 # A start that leads nowhere, a fit that is singular or out of reach, logs that cannot be used.
 NO_FIT = (FailureError, ValueError)
 AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
@@ -210,8 +210,8 @@ class Watch:
         last = float(instrument.t[-1]) - HELD_OUT
         used = part_of(logs, early, min(0.0, -early.offset), last)
         try:
-            known = self._known(prediction)
-            fitted = fit_recording(cell, used, FitOptions(model="dh"), known=known)
+            reading = self._known(prediction)
+            fitted = fit_recording(cell, used, FitOptions(model="dh"), known=reading)
             self._take(cell, fitted, seconds - HELD_OUT)
         except NO_FIT:
             self._next_fit = seconds * FAILED_GROWTH
@@ -322,9 +322,9 @@ def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
     noise |= {f"b{j}": float(recording.noise.encoder[j - 1]) for j in recording.encoders}
     if recording.noise.length:
         noise["length"] = recording.noise.length
-    clock, every = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
-    tool = robot_frames(recording.geometry, logs.robot.q[::every]).tip.T
-    covered = coverage(logs.robot.t[::every], tool, recording.geometry.origin)
+    clock, step = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
+    tool = robot_frames(recording.geometry, logs.robot.q[::step]).tip.T
+    covered = coverage(logs.robot.t[::step], tool, recording.geometry.origin)
     return Estimate(
         until=until,
         model=result.model,

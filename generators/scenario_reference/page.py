@@ -135,7 +135,7 @@ def _sections() -> Iterator[str]:
 
 
 def _pose_sections() -> Iterator[str]:
-    """Likewise of a scenario of still poses, its sources without pictures."""
+    """The same for a scenario of still poses, its sources without pictures."""
     yield "\n## At the top of a scenario of still poses\n"
     yield from table("", PoseScenario)
     for section, info in PoseScenario.model_fields.items():

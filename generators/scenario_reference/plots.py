@@ -37,7 +37,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Source:
-    """What the page says of one error source beyond its settings: one row of it."""
+    """A row of the page: one error source, beyond its settings."""
 
     key: str  # in the scenario, with dots
     model: str
@@ -83,7 +83,7 @@ def sensor_plot(joint: int, changes: Changes, *, x: str = "angle", **more: Any) 
 
 
 def clock_plot(changes: Mapping[str, Any], unit: str, scale: float, **more: Any) -> Plot:
-    """What the robot's clock shows more than the ball-bar's, over time."""
+    """Time that the robot's clock shows more than the ball-bar's, over time."""
     difference = signals.clock_difference(scale)
     return rows_plot(signals.bar_row_time, difference, f"t_robot - t_bar [{unit}]", changes, **more)
 
@@ -95,6 +95,6 @@ def rows_plot(x: Signal, y: Signal, label: str, changes: Mapping[str, Any], **mo
 
 
 def gear_plot(on: Mapping[str, Changes], **more: Any) -> Plot:
-    """What gear 1 really turns and the log does not say, over its angle by the log."""
+    """Turn of gear 1 that the log does not show, over its angle by the log."""
     axes = ("axis 1 [deg]", "joint - log, change [urad]")
     return Plot(signals.logged_gear_deg(1), signals.behind_gear_urad(1), axes, on, **more)

@@ -34,7 +34,7 @@ def logged_gear_deg(gear: int) -> Signal:
 
 
 def behind_gear_urad(gear: int) -> Signal:
-    """What one gear really turns, minus what the log says [urad]."""
+    """True turn of one gear minus that of the log [urad]."""
     return lambda view: 1e6 * view.behind_gears[:, gear - 1]
 
 

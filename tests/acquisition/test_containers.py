@@ -112,7 +112,7 @@ def test_every_value_and_time_comes_back_exactly(kind: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("kind", ALL)
 def test_every_cut_is_seen(kind: str, tmp_path: Path) -> None:
-    """What stands before the cut is read as it was written, with a finding, or all is refused."""
+    """All before the cut is read as it was written, with a finding, or the file is refused."""
     written = ALL[kind](tmp_path)
     for stop in range(0, len(written.content), max(len(written.content) // 40, 1)):
         try:

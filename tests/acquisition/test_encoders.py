@@ -10,8 +10,8 @@ from acquisition.faults.encoders import (
     counter_words,
     counts_to_rad,
     powered_up,
+    refuse_standing,
     unwrap_counter,
-    with_counts_checked,
     with_jumps_checked,
     with_status_checked,
 )
@@ -49,7 +49,7 @@ def fitted(*names: str) -> dict:
 
 
 def encoder_angles(table: Table, t: np.ndarray, names: dict, *, robot_moves: bool) -> np.ndarray:
-    """As the reader does: words, jumps, angles, standing columns."""
+    """The steps of the reader: words, jumps, angles, standing columns."""
     return checked(table, t, names, robot_moves=robot_moves)[1]
 
 
@@ -59,7 +59,7 @@ def checked(
     """The table with jumps flagged and reported, and the encoder angles."""
     words = counter_words(table, names)
     table = with_jumps_checked(table, t, words, names)
-    with_counts_checked(table, words, names, robot_moves=robot_moves)
+    refuse_standing(table, words, names, robot_moves=robot_moves)
     return table, encoders.encoder_angles(words, usable(table.flags), names)
 
 
@@ -104,7 +104,7 @@ def test_angles_survive_the_wrap_of_the_counter_exactly() -> None:
 
 def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> None:
     t, first, second = turning()
-    first[250:] -= first[249] - 4_000_000  # the counter starts anew, 1.7 rad away
+    first[250:] -= first[249] - 4_000_000  # the counter starts again, 1.7 rad away
     table = table_of(b1=first % 2**32, b2=second % 2**32)
     names = fitted("b1", "b2")
     table = with_jumps_checked(table, t, counter_words(table, names), names)

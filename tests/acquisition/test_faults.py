@@ -1,4 +1,4 @@
-"""What goes wrong in the field, fault by fault: repaired and reported, or refused.
+"""Faults of the field, one by one: repaired and reported, or refused.
 
 The order is that of notes/log_formats sec. H.5.
 """

@@ -531,18 +531,10 @@ def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(tmp_path: Path) 
 
         sending = threading.Thread(target=send)
         sending.start()
-        options = [
-            "--robot",
-            mine,
-            "--ballbar",
-            "lund_600",
-            "--egm",
-            port,
-            "--duration",
-            "0.2",
-            "--json",
-        ]
-        code, out, _ = ballbar("record", folder, *options)
+        names = ("--robot", mine, "--ballbar", "lund_600")
+        code, out, _ = ballbar(
+            "record", folder, *names, "--egm", port, "--duration", "0.2", "--json"
+        )
         beat.set()
         sending.join()
     assert code == 0

@@ -192,7 +192,7 @@ def test_radians_declared_as_degrees(tmp_path: Path, instrument: str) -> None:
         "drawwire_2m": {"columns": ["l"], "unit": "m"},
         "socket_pair_50": None,
     }[instrument]
-    folder = write(tmp_path, table, lambda d: d.update(instrument=instrument), values=values)
+    folder = write(tmp_path, table, measured_by=instrument, values=values)
     sentence = refused(folder)
     assert "no joint angle exceeds" in sentence
     assert "Radians? Write `unit: rad` under joints in poses.yaml." in sentence
@@ -207,9 +207,7 @@ def test_small_angles_in_degrees_are_believed_where_the_points_say_so(tmp_path: 
 
 def test_columns_that_are_no_angles(tmp_path: Path) -> None:
     joints = {"columns": [*JOINTS[:3], "x", "y", "z"], "unit": "deg"}
-    sockets = write(
-        tmp_path, change=lambda d: d.update(instrument="socket_pair_50"), joints=joints, values=None
-    )
+    sockets = write(tmp_path, measured_by="socket_pair_50", joints=joints, values=None)
     sentence = refused(sockets)
     assert "Name the columns that hold the robot's angles, in the order of its axes" in sentence
 
@@ -226,10 +224,7 @@ def test_points_in_another_unit(tmp_path: Path, right: str, wrong: str) -> None:
 def test_lengths_in_another_unit(tmp_path: Path) -> None:
     table = lines(np.hstack((columns()[:, :6], LENGTHS * 1e3)), [*JOINTS, "l"])
     folder = write(
-        tmp_path,
-        table,
-        lambda d: d.update(instrument="drawwire_2m"),
-        values={"columns": ["l"], "unit": "m"},
+        tmp_path, table, measured_by="drawwire_2m", values={"columns": ["l"], "unit": "m"}
     )
     assert "In mm? Write `unit: mm` under values in poses.yaml." in refused(folder)
 
@@ -248,7 +243,7 @@ def test_another_convention_of_the_rotations_is_named(tmp_path: Path) -> None:
     folder = write(
         tmp_path,
         lines(np.hstack((columns(), raw)), [*NAMES, "a", "b", "c"]),
-        lambda d: d.update(instrument="tracker_pose"),
+        measured_by="tracker_pose",
         values={**values, "rotation": "xyz"},
     )
     sentence = refused(folder)
@@ -261,7 +256,7 @@ def test_quaternions_that_are_none(tmp_path: Path) -> None:
     folder = write(
         tmp_path,
         lines(np.hstack((columns(), quat)), [*NAMES, "i", "j", "k", "r"]),
-        lambda d: d.update(instrument="tracker_pose"),
+        measured_by="tracker_pose",
         values={
             "columns": ["x", "y", "z", "i", "j", "k", "r"],
             **{"unit": "mm", "rotation": "quat_xyzw"},
@@ -340,7 +335,7 @@ def test_a_pose_beyond_the_limits_and_one_far_off(tmp_path: Path) -> None:
 
 
 def test_points_of_another_robot_are_reported(tmp_path: Path) -> None:
-    folder = write(tmp_path, change=lambda d: d.update(robot="ur10"))
+    folder = write(tmp_path, robot="ur10")
     assert "off the catalogue robot" in kinds(folder)["far from the nominal robot"].sentence
 
 

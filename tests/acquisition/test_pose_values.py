@@ -34,7 +34,7 @@ def posed(folder: Path, raw: Array, names: list[str], **values: Any) -> Path:
     return write(
         folder,
         lines(numbers, [*NAMES, *names]),
-        change=lambda d: d.update(instrument="tracker_pose"),
+        measured_by="tracker_pose",
         values={"columns": ["x", "y", "z", *names], "unit": "mm", **values},
     )
 
@@ -53,15 +53,13 @@ def test_angles_in_rad_and_of_the_dh_model(tmp_path: Path) -> None:
     axes = np.deg2rad([[10.0, 20.0, 30.0, 0.0, 5.0, 0.0], [0.0, -20.0, 10.0, 5.0, 9.0, 3.0]])
     numbers = np.hstack((np.rad2deg(axes), [[0.15], [0.16]]))
 
-    def ballbar(description: dict[str, Any]) -> None:
-        description.update(robot="irb2400", instrument="drawwire_2m")
-
+    robot: dict[str, Any] = {"robot": "irb2400", "measured_by": "drawwire_2m"}
     values = {"columns": ["l"], "unit": "m"}
     table = lines(numbers, [*JOINTS, "l"])
-    logged = read_poses(write(tmp_path, table, ballbar, values=values))
+    logged = read_poses(write(tmp_path, table, **robot, values=values))
     np.testing.assert_allclose(joints_to_axes(logged.robot, logged.q), axes, atol=1e-12)
     joints = {"columns": JOINTS, "unit": "deg", "angles": "joints"}
-    of_model = read_poses(write(tmp_path, table, ballbar, values=values, joints=joints))
+    of_model = read_poses(write(tmp_path, table, **robot, values=values, joints=joints))
     np.testing.assert_allclose(of_model.q, axes, atol=1e-12)
 
 
@@ -80,7 +78,7 @@ def test_lengths_with_an_offset_and_the_sigma_of_the_instrument(tmp_path: Path) 
     folder = write(
         tmp_path,
         lines(np.hstack((columns()[:, :6], (LENGTHS - 0.3) * 1e3)), [*JOINTS, "length"]),
-        change=lambda d: d.update(instrument="drawwire_2m"),
+        measured_by="drawwire_2m",
         values={"columns": ["length"], "unit": "mm", "offset_m": 0.3},
     )
     (group,) = read_poses(folder).groups
@@ -147,7 +145,7 @@ def test_deviations_of_euler_angles_become_those_of_small_turns(tmp_path: Path) 
     folder = write(
         tmp_path,
         lines(numbers, names),
-        change=lambda d: d.update(instrument="tracker_pose"),
+        measured_by="tracker_pose",
         values={"columns": POSE, "unit": "mm", "angle_unit": "deg", "rotation": "XYZ"},
         sigma={"columns": [f"s{k}" for k in range(6)]},
     )
@@ -175,12 +173,12 @@ def test_constant_sigma_and_a_deviation_of_zero(tmp_path: Path) -> None:
 
 def test_sockets_have_no_values_and_the_distance_of_their_drawing(tmp_path: Path) -> None:
     def sockets(description: dict[str, Any]) -> None:
-        description["instrument"] = "socket_pair_50"
         first = description["tables"][0]
         description["tables"].append({**first, "seat": "b"})
         description["distances"] = [{"pairs": [["a", "b"]]}]
 
-    folder = write(tmp_path, lines(columns()), sockets, values=None, seat="a")
+    keys: dict[str, Any] = {"measured_by": "socket_pair_50", "values": None, "seat": "a"}
+    folder = write(tmp_path, lines(columns()), sockets, **keys)
     table = read_poses(folder)
     assert [group.seat for group in table.groups] == ["a", "b"]
     assert table.groups[0].values.shape == (len(Q), 0)

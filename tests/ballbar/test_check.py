@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.helpers.command_line import ballbar
+from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.device_logs import force_lines
 from tests.helpers.simulated_recordings import Recorded
 
@@ -32,8 +32,7 @@ def damage_stamp(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
-    code, out, _ = ballbar("check", recording)
-    assert code == 0
+    out = output("check", recording)
     assert "REPAIRED: none" in out
     assert "  force log: 400 samples over 0.80 s, median period 2 ms" in out
     assert "robot log: 14667 samples over 59.13 s, median period 4.032 ms; 3 dwells" in out
@@ -75,15 +74,13 @@ def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(recording: Pat
     ):
         assert words in reasons
     (recording / "raw/robot.csv").write_text("time,m1\n0,1\n")
-    code, _, err = ballbar("check", "--explain", recording)
-    assert code == 2
+    err = refusal("check", "--explain", recording)
     assert "raw/robot.csv:1: columns m2, m3, m4, m5, m6 missing" in err
 
 
 def test_the_report_as_json(recording: Path) -> None:
     damage_stamp(recording)
-    code, out, _ = ballbar("check", "--json", recording)
-    assert code == 0
+    out = output("check", "--json", recording)
     data = json.loads(out)
     assert [file["file"] for file in data["files"]] == [
         "raw/robot.csv",

@@ -10,7 +10,7 @@ import yaml
 
 from acquisition.recording import read_recording
 from ballbar.recordings.dialect_questions import counted
-from tests.helpers.command_line import ballbar
+from tests.helpers.command_line import output, refusal
 from tests.helpers.device_logs import BAR_T, ROBOT_T, bar_lines, robot_lines
 from tests.helpers.terminal import at_the_terminal, in_turn
 
@@ -50,8 +50,7 @@ def test_a_dialect_is_written_from_what_the_file_shows(
 ) -> None:
     replies = in_turn("", "", "", "motors", "rad", "", "", "", "", "")
     asked = at_the_terminal(monkeypatch, replies)
-    code, out, err = ballbar("new", tmp_path / "made", *logs, *NAMES)
-    assert code == 0, err
+    out = output("new", tmp_path / "made", *logs, *NAMES)
     assert "robot.csv fits no dialect" in asked[0][0]
     assert "or new to write one" in asked[0][0]
     assert "decimal comma; Zeit in dates with time of day" in out
@@ -81,8 +80,7 @@ def test_an_answer_is_checked_when_it_is_given(
         *("new", "", "b1=x", "", "0", "", "14", "12"),
     )
     asked = at_the_terminal(monkeypatch, replies)
-    code, _, err = ballbar("new", tmp_path / "made", *logs)
-    assert code == 0, err
+    output("new", tmp_path / "made", *logs)
     again = [question.splitlines()[0] for question, _ in asked if "\n" in question]
     for line, words in zip(
         again,
@@ -110,8 +108,7 @@ def test_years_of_two_digits_are_refused_with_the_reason(
     (tmp_path / "robot.csv").write_text("\n".join(robot_lines()) + "\n")
     logs[1].write_text(day_first(bar_lines(), BAR_T.tolist(), "%d.%m.%y"))
     own = ["--ballbar-dialect", tmp_path / "bar.yaml", "--yes"]
-    code, _, err = ballbar("new", tmp_path / "made", *logs, *NAMES, *own)
-    assert code == 2
+    err = refusal("new", tmp_path / "made", *logs, *NAMES, *own)
     assert "'31.03.26 08:15:00.000000': the year has two digits" in err
     assert "Export the log with years of four digits, such as 31.03.2026" in err
     assert not (tmp_path / "made").exists()
@@ -128,8 +125,7 @@ def test_a_ballbar_dialect_of_ones_own_keeps_its_forms(
     if not dated:
         logs[1].write_text("\n".join(bar_lines()).replace("time", "Zeit") + "\n")
     own = ["--ballbar-dialect", tmp_path / "own.yaml", "--yes"]
-    code, out, err = ballbar("new", tmp_path / "made", *logs, *NAMES, *own)
-    assert code == 0, err
+    out = output("new", tmp_path / "made", *logs, *NAMES, *own)
     form = "dates with time of day" if dated else "ns since 2000 (distributed clock)"
     assert f"Zeit in {form}" in out
     described = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())
@@ -147,15 +143,12 @@ def test_damaged_rows_are_left_out_up_to_the_limit_and_reported(
         rows[line] = rows[line].replace(rows[line].split(",")[2], "###", 1)
     logs[0].write_text("\n".join(rows) + "\n")
     command = ["new", tmp_path / "made", *logs, *NAMES, "--yes"]
-    code, _, err = ballbar(*command)
-    assert code == 2
+    err = refusal(*command)
     assert "raw/robot.csv:101: column m2: '###' is not a number." in err
     assert "`--damaged-rows 5` of `ballbar new`" in err
-    code, _, err = ballbar(*command, "--damaged-rows", 2)
-    assert code == 2
+    err = refusal(*command, "--damaged-rows", 2)
     assert "3 rows are damaged so, and `damaged_rows` allows 2" in err
-    code, out, err = ballbar(*command, "--damaged-rows", 3)
-    assert code == 0, err
+    out = output(*command, "--damaged-rows", 3)
     assert "raw/robot.csv: 797 of 800 rows used" in out
     assert "raw/robot.csv:101,201,301: damaged row (3 times): column m2: '###'" in out
     assert read_recording(tmp_path / "made").robot_log.t.size == 797

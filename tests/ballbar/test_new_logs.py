@@ -9,7 +9,7 @@ import yaml
 
 from acquisition.recording import read_recording
 from cell.clock import Clock
-from tests.helpers.command_line import ballbar
+from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, rsi, scope
 from tests.helpers.device_logs import bar_lines, robot_lines
 from tests.helpers.length_recordings import wire_run, write_folder
@@ -29,8 +29,7 @@ def logs(tmp_path: Path) -> tuple[Path, Path]:
 def test_options_and_accepted_proposals_make_a_folder_that_reads(
     logs: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    code, out, _ = ballbar("new", tmp_path / "made", *logs, *SAID, "--yes")
-    assert code == 0
+    out = output("new", tmp_path / "made", *logs, *SAID, "--yes")
     assert "dialect abb-motor: motor angles in rad, time in s" in out
     assert "b1=b1 b2=b2 b4=b4 b5=b5" in out
     description = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())
@@ -83,8 +82,7 @@ def test_without_a_terminal_a_missing_answer_is_named_and_nothing_is_written(
         ),
         ([*SAID, "--yes", "--encoder", "b1=time"], "column time holds the time stamps"),
     ):
-        code, _, err = ballbar("new", tmp_path / "made", *logs, *words)
-        assert code == 2
+        err = refusal("new", tmp_path / "made", *logs, *words)
         assert missing in err
         assert sorted(path.name for path in tmp_path.iterdir()) == ["bar.csv", "robot.csv"]
 
@@ -97,8 +95,7 @@ def test_the_form_of_up_time_stamps_is_asked(logs: tuple[Path, Path], tmp_path: 
         )
         + "\n"
     )
-    code, _, err = ballbar("new", tmp_path / "made", *logs, *SAID, "--yes")
-    assert code == 2
+    err = refusal("new", tmp_path / "made", *logs, *SAID, "--yes")
     assert "what are the time stamps? They do not show it" in err
     code, _, _ = ballbar(
         "new", tmp_path / "made", *logs, *SAID, "--yes", "--ballbar-time", "ms-32bit"
@@ -115,8 +112,7 @@ def test_the_user_is_asked_at_the_prompt(
         return next((a for start, a in answers.items() if question.startswith(start)), None)
 
     asked = at_the_terminal(monkeypatch, reply)
-    code, _, _ = ballbar("new", tmp_path / "made", *logs)
-    assert code == 0
+    output("new", tmp_path / "made", *logs)
     assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits
 
 
@@ -125,8 +121,7 @@ def test_a_folder_that_holds_something_is_left_alone(
 ) -> None:
     (tmp_path / "made").mkdir()
     (tmp_path / "made/mine.txt").write_text("mine")
-    code, _, err = ballbar("new", tmp_path / "made", *logs, *SAID, "--yes")
-    assert code == 2
+    err = refusal("new", tmp_path / "made", *logs, *SAID, "--yes")
     assert "exists and holds something" in err
     assert (tmp_path / "made/mine.txt").read_text() == "mine"
 
@@ -143,8 +138,7 @@ def wire(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Path) -> None:
     logs = (wire / "robot.csv", wire / "length.csv")
     said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]
-    code, out, err = ballbar("new", tmp_path / "made", *logs, *said)
-    assert code == 0, err
+    out = output("new", tmp_path / "made", *logs, *said)
     assert "length.csv fits the dialect length-table: a length. Which dialect?" in out
     assert (
         "length.csv: what are the time stamps? They do not show it; rows are 0.01 apart.\n"
@@ -163,8 +157,7 @@ def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Pat
         "column": "length",
         "unit": "mm",
     }
-    code, out, _ = ballbar("check", tmp_path / "made")
-    assert code == 0
+    out = output("check", tmp_path / "made")
     assert "coarse clock offset: +0.40 s over" in out
     assert "no dwell" not in out
 
@@ -177,8 +170,7 @@ def test_a_form_that_the_stamps_show_is_said_and_not_asked(wire: Path, tmp_path:
         "\n".join(["Zeit;mm", *(f"{start + t};{500.0 + 1e-3 * t}" for t in rows)]) + "\n"
     )
     said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]
-    code, out, err = ballbar("new", tmp_path / "made", wire / "robot.csv", log, *said)
-    assert code == 0, err
+    out = output("new", tmp_path / "made", wire / "robot.csv", log, *said)
     assert "dialect length-table: a length, time in ms since 1970. Which dialect?" in out
     assert "what are the time stamps?" not in out
 
@@ -192,8 +184,7 @@ def test_a_display_of_deviations_is_proposed_its_zero(wire: Path, tmp_path: Path
     log = tmp_path / "bar.csv"
     log.write_text("\n".join(["Time [ms];dL;temp", *rows]) + "\n")
     said = ["--robot", "irb2400", "--instrument", "qc20w_300", "--robot-time", "s", "--yes"]
-    code, _, err = ballbar("new", tmp_path / "made", wire / "robot.csv", log, *said)
-    assert code == 0, err
+    output("new", tmp_path / "made", wire / "robot.csv", log, *said)
     source = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["sources"]["length"]
     assert (source["column"], source["unit"], source["zero_m"]) == ("dL", "um", 0.3)
     assert source["time"] == "ms"
@@ -202,6 +193,5 @@ def test_a_display_of_deviations_is_proposed_its_zero(wire: Path, tmp_path: Path
 def test_ball_bar_and_instrument_together_are_refused(wire: Path, tmp_path: Path) -> None:
     logs = (wire / "robot.csv", wire / "length.csv")
     said = [*SAID, "--instrument", "drawwire_2m", "--yes"]
-    code, _, err = ballbar("new", tmp_path / "made", *logs, *said)
-    assert code == 2
+    err = refusal("new", tmp_path / "made", *logs, *said)
     assert "either --ballbar or --instrument" in err

@@ -10,7 +10,7 @@ import yaml
 
 from acquisition.pose_tables import read_poses
 from cell.rigid_fit import nominal_frames
-from tests.helpers.command_line import ballbar
+from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.pose_files import (
     JOINTS,
     LENGTHS,
@@ -40,8 +40,7 @@ def test_the_page_of_still_poses(tmp_path: Path) -> None:
     assert code == 2
     rows[4] = rows[4].rpartition(",")[0] + ","
     folder = write(tmp_path, rows)
-    code, out, _ = ballbar("check", folder)
-    assert code == 0
+    out = output("check", folder)
     assert "  poses.csv: 39 of 40 rows used" in out
     assert "poses.csv:5: empty field: no number in z; row left out." in out
     assert "  39 poses of Universal Robots UR5 in 1 group: 1 seat, 1 target" in out
@@ -73,8 +72,7 @@ def test_the_poses_as_json(tmp_path: Path) -> None:
 
 def test_a_folder_with_poses_and_a_recording_is_not_guessed(tmp_path: Path) -> None:
     (write(tmp_path) / "recording.yaml").write_text("schema: ballbar-recording/1\n")
-    code, _, err = ballbar("check", tmp_path)
-    assert code == 2
+    err = refusal("check", tmp_path)
     assert "holds poses.yaml and recording.yaml" in err
 
 
@@ -95,8 +93,7 @@ def test_names_and_numbers_of_a_table_answer_every_question(tmp_path: Path) -> N
     assert f"Wrote {made}/poses.yaml:" in out
     assert "columns: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]" in out
     np.testing.assert_allclose(read_poses(made).q, Q, atol=1e-9)
-    code, _, err = ballbar("new", made, "--poses", table(tmp_path, rows), *SAID)
-    assert code == 2
+    err = refusal("new", made, "--poses", table(tmp_path, rows), *SAID)
     assert "exists and holds something; nothing was written" in err
 
 
@@ -112,8 +109,7 @@ def test_a_workbook_in_degrees_needs_no_answer(tmp_path: Path, unit: str) -> Non
         book.active.append(row)
     book.save(tmp_path / "table.xlsx")
     made = tmp_path / "made"
-    code, _, err = ballbar("new", made, "--poses", tmp_path / "table.xlsx", *SAID, "--yes")
-    assert code == 0, err
+    output("new", made, "--poses", tmp_path / "table.xlsx", *SAID, "--yes")
     np.testing.assert_allclose(read_poses(made).q, 0.05 * Q, atol=1e-12)
 
 
@@ -153,8 +149,7 @@ def test_the_convention_of_rotations_and_the_deviations_are_seen(tmp_path: Path)
 def test_without_header_the_columns_are_counted(tmp_path: Path) -> None:
     path = table(tmp_path, lines(np.hstack((columns()[:, :6], LENGTHS)), []))
     words = ["--robot", "ur5", "--instrument", "drawwire_2m", "--value-unit", "m"]
-    code, _, err = ballbar("new", tmp_path / "made", "--poses", path, *words, "--seat", "floor")
-    assert code == 0, err
+    output("new", tmp_path / "made", "--poses", path, *words, "--seat", "floor")
     (made,) = yaml.safe_load((tmp_path / "made/poses.yaml").read_text())["tables"]
     assert made["joints"]["columns"] == [1, 2, 3, 4, 5, 6]
     assert (made["values"]["columns"], made["seat"]) == ([7], "floor")
@@ -175,8 +170,7 @@ def test_a_wrong_or_missing_answer_leaves_nothing(
     tmp_path: Path, words: list[str], missing: str
 ) -> None:
     path = table(tmp_path, lines(columns()))
-    code, _, err = ballbar("new", tmp_path / "made", "--poses", path, *words)
-    assert code == 2
+    err = refusal("new", tmp_path / "made", "--poses", path, *words)
     assert missing in err
     assert [entry.name for entry in tmp_path.iterdir()] == ["table.csv"]
 
@@ -187,8 +181,7 @@ def test_a_wrong_answer_at_the_prompt_is_said_and_asked_again(
     names = [*JOINTS, "a", "b", "c"]  # no name says that these are x, y, z
     asked = at_the_terminal(monkeypatch, in_turn("a,b", "a,b,d", "a,b,c"))
     path = table(tmp_path, lines(columns(), names))
-    code, _, _ = ballbar("new", tmp_path / "made", "--poses", path, *SAID)
-    assert code == 0
+    output("new", tmp_path / "made", "--poses", path, *SAID)
     assert "which columns hold x, y and z?" in asked[0][0]
     assert asked[1][0].startswith("'a,b': 2 columns, expected 3")
     assert "column d missing" in asked[2][0]

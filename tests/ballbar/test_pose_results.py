@@ -391,6 +391,18 @@ def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
         loaded.kinematics(tool=np.eye(4))
 
 
+def test_joint_errors_that_were_kept_from_another_result_are_read_back(tmp_path: Path) -> None:
+    """`identify --joint-errors RESULT` ended with a result that its reader refused."""
+    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    data = yaml.safe_load(first.path.read_text())
+    data["corrections"]["learned_harmonics"] = data["corrections"].pop("joint_harmonics")
+    (tmp_path / "b.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    second = Calibration.load(tmp_path / "b.yaml")
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6))
+    assert np.array_equal(second.arm().tool(q), first.arm().tool(q))
+    assert second.joint_errors() == first.joint_errors()
+
+
 def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: Path) -> None:
     first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
     same = compare(first, first)

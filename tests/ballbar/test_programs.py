@@ -425,7 +425,7 @@ def test_a_configuration_that_no_solution_has_is_refused(tmp_path: Path, result:
 
 
 def written_quadrants(text: str) -> list[int]:
-    """Of axes 1, 4 and 6, in a corrected module with one robtarget."""
+    """Quadrants of axes 1, 4 and 6 in a corrected module with one robtarget."""
     return [int(v) for v in re.findall(r"\],\[(-?\d),(-?\d),(-?\d),\d\],\[9", text)[0]]
 
 

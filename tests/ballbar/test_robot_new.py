@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ballbar.robot_file import new_robot
-from ballbar.robot_file.check import Difference
+from ballbar.robot_file.new_robot import PoseDifference
 from cell.chain import Chain, forward
 from cell.descriptions import Robot
 from cell.load import load_robot
@@ -319,7 +319,7 @@ def test_a_file_that_exists_is_not_replaced(tmp_path: Path) -> None:
 def test_a_description_that_differs_from_its_source_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(new_robot, "difference", lambda *_: Difference(2e-9, 0.0))
+    monkeypatch.setattr(new_robot, "difference", lambda *_: PoseDifference(2e-9, 0.0))
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(urdf_text(OFFSETS))
     code, _, err = ballbar("robot", "new", "arm", "--urdf", urdf, "--out", tmp_path / "arm.yaml")

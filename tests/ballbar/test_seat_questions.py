@@ -72,6 +72,20 @@ def described(folder: Path) -> dict[str, tuple[str, str]]:
     }
 
 
+def made(folder: Path, tables: Sequence[Path], *words: object) -> tuple[str, dict[str, Any]]:
+    """The output of a command that succeeds, and the seat and target of every file."""
+    code, out, err = new(folder, tables, *words)
+    assert code == 0, err
+    return out, described(folder)
+
+
+def refused(folder: Path, tables: Sequence[Path], *words: object) -> str:
+    """The error of a command that fails."""
+    code, _, err = new(folder, tables, *words)
+    assert code == 2
+    return err
+
+
 def test_three_reflectors_in_three_files_are_one_seat_and_three_targets(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     second, third = points(Q, REFLECTORS[1]), points(Q, REFLECTORS[2])
@@ -82,9 +96,8 @@ def test_three_reflectors_in_three_files_are_one_seat_and_three_targets(tmp_path
         table(tmp_path / "smr_right.csv", Q, second, digits=1),
         table(tmp_path / "smr_top.csv", Q[order], third[order]),
     ]
-    code, out, err = new(tmp_path / "made", files, *POINTS, "--yes")
-    assert code == 0, err
-    assert described(tmp_path / "made") == {
+    out, places = made(tmp_path / "made", files, *POINTS, "--yes")
+    assert places == {
         "smr_left.csv": ("seat", "left"),
         "smr_right.csv": ("seat", "right"),
         "smr_top.csv": ("seat", "top"),
@@ -102,9 +115,8 @@ def test_a_moved_tracker_is_another_seat(tmp_path: Path, q: Array) -> None:
         table(tmp_path / "monday" / "poses.csv", Q, points(Q, REFLECTORS[0])),
         table(tmp_path / "friday" / "poses.csv", q, points(q, REFLECTORS[0], MOVED)),
     ]
-    code, out, err = new(tmp_path / "made", files, *POINTS, "--yes")
-    assert code == 0, err
-    assert described(tmp_path / "made") == {
+    out, places = made(tmp_path / "made", files, *POINTS, "--yes")
+    assert places == {
         "monday/poses.csv": ("monday", "target"),
         "friday/poses.csv": ("friday", "target"),
     }
@@ -121,9 +133,8 @@ def test_one_seat_and_one_target_in_two_files_are_said_to_be_so(tmp_path: Path, 
         table(tmp_path / "grid.csv", Q, points(Q, REFLECTORS[0])),
         table(tmp_path / "random.csv", q, points(q, REFLECTORS[0]) + 1e-5),
     ]
-    code, out, err = new(tmp_path / "made", files, *POINTS, "--yes")
-    assert code == 0, err
-    assert set(described(tmp_path / "made").values()) == {("seat", "target")}
+    out, places = made(tmp_path / "made", files, *POINTS, "--yes")
+    assert set(places.values()) == {("seat", "target")}
     assert "one seat and one target" in out
     assert "random.csv: seat seat, target target" in out
     content = yaml.safe_load((tmp_path / "made" / "poses.yaml").read_text("utf-8"))
@@ -136,12 +147,11 @@ def test_two_seats_of_two_targets_are_told_from_each_other(tmp_path: Path) -> No
         for seat, place in (("a", SEAT), ("b", MOVED))
         for target, q in ((0, Q), (1, OTHERS))
     ]
-    code, out, err = new(tmp_path / "made", files, *POINTS, "--yes")
-    assert code == 0, err
+    out, places = made(tmp_path / "made", files, *POINTS, "--yes")
     last = re.search(r"b1.csv: seat b0, target a1\n    (.*)\n", out)
     assert last is not None
     assert last[1].count(";") == 1, "the files that it shares a seat or a target with, no others"
-    assert described(tmp_path / "made") == {
+    assert places == {
         "a0.csv": ("a0", "a0"),
         "a1.csv": ("a0", "a1"),
         "b0.csv": ("b0", "a0"),
@@ -160,12 +170,8 @@ def test_a_six_d_target_that_was_turned_alone_is_another_one(tmp_path: Path) -> 
         table(tmp_path / "after.csv", Q, poses([0.1, 0.0, 1.5]), scale=1.0),
     ]
     words = ["--robot", "irb120", "--instrument", "tracker_pose", "--yes"]
-    code, _, err = new(tmp_path / "made", files, *words)
-    assert code == 0, err
-    assert described(tmp_path / "made") == {
-        "before.csv": ("seat", "before"),
-        "after.csv": ("seat", "after"),
-    }
+    _, places = made(tmp_path / "made", files, *words)
+    assert places == {"before.csv": ("seat", "before"), "after.csv": ("seat", "after")}
 
 
 def test_lengths_are_one_seat_a_file_where_they_are_not_of_one(tmp_path: Path) -> None:
@@ -175,9 +181,8 @@ def test_lengths_are_one_seat_a_file_where_they_are_not_of_one(tmp_path: Path) -
         table(tmp_path / "floor_again.csv", OTHERS, lengths(OTHERS, [0.9, 0.4, -0.2])),
     ]
     words = [*LENGTHS, "--values", "Länge", "--yes"]
-    code, _, err = new(tmp_path / "made", files, *words)
-    assert code == 0, err
-    assert described(tmp_path / "made") == {
+    _, places = made(tmp_path / "made", files, *words)
+    assert places == {
         "floor.csv": ("floor", "target"),
         "wall.csv": ("wall", "target"),
         "floor_again.csv": ("floor", "target"),
@@ -192,9 +197,8 @@ def test_every_file_of_a_folder_of_sockets_is_a_seat(tmp_path: Path) -> None:
             np.savetxt(path, Q[10 * k : 10 * k + 10], delimiter=",")
     (tmp_path / "sites" / ".notes").write_text("no table")
     words = ["--robot", "irb120", "--instrument", "socket_pair_50", "--yes"]
-    code, out, err = new(tmp_path / "made", [tmp_path / "sites"], *words)
-    assert code == 0, err
-    assert described(tmp_path / "made") == {
+    out, places = made(tmp_path / "made", [tmp_path / "sites"], *words)
+    assert places == {
         f"{site}/{hole}.csv": (f"{site}/{hole}", "target")
         for site in ("left", "right")
         for hole in ("hole_0", "hole_1")
@@ -209,20 +213,13 @@ def test_names_are_given_by_options_once_for_all_files_or_once_for_each(tmp_path
         table(tmp_path / "c.csv", OTHERS, points(OTHERS, REFLECTORS[1])),
     ]
     balls = ["--target", "ball", "--target", "cone", "--target", "cone"]
-    code, out, err = new(tmp_path / "both", files, *POINTS, "--seat", "hall 3", *balls)
-    assert code == 0, err
+    out, places = made(tmp_path / "both", files, *POINTS, "--seat", "hall 3", *balls)
     assert "Seats and targets" not in out
     expected = {"a.csv": "ball", "b.csv": "cone", "c.csv": "cone"}
-    assert described(tmp_path / "both") == {f: ("hall 3", ball) for f, ball in expected.items()}
-    code, out, err = new(tmp_path / "seat", files, *POINTS, "--seat", "hall 3", "--yes")
-    assert code == 0, err
-    assert described(tmp_path / "seat") == {
-        "a.csv": ("hall 3", "a"),
-        "b.csv": ("hall 3", "b"),
-        "c.csv": ("hall 3", "b"),
-    }
-    code, _, err = new(tmp_path / "made", files, *POINTS, "--seat", "a", "--seat", "b")
-    assert code == 2
+    assert places == {f: ("hall 3", ball) for f, ball in expected.items()}
+    out, places = made(tmp_path / "seat", files, *POINTS, "--seat", "hall 3", "--yes")
+    assert places == {"a.csv": ("hall 3", "a"), "b.csv": ("hall 3", "b"), "c.csv": ("hall 3", "b")}
+    err = refused(tmp_path / "made", files, *POINTS, "--seat", "a", "--seat", "b")
     assert "2 times --seat for 3 files: give it once for all, or once for each" in err
     assert "in this order: a.csv, b.csv, c.csv." in err
     code, _, err = new(tmp_path / "made", files, *POINTS, "--seat", "")
@@ -240,11 +237,10 @@ def test_a_column_of_seats_leaves_the_targets_to_be_seen(tmp_path: Path) -> None
         named = [f"{row[:-1]}floor" for row in rows[1:]] + [f"{row[:-1]}hall" for row in more]
         path.write_text("\n".join([head, *named]) + "\n")
         files.append(path)
-    code, out, err = new(tmp_path / "made", files, *POINTS, "--value-unit", "mm", "--yes")
-    assert code == 0, err
+    out, places = made(tmp_path / "made", files, *POINTS, "--value-unit", "mm", "--yes")
     assert "b.csv: seat of column Station, target b" in out
     station = {"column": "Station"}
-    assert described(tmp_path / "made") == {"a.csv": (station, "a"), "b.csv": (station, "b")}
+    assert places == {"a.csv": (station, "a"), "b.csv": (station, "b")}
 
 
 # Axes 2, 3 and 5 are parallel, and their angles have one sum: the flange keeps its orientation.
@@ -274,8 +270,7 @@ def test_files_that_show_nothing_are_refused_by_yes_and_named_by_options(
     assert f"b.csv does not show its seat: {reason}. Which is it? (or --seat NAME, once" in err
     assert not (tmp_path / "made").exists()
     words = ["--seat", "one", "--target", "a", "--target", "b", "--joint-unit", "deg"]
-    code, _, err = new(tmp_path / "made", files, *POINTS, *words)
-    assert code == 0, err
+    made(tmp_path / "made", files, *POINTS, *words)
 
 
 def test_a_file_that_fits_no_robot_or_not_what_is_given_shows_nothing(tmp_path: Path) -> None:
@@ -284,12 +279,10 @@ def test_a_file_that_fits_no_robot_or_not_what_is_given_shows_nothing(tmp_path: 
         table(tmp_path / "a.csv", Q, points(Q, REFLECTORS[0])),
         table(tmp_path / "b.csv", OTHERS, shuffled),
     ]
-    code, _, err = new(tmp_path / "made", files, *POINTS, "--yes")
-    assert code == 2
+    err = refused(tmp_path / "made", files, *POINTS, "--yes")
     assert "b.csv does not show its seat: beside a.csv it fits the catalogue robot to " in err
     table(tmp_path / "b.csv", OTHERS, points(OTHERS, REFLECTORS[0], MOVED))
-    code, _, err = new(tmp_path / "made", files, *POINTS, "--seat", "hall", "--yes")
-    assert code == 2
+    err = refused(tmp_path / "made", files, *POINTS, "--seat", "hall", "--yes")
     assert "its target: it and a.csv do not fit the one seat that is given. Which is it?" in err
 
 
@@ -305,13 +298,12 @@ def test_at_a_terminal_the_proposal_is_accepted_or_replaced_by_names(
     assert "Proposed: yes; --yes takes it." in err
     replies = in_turn("perhaps", "No", "floor", "ball", " ", "floor", "cone")
     asked = at_the_terminal(monkeypatch, replies)
-    code, _, err = new(tmp_path / "made", files, *POINTS)
-    assert code == 0, err
+    _, places = made(tmp_path / "made", files, *POINTS)
     assert "  b.csv: seat seat, target b\n    at equal joint angles its points are" in asked[0][0]
     assert asked[1][0].startswith("'perhaps': expected yes or no.\n")
     assert [default for _, default in asked] == ["yes", "yes", "seat", "a", "seat", "seat", "b"]
     assert "' ': no name of a seat or target." in asked[5][0]
-    assert described(tmp_path / "made") == {"a.csv": ("floor", "ball"), "b.csv": ("floor", "cone")}
+    assert places == {"a.csv": ("floor", "ball"), "b.csv": ("floor", "cone")}
 
 
 def test_a_file_is_named_once_and_a_folder_holds_files(tmp_path: Path) -> None:
@@ -350,9 +342,8 @@ def test_two_files_of_a_measured_ur5_are_one_seat_and_one_target(tmp_path: Path)
     values = ",".join(f"{c}_t - {c}_dif" for c in "xyz")
     files = sorted((real_robots.DATA / "ur5_tracker").glob("*.csv"))
     words = ["--robot", "ur5", "--instrument", "tracker_point", "--values", values, "--yes"]
-    code, out, err = new(tmp_path / "made", files, *words)
-    assert code == 0, err
-    assert set(described(tmp_path / "made").values()) == {("seat", "target")}
+    out, places = made(tmp_path / "made", files, *words)
+    assert set(places.values()) == {("seat", "target")}
     assert "one seat and one target fit it and" in out
 
 
@@ -361,12 +352,8 @@ def test_two_files_of_a_measured_ur5_are_one_seat_and_one_target(tmp_path: Path)
 def test_two_series_of_a_measured_ur10_are_two_seats_and_one_target(tmp_path: Path) -> None:
     files = sorted((real_robots.DATA / "ur10_tmac").glob("*/measurements_*.csv"))
     words = ["--robot", "ur10", "--instrument", "tracker_pose", "--yes"]
-    code, out, err = new(tmp_path / "made", files, *words)
-    assert code == 0, err
-    assert list(described(tmp_path / "made").values()) == [
-        ("grid", "target"),
-        ("joint_configurations", "target"),
-    ]
+    out, places = made(tmp_path / "made", files, *words)
+    assert list(places.values()) == [("grid", "target"), ("joint_configurations", "target")]
     assert "two seats, 5.21 m and 50.3 deg apart, and one target fit it and" in out
 
 
@@ -374,9 +361,8 @@ def test_two_series_of_a_measured_ur10_are_two_seats_and_one_target(tmp_path: Pa
 def test_every_file_of_a_measured_panda_is_a_socket(tmp_path: Path) -> None:
     words = ["--robot", "panda", "--instrument", "socket_pair_50", "--yes"]
     folder = real_robots.DATA / "panda_sockets" / "panda_6"
-    code, _, err = new(tmp_path / "made", [folder], *words)
-    assert code == 0, err
-    assert described(tmp_path / "made") == {
+    _, places = made(tmp_path / "made", [folder], *words)
+    assert places == {
         f"{site}/hole_{k}.csv": (f"{site}/hole_{k}", "target")
         for site in real_robots.PANDA_SITES["panda_6"]
         for k in (0, 1)

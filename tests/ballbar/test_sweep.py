@@ -24,8 +24,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ballbar.sweep import workers as sweep_workers
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
-from ballbar.sweep.chunk import run_chunk, run_chunk_remotely
+from ballbar.sweep.chunk import Task, run_chunk, run_chunk_remotely
 from ballbar.sweep.file import Changes, Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
@@ -33,7 +34,7 @@ from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
 from ballbar.sweep.run import SweepError, SweepOutcome
 from ballbar.sweep.summary import failures_of, grid_points
 from ballbar.sweep.table import chunk_bytes, write_table
-from ballbar.sweep.workers import processes
+from ballbar.sweep.workers import dask_cluster, processes
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
 from cell.extended_yaml import with_changes
@@ -58,6 +59,11 @@ seeds: {{count: 30}}
 
 def plan_of(folder: Path, text: str) -> Plan:
     return loaded(folder, text).plan
+
+
+def refused(words: str) -> pytest.RaisesExc[InputError]:
+    """An InputError in these words, a regular expression."""
+    return pytest.raises(InputError, match=words)
 
 
 # -- what a file may say
@@ -110,12 +116,12 @@ def test_a_wrong_sweep_is_refused_with_file_line_and_words(
     text: str, line: int | None, words: str, tmp_path: Path
 ) -> None:
     place = "" if line is None else f"{tmp_path / 'sweep.yaml'}:{line}: "
-    with pytest.raises(InputError, match=f"^{re.escape(place)}.*{re.escape(words)}"):
+    with refused(f"^{re.escape(place)}.*{re.escape(words)}"):
         plan_of(tmp_path, text)
 
 
 def test_a_scenario_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"sweep.yaml:3: scenario = 'gone.yaml': no such file"):
+    with refused(r"sweep.yaml:3: scenario = 'gone.yaml': no such file"):
         plan_of(
             tmp_path, "schema: ballbar-sweep/1\nname: a\nscenario: gone.yaml\nseeds: {count: 1}\n"
         )
@@ -133,20 +139,19 @@ def test_values_that_are_wrong_only_together_are_named_together(tmp_path: Path) 
         "schema: ballbar-sweep/1\nname: a\nscenario: scenario.yaml\n"
         "vary: {path.duration_s: [120, 60]}\nseeds: {count: 1}\n"
     )
-    with pytest.raises(
-        InputError,
-        match=r'clocks.step.at_s = 90: t = 90 s is not logged; .* with \{"path.duration_s": 60\}\.',
+    with refused(
+        r'clocks.step.at_s = 90: t = 90 s is not logged; .* with \{"path.duration_s": 60\}\.'
     ):
         plan_of(tmp_path, text)
 
 
 def test_every_wrong_value_of_a_grid_is_reported_at_once(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"sweep\.yaml:5: ") as refused:
+    with refused(r"sweep\.yaml:5: ") as raised:
         plan_of(
             tmp_path,
             "vary:\n  clocks.skew: [0.0, 1.0]\n  identify.samples: [3, 100]\nseeds: {count: 1}\n",
         )
-    assert [line.split(":")[1] for line in str(refused.value).splitlines()] == ["5", "6"]
+    assert [line.split(":")[1] for line in str(raised.value).splitlines()] == ["5", "6"]
 
 
 @pytest.mark.parametrize(
@@ -504,10 +509,7 @@ def test_a_torn_chunk_is_named_and_only_its_runs_are_repeated(
     first.folder.csv.unlink()
     torn = first.folder.chunk(3)
     torn.write_bytes(torn.read_bytes()[:100])
-    with pytest.raises(
-        InputError,
-        match=r"000003\.parquet: cannot be read: .* Delete this file and run the sweep again",
-    ):
+    with refused(r"000003\.parquet: cannot be read: .* Delete this file and run the sweep again"):
         swept(sweep, tmp_path / "out", inline)
     torn.unlink()
     again = swept(sweep, tmp_path / "out", inline)
@@ -532,13 +534,9 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
         shutil.copytree(root / package, tmp_path / package)
 
     def version() -> str:
-        command = [
-            sys.executable,
-            "-c",
-            "from ballbar.sweep.version import code_version; print(code_version())",
-        ]
+        program = "from ballbar.sweep.version import code_version; print(code_version())"
         return subprocess.run(
-            command,
+            [sys.executable, "-c", program],
             cwd=tmp_path,
             check=True,
             capture_output=True,
@@ -555,9 +553,8 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
 def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
     other = plan.text.replace(plan.data.version, "0.0.9+00000000")
-    with pytest.raises(
-        InputError,
-        match=r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version",
+    with refused(
+        r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version"
     ):
         run_chunk(other, [0], sweep_work.figures, tmp_path)
 
@@ -569,10 +566,7 @@ def test_a_worker_of_a_cluster_with_several_threads_is_refused(
     monkeypatch.setenv("MKL_NUM_THREADS", "4")
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     sweep = loaded(tmp_path, GRID)
-    with pytest.raises(
-        InputError,
-        match="with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1",
-    ):
+    with refused("with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1"):
         run_chunk_remotely(sweep.plan.text, [0], sweep_work.figures, sweep.files)
 
 
@@ -590,16 +584,14 @@ def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -
         r"\(changed: vary\.cell\.ballbar_position_m\.0\); nothing was run",
     ):
         started(plan_of(tmp_path, GRID.replace("0.72", "0.73")))
-    with pytest.raises(
-        InputError, match=r"plan\.yaml: its chunks were computed by version \S+, this is 0\.0\.9"
-    ):
+    with refused(r"plan\.yaml: its chunks were computed by version \S+, this is 0\.0\.9"):
         started(Plan(plan.text.replace(plan.data.version, "0.0.9")))
     started(plan)
 
 
 def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
-    with pytest.raises(InputError, match="exists and holds something else"):
+    with refused("exists and holds something else"):
         swept(sweep, tmp_path, inline)
 
 
@@ -607,7 +599,7 @@ def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
     with (
         open_folder(tmp_path / "out", sweep.plan),
-        pytest.raises(InputError, match="another process writes to this folder"),
+        refused("another process writes to this folder"),
     ):
         swept(sweep, tmp_path / "out", inline)
 
@@ -660,17 +652,8 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
     """The command as a user runs it: killed with chunks half done, stopped by Ctrl-C, then left."""
     file = tmp_path / "real.yaml"
     file.write_text(REAL)
-    command = [
-        sys.executable,
-        "-m",
-        "ballbar",
-        "sweep",
-        str(file),
-        "--workers",
-        "2",
-        "--out",
-        str(tmp_path / "broken"),
-    ]
+    options = ["--workers", "2", "--out", str(tmp_path / "broken")]
+    command = [sys.executable, "-m", "ballbar", "sweep", str(file), *options]
 
     def killed(number: signal.Signals, chunks: int) -> tuple[int, str, list[psutil.Process]]:
         with subprocess.Popen(
@@ -709,3 +692,47 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
     for file in (whole.folder.table, whole.folder.csv, whole.folder.path / "plan.yaml"):
         assert (tmp_path / "broken" / file.name).read_bytes() == file.read_bytes()
     assert not list((tmp_path / "broken").rglob("*.part"))
+
+
+# -- a Dask cluster: a real one, on this machine
+
+NOTHING = Task("", sweep_work.figures, (), Path())
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
+    from distributed import LocalCluster  # noqa: PLC0415  slow to import
+
+    sweep = loaded(tmp_path, GRID.replace("count: 5", "count: 40"))
+    alone = swept(sweep, tmp_path / "alone", inline, sweep_work.figures_with_failures)
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        there = swept(
+            sweep,
+            tmp_path / "there",
+            partial(dask_cluster, address=cluster.scheduler_address),
+            sweep_work.figures_with_failures,
+        )
+    assert there.finished
+    assert table_bytes(there) == table_bytes(alone)
+
+
+@pytest.mark.slow
+def test_without_a_scheduler_the_address_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweep_workers, "CONNECT_TIMEOUT", 0.2)
+    with (
+        refused(r"--scheduler tcp://127\.0\.0\.1:9: no Dask scheduler answers there"),
+        dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        refused(r"needs Dask, which is not installed: pip install 'ballbar-bench\[dask\]'"),
+        dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),
+    ):
+        pass

@@ -48,28 +48,26 @@ FIGURES = {
     "rms_residual",
 }
 CLOCK = {"clock_offset_error_us", "clock_skew_error_ppm"}
+CELL = {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]}
+TIMES = {"kind": "lissajous", "duration_s": 60.0, "dwell_s": 2.0, "stops": 1}
+PATH = {"file": "paths/irb2400_a.yaml", **TIMES}
+
+
+def on_samples(cost: str = "transform", **more: Any) -> dict[str, Any]:
+    """Settings of an identification from 400 paired samples."""
+    return {"cost": cost, "data": "samples", "samples": 400} | more
 
 
 def scenario(**changes: Any) -> Scenario:
     """Thesis ch. 3 in 60 s: kinematic plant, Table 3.1, 10 urad of noise, 400 samples, C_T."""
     base: dict[str, Any] = {
         "name": "trial",
-        "cell": {
-            "robot": "irb2400",
-            "ballbar": "lund_600",
-            "ballbar_position_m": [0.70, 0.0, 0.54],
-        },
-        "path": {
-            "kind": "lissajous",
-            "file": "paths/irb2400_a.yaml",
-            "duration_s": 60.0,
-            "dwell_s": 2.0,
-            "stops": 1,
-        },
+        "cell": CELL,
+        "path": PATH,
         "plant": {"kind": "kinematic"},
         "errors": STATIC | NOISE,
         "encoders": {"noise_sigma_rad": 1e-5},
-        "identify": {"cost": "transform", "data": "samples", "samples": 400},
+        "identify": on_samples(),
         "seed": 1,
     }
     return Scenario.model_validate(base | changes)
@@ -201,37 +199,26 @@ def test_the_rod_may_be_pulled_in_other_patterns(pulled: str) -> None:
 
 
 def test_samples_may_be_of_the_stops_or_of_what_lies_between() -> None:
-    path = {
-        "kind": "lissajous",
-        "file": "paths/irb2400_a.yaml",
-        "duration_s": 60.0,
-        "dwell_s": 2.0,
-        "stops": 3,
-    }
     q = {
         instants: samples_of(
-            path=path,
+            path=PATH | {"stops": 3},
             errors=STATIC,
             encoders={},
-            identify={"cost": "transform", "data": "samples", "samples": 400, "instants": instants},
+            identify=on_samples(instants=instants),
         ).q
         for instants in ("standing", "moving", "constant_speed")
     }
     assert len(np.unique(q["standing"].round(9), axis=0)) == 3  # not those at the ends
     assert len(np.unique(q["moving"].round(9), axis=0)) > 390
     assert len(np.unique(q["constant_speed"].round(9), axis=0)) > 390
-    without = dict(path, stops=0)
     with pytest.raises(InputError, match=r"identify\.instants = standing: the path has none"):
-        samples_of(
-            path=without, identify={"cost": "transform", "data": "samples", "instants": "standing"}
-        )
+        samples_of(path=PATH | {"stops": 0}, identify=on_samples(instants="standing"))
 
 
 @pytest.mark.slow
 def test_all_parameters_and_a_loose_stop_are_those_of_the_row() -> None:
-    asked = {"cost": "transform", "data": "samples", "samples": 400}
     rows = {
-        key: run_trial(scenario(identify=asked | changes), SCENARIOS)
+        key: run_trial(scenario(identify=on_samples(**changes)), SCENARIOS)
         for key, changes in {
             "core": {},
             "all": {"parameters": "all"},
@@ -363,10 +350,7 @@ def test_a_row_tells_how_far_the_identified_robot_is_from_the_true_one(
     cost: str, form: str, count: int, distance: float
 ) -> None:
     """Distances in mm|mrad as thesis Fig. 3.2 orders them; C_l is several times worse."""
-    row = run_trial(
-        scenario(identify={"cost": cost, "form": form, "data": "samples", "samples": 400}),
-        SCENARIOS,
-    )
+    row = run_trial(scenario(identify=on_samples(cost, form=form)), SCENARIOS)
     errors = {
         key.removeprefix("error."): value for key, value in row.items() if key.startswith("error.")
     }
@@ -395,8 +379,8 @@ def test_a_trial_repeats_itself_and_follows_its_seed() -> None:
 def test_without_varying_errors_every_cost_finds_the_truth() -> None:
     """Thesis sec. 3.4 reached 1 um|urad; its criterion was the solver's."""
     for cost in ("length", "position", "position_angles", "transform"):
-        asked = {"cost": cost, "data": "samples", "samples": 400}
-        row = run_trial(scenario(errors=STATIC, encoders={}, identify=asked), SCENARIOS)
+        asked = scenario(errors=STATIC, encoders={}, identify=on_samples(cost))
+        row = run_trial(asked, SCENARIOS)
         assert float(row["largest_mm_mrad"]) < 1e-6
 
 
@@ -404,12 +388,7 @@ def test_a_synchronisation_error_ruins_the_thesis_costs_with_encoders_and_not_ml
     """Thesis Fig. 3.4; C_l has no second clock."""
     late = STATIC | {"synchronisation": {"delay_s": 2e-3}}
     rows = {
-        cost: run_trial(
-            scenario(
-                errors=late, encoders={}, identify={"cost": cost, "data": "samples", "samples": 400}
-            ),
-            SCENARIOS,
-        )
+        cost: run_trial(scenario(errors=late, encoders={}, identify=on_samples(cost)), SCENARIOS)
         for cost in ("length", "transform", "ml")
     }
     assert float(rows["length"]["distance_mm_mrad"]) < 1e-6
@@ -486,18 +465,12 @@ def test_device_logs_of_a_robot_of_the_user_s_own_can_be_tried(tmp_path: Path) -
 
     The reader then looked for the file beside the recording.
     """
-    own = yaml.safe_load((SCENARIOS.parent / "cell" / "robots" / "irb2400.yaml").read_text())
-    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(own | {"title": "Mine"}))
-    stands = {"robot": "mine.yaml", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]}
-    path = {
-        "kind": "lissajous",
-        "file": str(SCENARIOS / "paths" / "irb2400_a.yaml"),
-        "duration_s": 60.0,
-        "dwell_s": 2.0,
-        "stops": 1,
-    }
+    robot = yaml.safe_load((SCENARIOS.parent / "cell" / "robots" / "irb2400.yaml").read_text())
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(robot | {"title": "Mine"}))
+    cell = CELL | {"robot": "mine.yaml"}
+    path = TIMES | {"file": str(SCENARIOS / "paths" / "irb2400_a.yaml")}
     row = run_trial(
-        scenario(cell=stands, path=path, identify={"cost": "ml", "samples": 300}), tmp_path
+        scenario(cell=cell, path=path, identify={"cost": "ml", "samples": 300}), tmp_path
     )
     assert float(row["distance_mm_mrad"]) < 0.02
 
@@ -584,14 +557,7 @@ def test_a_recording_made_along_a_recorded_path_is_an_ordinary_one(
         ),
         ({"path": RECORDED | {"recording": "lost"}}, "lost: no such folder"),
         (
-            {
-                "path": RECORDED,
-                "cell": {
-                    "robot": "irb2400",
-                    "ballbar": "lund_900",
-                    "ballbar_position_m": [0.70, 0.0, 0.54],
-                },
-            },
+            {"path": RECORDED, "cell": CELL | {"ballbar": "lund_900"}},
             r"-30\d mm off the ball-bar's sphere",
         ),
     ],

@@ -27,6 +27,20 @@ def ballbar(*words: object) -> tuple[int, str, str]:
     return code, out.getvalue(), err.getvalue()
 
 
+def output(*words: object) -> str:
+    """Standard output of a command that succeeds."""
+    code, out, err = ballbar(*words)
+    assert code == 0, err
+    return out
+
+
+def refusal(*words: object) -> str:
+    """Standard error of a command that is refused as bad input."""
+    code, _, err = ballbar(*words)
+    assert code == 2, err
+    return err
+
+
 @cache
 def application() -> Any:
     """The command line as typer builds it."""

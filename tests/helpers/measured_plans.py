@@ -50,7 +50,7 @@ class DrawnRobot:
         return target_frames(forward(self.chain, joints), self.targets[target])
 
     def measured(self, poses: Candidates, rng: np.random.Generator) -> PoseTable:
-        """What the instrument measures of poses, with its noise."""
+        """The values that the instrument measures at poses, with its noise."""
         setup = self.setup
         groups = []
         for k in np.unique(poses.station):

@@ -62,11 +62,14 @@ def write(
     folder: Path,
     table: str | bytes | Sequence[str] | None = None,
     change: Callable[[dict[str, Any]], None] | None = None,
+    *,
+    robot: str = "ur5",
+    measured_by: str = "tracker_point",
     **keys: Any,
 ) -> Path:
     """A folder with poses.yaml and poses.csv; keys : of the table instead of those of TABLE.
 
-    change : applied to the whole description at last.
+    change : applied to the whole description at last. measured_by : the instrument of the file.
     """
     content = lines(columns()) if table is None else table
     if isinstance(content, Sequence) and not isinstance(content, str | bytes):
@@ -78,8 +81,8 @@ def write(
     description: dict[str, Any] = {
         "schema": "ballbar-poses/1",
         "kind": "real",
-        "robot": "ur5",
-        "instrument": "tracker_point",
+        "robot": robot,
+        "instrument": measured_by,
         "tables": [described],
     }
     if change is not None:

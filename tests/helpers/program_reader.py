@@ -14,7 +14,7 @@ NUMBER = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """What a controller would do."""
+    """The moves and rests that a controller would make."""
 
     axes: Array  # (K, 6) [deg]
     rests: Array  # (K,) [s]

@@ -101,7 +101,7 @@ def prediction(*, telescoping: bool, place_free: bool) -> PathPlan:
 @pytest.mark.parametrize("place_free", [True, False])
 @pytest.mark.parametrize("telescoping", [True, False])
 def test_only_what_follows_or_can_be_done_is_advised(telescoping: bool, place_free: bool) -> None:
-    """Of a telescoping bar nothing else is predicted, and its place was free already."""
+    """Nothing else is predicted of a telescoping bar, and its place was free already."""
     sentence = told(prediction(telescoping=telescoping, place_free=place_free))
     assert "scale known, by the results so far 10.0 um rms, with this path 9.9 um" in sentence
     assert "by less than 10%" in sentence

@@ -1,4 +1,4 @@
-"""What a search compares: many candidates at once, on a coarse grid."""
+"""Objectives that a search compares: many candidates at once, on a coarse grid."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def sources(section: type[ErrorSettings | ClockSettings]) -> set[str]:
 
 
 def given(section: ErrorSettings | ClockSettings) -> dict[str, object]:
-    """What a section states, without the deviations that a scenario may have from a table."""
+    """Values that a section states, without the deviations of a scenario from a table."""
     return section.model_dump(exclude_unset=True, exclude={"static"})
 
 

@@ -1,4 +1,4 @@
-"""What results say before a path: the information of two recordings adds up, priors count once."""
+"""Results before a path: the information of two recordings adds up, priors count once."""
 
 from __future__ import annotations
 

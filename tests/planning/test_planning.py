@@ -17,10 +17,11 @@ from typer.testing import CliRunner
 from ballbar.commands.cli import app
 from ballbar.plan import show as command
 from ballbar.plan.summary import say_answers
+from ballbar.scenario import load_scenario
 from cell.descriptions import ProgramLanguage
 from cell.errors import DescriptionError, InputError
-from cell.geometry import bar_frames
-from cell.load import load_cell, load_robot
+from cell.geometry import bar_frames, robot_frames
+from cell.load import load_robot
 from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
@@ -33,7 +34,7 @@ from planning.files import path_data, planned_path_data
 from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
 from planning.limits import violations
-from planning.plan import assess, covered, hints
+from planning.plan import PathPlan, assess, covered, hints
 from planning.programs import (
     SUFFIXES,
     TELESCOPING,
@@ -46,7 +47,7 @@ from planning.questions import question
 from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
 from planning.search import SearchProgress, evaluating_processes, ranked, search
 from planning.targets import SAG, Targets, targets_of
-from planning.trajectory import trajectories
+from planning.trajectory import Trajectory, trajectories
 from planning.verify import (
     Check,
     checks,
@@ -58,7 +59,6 @@ from planning.verify import (
 from planning.what_if import answers
 from planning.workspace import KeepOut
 from sim.errors.static_errors import THESIS_3_1, true_geometry
-from sim.path import Lissajous
 from sim.path_files import LissajousFile, load_lissajous
 from tests.helpers.program_reader import read_krl, read_pdl2, read_rapid
 
@@ -82,6 +82,11 @@ def manual() -> PathCandidate:
     return PathCandidate(load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"), MANUAL_POSITION)
 
 
+@pytest.fixture(scope="module")
+def trajectory(evaluator: Evaluator, manual: PathCandidate) -> Trajectory:
+    return trajectories(evaluator.cell, manual, PlanTiming())[0]
+
+
 @given(st.integers(0, 10_000))
 @settings(max_examples=50, deadline=None)
 def test_a_candidate_has_the_numbers_that_gave_it(seed: int) -> None:
@@ -97,10 +102,8 @@ def test_a_candidate_has_the_numbers_that_gave_it(seed: int) -> None:
 
 
 def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
-    evaluator: Evaluator, manual: PathCandidate
+    evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
-    trajectory = check(evaluator, manual).trajectory
-    assert trajectory is not None
     found = predict(evaluator.predictor, trajectory, np.zeros(trajectory.t.size))
     assert tcp_rms(evaluator, found) == pytest.approx(
         np.sqrt(np.mean(found.tcp_sigma**2)), rel=1e-6
@@ -115,18 +118,14 @@ def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
 
 
 def test_the_prediction_is_the_bound_of_fits_afterwards(
-    evaluator: Evaluator, manual: PathCandidate
+    evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
     with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
         bounds = [
             float(row["bound_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"
         ]
-    trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
-    found = predict(
-        evaluator.predictor,
-        trajectory,
-        predicted_forces(evaluator.force_model, trajectory).tension[0],
-    )
+    tension = predicted_forces(evaluator.force_model, trajectory).tension[0]
+    found = predict(evaluator.predictor, trajectory, tension)
     both = np.hypot(
         tcp_rms(evaluator, found), scale_error(evaluator.cell, evaluator.predictor.grid)
     )  # the fit counts the scale in
@@ -136,10 +135,7 @@ def test_the_prediction_is_the_bound_of_fits_afterwards(
     )  # noise levels are estimated there, assumed here
 
 
-def test_better_sensors_and_more_time_never_predict_less(
-    evaluator: Evaluator, manual: PathCandidate
-) -> None:
-    trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
+def test_better_sensors_never_predict_less(evaluator: Evaluator, trajectory: Trajectory) -> None:
     still = np.zeros(trajectory.t.size)
 
     def sigma(**changed: object) -> float:
@@ -182,9 +178,8 @@ def test_a_path_run_in_half_the_time_is_too_fast(
     ],
 )
 def test_every_limit_of_motion_can_be_violated(
-    evaluator: Evaluator, manual: PathCandidate, limit: str, value: float
+    evaluator: Evaluator, trajectory: Trajectory, limit: str, value: float
 ) -> None:
-    trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
     assert limit not in {v.limit for v in violations(evaluator.cell, PlanLimits(), trajectory)}
     found = {
         v.limit: v for v in violations(evaluator.cell, PlanLimits(**{limit: value}), trajectory)
@@ -193,65 +188,44 @@ def test_every_limit_of_motion_can_be_violated(
 
 
 def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(
-    manual: PathCandidate,
+    evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
-    cell = load_cell("irb2400", "lund_600", "plate_250")
-    trajectory = trajectories(cell, manual, PlanTiming())[0]
     highest = trajectory.tip[:, 2].max()
-    low, high = (-5.0, -5.0, highest + 1.0), (5.0, 5.0, highest + 2.0)
+    high = (5.0, 5.0, highest + 2.0)
     motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
-    free = clearance(cell, request().cell).nearest(*motion)
-    above = request().cell.model_copy(
-        update={"keep_out": (KeepOut(name="lamp", lower_m=low, upper_m=high),)}
-    )
-    lower = above.keep_out[0].model_copy(update={"lower_m": (-5.0, -5.0, highest - 0.5)})
-    boxed = above.model_copy(update={"keep_out": (lower,)})
-    found = clearance(cell, boxed).nearest(*motion)
+    free = evaluator.clearance.nearest(*motion)
+    lamp = KeepOut(name="lamp", lower_m=(-5.0, -5.0, highest - 0.5), upper_m=high)
+    boxed = request().cell.model_copy(update={"keep_out": (lamp,)})
+    found = clearance(evaluator.cell, boxed).nearest(*motion)
     assert "box lamp" in found.pair
     assert found.distance < free.distance
 
 
-def test_capsules_are_as_far_apart_as_two_segments(manual: PathCandidate) -> None:
+def test_capsules_are_as_far_apart_as_two_segments(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
     """Oracle: the rod against the forearm by brute force over points of both axes."""
-    cell = load_cell("irb2400", "lund_600", "plate_250")
-    of = clearance(cell, request().cell)
-    trajectory = trajectories(cell, manual, PlanTiming())[0]
-    only = replace(
-        of,
-        pairs=tuple(
-            p for p in of.pairs if {of.names[p[0]], of.names[p[1]]} == {"upper arm", "rod"}
-        ),
-    )
+    of = evaluator.clearance
+    pairs = tuple(p for p in of.pairs if {of.names[k] for k in p} == {"upper arm", "rod"})
+    only = replace(of, pairs=pairs)
     found = only.nearest(trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
     k = int(np.flatnonzero(np.isclose(trajectory.t, found.t))[0])
-    from cell.geometry import robot_frames  # noqa: PLC0415  the oracle's own
-
-    robot, bar = (
-        robot_frames(trajectory.nominal, trajectory.q[k : k + 1]),
-        bar_frames(trajectory.nominal, trajectory.b[k : k + 1]),
-    )
+    robot = robot_frames(trajectory.nominal, trajectory.q[k : k + 1])
+    bar = bar_frames(trajectory.nominal, trajectory.b[k : k + 1])
     share = np.linspace(0.0, 1.0, 801)[:, None]
     ball, tip = bar.origin[0][:, 0], bar.tip[:, 0]
     along = (tip - ball) / np.linalg.norm(tip - ball)
     rod = ball + 0.1 * along + share * (tip - ball - 0.2 * along)
     arm = robot.origin[1][:, 0] + share * (robot.origin[2] - robot.origin[1])[:, 0]
-    apart = (
-        np.linalg.norm(rod[:, None] - arm[None], axis=2).min()
-        - of.radii["rod"]
-        - of.radii["upper arm"]
-    )
+    axes = np.linalg.norm(rod[:, None] - arm[None], axis=2).min()
+    apart = axes - of.radii["rod"] - of.radii["upper arm"]
     assert found.distance == pytest.approx(apart, abs=1e-3)  # points 1 mm apart
 
 
 @pytest.mark.slow
 def test_a_request_that_cannot_be_met_says_why() -> None:
-    far = request().model_copy(
-        update={
-            "cell": PlanCell(
-                robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5)
-            )
-        }
-    )
+    cell = PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5))
+    far = request().model_copy(update={"cell": cell})
     with pytest.raises(
         InputError, match=r"no path found: \d+ random paths .* out of reach 100%.*Move the ball-bar"
     ):
@@ -282,24 +256,11 @@ def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
     found = hints(requested, SCENARIOS / "paths")
     assert [hint.rod for hint in found] == ["lund_600", "lund_900"]
     for hint in found:
-        begun = path_data(space_of(requested).candidate(hint.genome))
-        wanted = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
-        there = Lissajous(
-            *(
-                np.array(begun[f"{key}"])
-                for key in ("centre_deg", "amplitude_deg", "cycles", "phase_deg")
-            )
-        )
+        begun = space_of(requested).candidate(hint.genome).shape
+        expected = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
         for s in (0.0, 0.1, 0.37):
-            angles = Lissajous(
-                np.radians(there.centre),
-                np.radians(there.amplitude),
-                there.cycles,
-                np.radians(there.phase),
-            )
-            assert np.exp(1j * angles.angles(np.array([s]))) == pytest.approx(
-                np.exp(1j * wanted.angles(np.array([s]))), abs=1e-3
-            )
+            angles, wanted = (shape.angles(np.array([s])) for shape in (begun, expected))
+            assert np.exp(1j * angles) == pytest.approx(np.exp(1j * wanted), abs=1e-3)
     middle = 0.5 * sum(np.array(corner) for corner in cell.region)
     planned = hints(
         requested.model_copy(update={"start_from": ("irb2400_planned.yaml",)}), SCENARIOS / "paths"
@@ -393,10 +354,9 @@ def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, PathCandidat
 
 @pytest.mark.slow
 def test_the_expected_force_is_what_mujoco_measures(
-    evaluator: Evaluator, manual: PathCandidate
+    evaluator: Evaluator, manual: PathCandidate, trajectory: Trajectory
 ) -> None:
-    requested, trajectory = evaluator.request, trajectories(evaluator.cell, manual, PlanTiming())[0]
-    motion = run_in_plant(evaluator.cell, requested, manual, seed=0)
+    motion = run_in_plant(evaluator.cell, evaluator.request, manual, seed=0)
     errors = plant_errors(table=True)
     true = set_without_strain(
         true_geometry(
@@ -409,22 +369,18 @@ def test_the_expected_force_is_what_mujoco_measures(
         trajectory.q[:1],
     )
     deviations = np.array([[true[name] - trajectory.nominal[name]] for name in THESIS_3_1])
-    expected = predicted_forces(
-        replace(evaluator.force_model, errors=deviations), trajectory
-    ).tension[0]
+    model = replace(evaluator.force_model, errors=deviations)
+    expected = predicted_forces(model, trajectory).tension[0]
     measured = np.interp(trajectory.t, motion.t, motion.rod_force)
     assert np.std(measured) > 25.0
-    assert (
-        np.sqrt(np.mean((expected - measured) ** 2)) < 10.0
-    )  # N; play and stiction are not in the expectation
+    # N; play and stiction are not in the expectation
+    assert np.sqrt(np.mean((expected - measured) ** 2)) < 10.0
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 def test_the_planned_paths_keep_every_limit_in_mujoco(robot: str) -> None:
     requested = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
-    from ballbar.scenario import load_scenario  # noqa: PLC0415
-
     scenario = load_scenario(SCENARIOS / f"{robot}_planned.yaml")
     evaluator = evaluators(requested)[scenario.cell.ballbar]
     shape = load_lissajous(SCENARIOS / scenario.path.file)
@@ -449,15 +405,8 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
             raise KeyboardInterrupt
 
     with evaluating_processes(requested, 2) as pool:
-        found = search(
-            requested,
-            pool,
-            seconds=30.0,
-            evaluations=500,
-            first=[start],
-            hints=[],
-            show=stop_when_better,
-        )
+        limits = {"seconds": 30.0, "evaluations": 500}
+        found = search(requested, pool, first=[start], hints=[], show=stop_when_better, **limits)
         best_for_all = ranked(found.incumbents, pool)
     assert found.stopped
     assert found.best is not None
@@ -479,20 +428,16 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
     runnable: tuple[Evaluator, PathCandidate],
 ) -> None:
     best = assess(*runnable)
-    moved = PathCandidate(
-        best.evaluation.candidate.shape,
-        best.evaluation.candidate.position + np.array([1e-3, 0.0, 0.0]),
-    )
+    candidate = best.evaluation.candidate
+    moved = replace(candidate, position=candidate.position + np.array([1e-3, 0.0, 0.0]))
     found = [best, replace(best, evaluation=replace(best.evaluation, candidate=moved))]
     monkeypatch.setattr(command, "searched", lambda *_: iter(found))
     monkeypatch.setattr(command, "plan_picture", lambda _: b"")
-    monkeypatch.setattr(
-        command,
-        "check_in_plant",
-        lambda plan, _: [
-            Check("force_N", 1.0, 2.0, "N", 7 if plan in found[:violating] else 0, 10)
-        ],
-    )
+
+    def checked(plan: PathPlan, _: int) -> list[Check]:
+        return [Check("force_N", 1.0, 2.0, "N", 7 if plan in found[:violating] else 0, 10)]
+
+    monkeypatch.setattr(command, "check_in_plant", checked)
     file, said = SCENARIOS / "plans" / "irb2400.yaml", Console(file=io.StringIO(), width=120)
     kept = command.plan_path(
         load_request(file), file, folder=tmp_path, seconds=1.0, out=said, err=said
@@ -551,32 +496,22 @@ def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
 def test_the_command_writes_a_scenario_that_can_be_loaded(
     tmp_path: Path, runnable: tuple[Evaluator, PathCandidate]
 ) -> None:
-    from ballbar.scenario import load_scenario  # noqa: PLC0415
-
     out = tmp_path / "plan"
     request = ("plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--set", "name=mine")
     result = CliRunner().invoke(app, [*request, "--seconds", "0", "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert load_request(out / "request.yaml").name == "mine"
     written = {p.name for p in out.iterdir()}
-    assert written == {
-        "path.yaml",
-        "scenario.yaml",
-        "plan.yaml",
-        "plan.svg",
-        "path.csv",
-        "request.yaml",
-        "mine.mod",
-    }
+    names = {"path.yaml", "scenario.yaml", "plan.yaml", "plan.svg", "path.csv", "request.yaml"}
+    assert written == {*names, "mine.mod"}
     assert "mathdefault" not in (out / "plan.svg").read_text(), "numbers, not what makes them"
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output
     assert "% (within 10 deg of the path; shipped plans cover 5 to 21%" in result.output
     assert "0 of" in result.output
     requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    again = command.given_path(
-        requested, out / "path.yaml", None
-    )  # the file says where the ball-bar stands
+    # the file says where the ball-bar stands
+    again = command.given_path(requested, out / "path.yaml", None)
     assert planned_path_data(again) == load_yaml(out / "path.yaml").data
     (out / "path.yaml").write_text(
         (out / "path.yaml").read_text().partition("ballbar_position_m")[0]

@@ -45,10 +45,18 @@ TRACKER, WIRE = PLANS / "irb2400_tracker.yaml", PLANS / "irb2400_drawwire.yaml"
 RUNNER = CliRunner()
 
 
+def data_of(path: Path, **values: object) -> dict[str, object]:
+    """A shipped request with other values."""
+    return load_request(path).model_dump(mode="json", by_alias=True) | values
+
+
+def setup_with(data: dict[str, object]) -> PoseSetup:
+    return setup_of(PosePlanRequest.model_validate_json(json.dumps(data)), relative_to=PLANS)
+
+
 def changed(path: Path, **values: object) -> PoseSetup:
     """The setup of a shipped request with other values and fewer candidates."""
-    request = load_request(path).model_copy(update={"candidates": 250, "poses": 30, **values})
-    return setup_of(request, relative_to=PLANS)
+    return setup_with(data_of(path, **{"candidates": 250, "poses": 30, **values}))
 
 
 def socket_setup(**values: object) -> PoseSetup:
@@ -68,8 +76,7 @@ def socket_setup(**values: object) -> PoseSetup:
         "candidates": 300,
         **values,
     }
-    request = PosePlanRequest.model_validate_json(json.dumps(data))
-    return setup_of(request, relative_to=PLANS)
+    return setup_with(data)
 
 
 def planned(setup: PoseSetup) -> PosePlan:
@@ -124,9 +131,8 @@ def test_planned_lengths_stay_within_the_stroke_and_its_margin(wire: PosePlan) -
 
 
 def test_a_stroke_of_two_millimetres_is_met_by_inverse_kinematics() -> None:
-    request = load_request(WIRE).model_dump(mode="json", by_alias=True)
-    request |= {"instrument": "qc20w_300", "seats": [{"position_m": [0.9, 0.0, 0.6]}]}
-    setup = setup_of(PosePlanRequest.model_validate_json(json.dumps(request)), relative_to=PLANS)
+    seats = [{"position_m": [0.9, 0.0, 0.6]}]
+    setup = setup_with(data_of(WIRE, instrument="qc20w_300", seats=seats))
     poses = random_candidates(setup, 100, np.random.default_rng(1))
     tip = station_frames(setup, setup.stations[0], poses.axes).tip
     length = np.linalg.norm(tip - setup.stations[0].origin[:, None], axis=0)
@@ -150,9 +156,7 @@ def test_sockets_hold_the_ball_and_the_flange_comes_from_above() -> None:
 def test_a_box_and_the_floor_exclude_poses() -> None:
     box = {"name": "shelf", "lower_m": [0.5, -0.5, 0.0], "upper_m": [1.5, 0.5, 1.0]}
     free = changed(TRACKER)
-    limits = free.request.limits.model_dump(mode="json") | {"keep_out": [box], "floor_m": 0.3}
-    request = free.request.model_dump(mode="json", by_alias=True) | {"limits": limits}
-    setup = setup_of(PosePlanRequest.model_validate_json(json.dumps(request)), relative_to=PLANS)
+    setup = changed(TRACKER, limits={"keep_out": [box], "floor_m": 0.3})
     low, high = np.array(box["lower_m"]), np.array(box["upper_m"])
     inside, lowest = [], []
     for each in (setup, free):
@@ -329,10 +333,8 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.slow
 def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path: Path) -> None:
-    request = load_request(TRACKER).model_dump(mode="json", by_alias=True)
-    request |= {"candidates": 200, "poses": 30}
     file, folder = tmp_path / "request.yaml", tmp_path / "plan"
-    write_yaml(file, request)
+    write_yaml(file, data_of(TRACKER, candidates=200, poses=30))
     done = RUNNER.invoke(app, ["plan", str(file), "--out", str(folder)])
     assert done.exit_code == 0, done.output
     assert "predicted TCP sigma" in done.output
@@ -423,10 +425,8 @@ def test_what_excludes_poses_is_counted() -> None:
 def test_a_request_that_does_not_fit_the_robot_is_refused(
     change: dict[str, object], words: str
 ) -> None:
-    data = load_request(WIRE).model_dump(mode="json", by_alias=True) | change
-    request = PosePlanRequest.model_validate_json(json.dumps(data))
     with pytest.raises(InputError, match=words):
-        setup_of(request, relative_to=PLANS)
+        setup_with(data_of(WIRE, **change))
 
 
 @pytest.mark.parametrize(
@@ -446,8 +446,7 @@ def test_a_request_that_does_not_fit_the_robot_is_refused(
 def test_a_wrong_request_is_refused_with_its_key(
     tmp_path: Path, change: dict[str, object], words: str
 ) -> None:
-    data = load_request(WIRE).model_dump(mode="json", by_alias=True) | change
-    write_yaml(tmp_path / "request.yaml", data)
+    write_yaml(tmp_path / "request.yaml", data_of(WIRE, **change))
     with pytest.raises(DescriptionError, match=words):
         load_request(tmp_path / "request.yaml")
 
