@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ballbar.outputs import Progress, write_outputs
-from ballbar.result.compare import identification_against_truth
+from ballbar.result.compare import identification_against_truth, poses_against_truth
 from ballbar.result.iterations import IterationLog
-from ballbar.result.limits import plant_limits, result_limits
-from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
-from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.limits import plant_limits, result_limits, tcp_limits
+from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
+from ballbar.result.run_data import PoseRun, RunData
+from ballbar.result.run_recordings import identify_pose_folders, identify_recordings
 from ballbar.scenario import (
     SCENARIOS,
     PoseScenario,
@@ -178,6 +178,28 @@ def run_scenario(
             live.finished(data)
         write_outputs(out, data, command=command, replay=True, progress=progress, begin=begin)
         return data
+
+
+def run_pose_scenario(
+    scenario: PoseScenario, scenario_file: Path, out: Path, *, command: str, progress: Progress
+) -> PoseRun:
+    """Simulates, identifies, compares with the truth, and writes calibration.yaml and report.html.
+
+    command : the command line, for the report.
+
+    Raises InputError when the scenario cannot be run, or when `out` holds something else.
+    """
+    folder = out / RECORDING
+    beside = {truth_path(folder).name, scenario_path(folder).name}
+    with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
+        simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
+        run = identify_pose_folders([folder], progress=progress)
+        comparison = poses_against_truth(run.identification, simulation.truth)
+        status, sigma = run.identification.verdict.status, run.identification.tcp_sigma
+        limits = tcp_limits(status, sigma, comparison, scenario.accept)
+        run = replace(run, simulation=simulation, comparison=comparison, limits=limits)
+        write_outputs(out, run, command=command, replay=False, progress=progress)
+        return run
 
 
 def _held_out(scenario: Scenario) -> Scenario:

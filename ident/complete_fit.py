@@ -20,6 +20,7 @@ from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.robust_fit import robust_weights
 from ident.estimator.samples import Samples, close_times, samples_of
 from ident.estimator.step_faults import (
     ENCODER_JUMPS,
@@ -30,7 +31,13 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.unknowns import TENSION_PRIOR, RecordingStart, Unknowns, complete_unknowns
+from ident.estimator.unknowns import (
+    TENSION_PRIOR,
+    PlacedPoses,
+    RecordingStart,
+    Unknowns,
+    complete_unknowns,
+)
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
 from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces
@@ -38,6 +45,7 @@ from ident.loads.logged_tension import SPACING, sensor_tension, tension_splines,
 from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
+from ident.signals.rounding import rounding_noise
 from ident.signals.step_fault import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
@@ -69,6 +77,7 @@ class Pose:
     model: Model
     x: Array  # (P,)
     ballbars: list[Array]  # (N, 5) [rad] of each recording
+    robust: tuple[Array, ...] = ()  # as of NormalEquations
 
 
 def fit_complete(
@@ -78,13 +87,15 @@ def fit_complete(
     options: FitOptions,
     listener: Listener = SILENT,
     extras: Sequence[Correction] = (),
+    still: PlacedPoses | None = None,
 ) -> Fit:
     """The joint fit of all recordings with the named corrections, step faults repaired.
 
-    extras : further corrections, formed by what the data have shown.
+    extras : further corrections, formed by what the data have shown. still : poses of the same
+    robot that are fitted together with the recordings.
     Corrections that the data do not support are left out, unless the options name them.
     """
-    run, lines = _Run(cell, recordings, options, listener), cell.ballbar.encoder_lines
+    run, lines = _Run(cell, recordings, options, listener, still), cell.ballbar.encoder_lines
     chosen = [*run.formed(corrections), *extras]
     automatic = options.corrections is None
     tried = []
@@ -134,6 +145,7 @@ class _Run:
     recordings: Sequence[RecordingFit]
     options: FitOptions
     listener: Listener
+    still: PlacedPoses | None
 
     def formed(self, names: Sequence[str]) -> list[Correction]:
         """The corrections of these names."""
@@ -143,7 +155,7 @@ class _Run:
     def first(self, chosen: Sequence[Correction], faults: tuple[StepFault, ...]) -> Fit:
         """A fit with the first guess of the noise."""
         self.listener.progress("preparing the complete model")
-        pose = posed(self.cell, self.recordings, chosen, self.options, faults)
+        pose = posed(self.cell, self.recordings, chosen, self.options, faults, self.still)
         sources = [
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
@@ -163,7 +175,7 @@ class _Run:
             return fault
         k = fault.recording
         own = tuple(replace(other, recording=0) for other in faults if other.recording == k)
-        alone = replace(self, recordings=[self.recordings[k]])
+        alone = replace(self, recordings=[self.recordings[k]], still=None)
         by_itself = alone.first([c for c in present(result) if belongs_to_machine(c)], own)
         return fault if find_step_fault(by_itself) is not None else None
 
@@ -209,7 +221,7 @@ def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = Non
     """
     for k in range(1, NOISE_PASSES + 1):
         begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
-        pose = None
+        begin, pose = replace(begin, robust=_robust(result)), None
         excess, iterations = excess_noise(result), result.iterations
         del result  # large with many samples
         listener.progress(
@@ -218,6 +230,15 @@ def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = Non
         result = fit_pose(begin, excess, listener)
         result = replace(result, iterations=iterations + result.iterations)
     return result
+
+
+def _robust(result: Fit) -> tuple[Array, ...]:
+    """Square root of robust weights: of still poses Huber's, of recordings all one."""
+    if result.model.table is None:
+        return ()
+    count = len(result.model.recordings)
+    full = [np.ones(point.samples.size) for point, _, _ in result.recorded]
+    return (*full, *robust_weights(result.linear, first=count))
 
 
 def fit_pose(
@@ -238,6 +259,7 @@ def fit_pose(
         max_iterations=max_iterations,
         freeze_after=NEW_WEIGHTS,
         on_iteration=listener.on_iteration,
+        robust=pose.robust,
     )
 
 
@@ -246,7 +268,11 @@ def approached(pose: Pose, excess: ExcessNoise) -> Pose:
     thin = thinned(pose.model, pose.ballbars, samples=COARSE_SAMPLES, times=COARSE_SHARE)
     if thin is None:
         return pose
-    return replace(pose, x=fit_pose(Pose(thin[0], pose.x, thin[1]), excess, per_unknown=1e-2).x)
+    model, ballbars = thin
+    count = len(model.recordings)
+    robust = (*(np.ones(r.size) for r in model.recordings), *pose.robust[count:])
+    coarse = Pose(model, pose.x, ballbars, robust if pose.robust else ())
+    return replace(pose, x=fit_pose(coarse, excess, per_unknown=1e-2).x)
 
 
 def posed(
@@ -255,8 +281,9 @@ def posed(
     corrections: Sequence[Correction],
     options: FitOptions,
     faults: tuple[StepFault, ...] = (),
+    still: PlacedPoses | None = None,
 ) -> Pose:
-    """The complete model of some recordings, and where its fit starts."""
+    """The complete model of recordings and still poses, and where its fit starts."""
     slips = encoder_slips(faults)
     chosen = [*corrections] if slips is None else [*corrections, slips]
     loaded = needs_loads(chosen)
@@ -278,6 +305,7 @@ def posed(
         chosen,
         measured_force=loaded and any(source in MEASURED for source in sources),
         rod_sigma=options.rod_sigma,
+        still=still,
     )
     masses = mass_model(cell) if loaded else None
     model = Model(gearing(cell.robot), masses, tuple(chosen), layout, tuple(every))
@@ -285,7 +313,11 @@ def posed(
         samples.ballbar_angles(r.geometry, r.clock)
         for r, samples in zip(recordings, every, strict=True)
     ]
-    return Pose(model, x, ballbars)
+    if still is None:
+        return Pose(model, x, ballbars)
+    model = replace(model, table=still.table, angle_noise=rounding_noise(still.table.q))
+    ballbars += [np.zeros((group.size, 0)) for group in still.table.groups]
+    return Pose(model, x, ballbars, (*(np.ones(s.size) for s in every), *still.robust))
 
 
 def needs_loads(corrections: Sequence[Correction]) -> bool:

@@ -17,11 +17,11 @@ from ident.cross_validation import LEVEL, SAME_PLACE
 from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
 from ident.estimator.robust_fit import fit_robustly
-from ident.estimator.unknowns import Unknowns, still_unknowns
+from ident.estimator.unknowns import PlacedPoses, Unknowns, still_unknowns
 from ident.moved_seats import other_sides
 from ident.pose_result import PoseIdentification, position_errors
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
-from ident.start.placements import PoseStart, start_of_poses
+from ident.start.placements import start_of_poses
 
 WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
 
@@ -107,20 +107,17 @@ def _as_it_stood(
 
 def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> Fit:
     """Seats of a table, and targets that are not known, fitted to a robot that is held."""
-    layout = held_layout(arm, table, start_of_poses(table, arm.chain), known)
+    layout = held_layout(arm, start_of_poses(table, arm.chain), known)
     noise = np.zeros(table.robot.joints)
     return fit_robustly(still_model(table, layout, arm.corrections, noise), layout.mean.copy())
 
 
-def held_layout(
-    arm: IdentifiedArm, table: PoseTable, start: PoseStart, known: dict[str, Placement]
-) -> Unknowns:
+def held_layout(arm: IdentifiedArm, start: PlacedPoses, known: dict[str, Placement]) -> Unknowns:
     """Unknowns of a table with the robot and the known targets held, seats free from `start`."""
-    targets = start.targets | {name: known[name] for name in table.targets if name in known}
+    table = start.table
+    targets = {name: known.get(name, place) for name, place in start.targets.items()}
     geometry = geometry_of_chain(parameter_table(table.robot), arm.chain)
-    layout = still_unknowns(
-        table.robot, geometry, table.groups, start.seats, targets, arm.corrections
-    )
+    layout = still_unknowns(geometry, replace(start, targets=targets), arm.corrections)
     mean = layout.mean.copy()
     mean[layout.coefficients] = arm.values
     return replace(layout, mean=mean).held(name for name in targets if name in known)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain, robot_geometry
@@ -29,7 +28,7 @@ from ident.estimator.model import still_model
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
 from ident.estimator.regions import distinct_poses, pose_regions
 from ident.estimator.robust_fit import fit_robustly, stacked
-from ident.estimator.unknowns import HELD, Unknowns, still_unknowns
+from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns, still_unknowns
 from ident.findings import Findings, findings_of
 from ident.moved_seats import (
     MOST,
@@ -42,11 +41,11 @@ from ident.moved_seats import (
     step_of,
 )
 from ident.pose_result import PoseIdentification
-from ident.start.placements import PoseStart, start_of_poses
+from ident.signals.rounding import rounding_noise
+from ident.start.placements import start_of_poses
 from ident.verdict import Status
 
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
-GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their angles
 
 
 @dataclass(frozen=True)
@@ -82,11 +81,11 @@ def identify_poses(
     refuse_merged(table)
     progress("finding seats and targets")
     start = start_of_poses(table, nominal_chain(table.robot))
-    result = first = _identified(table, start, options, progress)
+    result = first = _identified(start, options, progress)
     steps: tuple[Step, ...] = ()
     while len(steps) < MOST and (step := step_of(result.fit)) is not None:
         progress(f"{step.kind} {step.name} moved: fitting once more")
-        trial = _identified(*split(result.fit, step), options, progress)
+        trial = _identified(split(result.fit, step), options, progress)
         after = sized(trial.fit, (*steps, step))
         if not confirms(result.fit, trial.fit, step, after[-1]):
             break
@@ -97,16 +96,12 @@ def identify_poses(
     return replace(result, findings=replace(result.findings, steps=sized(result.fit, steps)))
 
 
-def _identified(
-    table: PoseTable, start: PoseStart, options: PoseOptions, progress: Progress
-) -> PoseIdentification:
+def _identified(still: PlacedPoses, options: PoseOptions, progress: Progress) -> PoseIdentification:
     """A robot from a table whose seats and targets stay where they are."""
-    nominal_robot = robot_geometry(table.robot)
-    noise = rounding(table.q) / np.sqrt(12.0)
+    table = still.table
+    noise = rounding_noise(table.q)
     fixed = [*sag(table.robot), *_learned(options)]
-    layout = still_unknowns(
-        table.robot, nominal_robot, table.groups, start.seats, start.targets, fixed
-    )
+    layout = still_unknowns(robot_geometry(table.robot), still, fixed)
     _check_enough(table, layout)
     model = still_model(table, layout, fixed, noise)
     nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
@@ -130,21 +125,6 @@ def sag(robot: Robot) -> list[Correction]:
     """Unit weights at the frames' origins; elastic gears too where masses and gears are stated."""
     stated = robot.links is not None and robot.gears is not None
     return [unit_weights(robot), *([gear_compliance(robot)] if stated else [])]
-
-
-def rounding(q: Array) -> Array:
-    """(J,) [rad] step to which the angles q (N, J) were rounded; 0 where none is seen."""
-    degrees = np.rad2deg(q)
-    out = np.zeros(q.shape[1])
-    for j, angles in enumerate(degrees.T):
-        if len(np.unique(angles.round(9))) < min(10, len(angles)):
-            continue  # a joint that hardly moves, or a grid of poses by intention
-        for step in GRIDS_DEG:
-            if np.abs(angles / step - np.round(angles / step)).max() < 1e-6:
-                out[j] = step
-                break
-    commanded = out >= 0.5  # whole and half degrees are targets of a program, not rounding
-    return np.deg2rad(np.where(commanded, 0.0, out))
 
 
 def linearised(fit: Fit) -> LinearModel:
@@ -191,7 +171,7 @@ def _with_orders(fit: Fit, search: OrderSearch) -> Fit:
     seats: dict[str, Placement] = {name: before.seat(fit.x, name) for name in before.seats}
     targets = {name: before.target(fit.x, name) for name in before.targets}
     table = model.poses
-    layout = still_unknowns(table.robot, before.fixed, table.groups, seats, targets, corrections)
+    layout = still_unknowns(before.fixed, PlacedPoses(table, seats, targets), corrections)
     x = layout.mean.copy()
     x[layout.geometric] = fit.x[before.geometric]
     first = layout.coefficients.start

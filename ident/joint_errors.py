@@ -106,16 +106,16 @@ def thinning(fit: Fit) -> int:
 
 def linearised(fit: Fit) -> LinearModel:
     """A complete fit at its estimate, the samples of all recordings beside each other."""
-    layout, linear, step = fit.model.unknowns, fit.linear, thinning(fit)
-    rows = max(len(residual) for residual in linear.residuals)
+    step, (normal, gradient) = thinning(fit), fit.by_poses
+    rows = max(len(residual) for _, _, residual in fit.recorded)
     columns, residuals, joints, angles, q, blocks = [], [], [], [], [], []
     count = 0
-    for k, (point, weights) in enumerate(zip(linear.evaluations, linear.weights, strict=True)):
+    for k, (point, weights, residual) in enumerate(fit.recorded):
         logged = np.asarray(point.recording.robot.spline(point.robot_time))[::step]
         number = count + block_numbers(point.samples.times[::step])
         count = int(number[-1]) + 1
         columns.append(_padded(_columns(fit, k)[..., ::step], rows))
-        residuals.append(_padded(linear.residuals[k][:, ::step], rows))
+        residuals.append(_padded(residual[:, ::step], rows))
         joints.append(_padded(weights(point.columns[GEAR:BAR])[..., ::step], rows))
         angles.append((logged @ point.gearing.to_gear).T)
         q.append(logged)
@@ -125,8 +125,8 @@ def linearised(fit: Fit) -> LinearModel:
         residual=np.concatenate(residuals, axis=-1),
         joints=np.concatenate(joints, axis=-1),
         angles=np.concatenate(angles, axis=-1),
-        prior_gradient=(fit.x - layout.mean) / layout.sigma**2,
-        prior_normal=np.diag(layout.sigma**-2.0),
+        prior_gradient=gradient,
+        prior_normal=normal,
         regions=joint_regions(np.concatenate(q)),
         groups=np.concatenate(blocks),
         few=True,

@@ -38,7 +38,7 @@ from ident.estimator.robust_fit import (
     stacked,
     whitened_lengths,
 )
-from ident.start.placements import PoseStart
+from ident.estimator.unknowns import PlacedPoses
 
 # Score that a place has to exceed to be looked at. Chance reaches 30 in none of several hundred
 # clean tables, and the best place of a table without a step is of no use to the blocks anyway.
@@ -205,7 +205,7 @@ def confirms(before: Fit, after: Fit, candidate: Step, step: Step) -> bool:
     )
 
 
-def split(fit: Fit, step: Step) -> tuple[PoseTable, PoseStart]:
+def split(fit: Fit, step: Step) -> PlacedPoses:
     """The table with another name behind a step, and where seats and targets are by the fit."""
     layout = fit.model.unknowns
     seats = {name: layout.seat(fit.x, name) for name in layout.seats}
@@ -214,7 +214,7 @@ def split(fit: Fit, step: Step) -> tuple[PoseTable, PoseStart]:
     before = places[step.name]
     shift = -step.shift if step.before else step.shift
     places[step.other] = Placement(before.rotation, before.origin + shift)
-    return renamed(fit.model.poses, [step]), PoseStart(seats, targets)
+    return PlacedPoses(renamed(fit.model.poses, [step]), seats, targets)
 
 
 def other_sides(steps: Sequence[Step], target: str) -> list[str]:

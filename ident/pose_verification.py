@@ -177,7 +177,7 @@ class _Check:
     def fit(self, table: PoseTable) -> Fit:
         """Seats and unknown targets of a table, every pose counting in full."""
         start = start_of_poses(table, self.arm.chain)
-        layout = held_layout(self.arm, table, start, self.known)
+        layout = held_layout(self.arm, start, self.known)
         exact = _without_noise(table)
         model = still_model(exact, layout, self.arm.corrections, np.zeros(self.arm.robot.joints))
         excess = ExcessNoise(position=self.sigma, rotation=1.0)

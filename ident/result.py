@@ -1,7 +1,8 @@
 """What an identification found: the machine, each recording's own part, the fit, and a verdict.
 
 An identification always holds a tuple of recordings, also when there is one. What they share,
-robot, ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each.
+robot, ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each,
+seats and targets with the still poses.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
+from cell.placement import Placement
+from cell.poses import PoseTable
 from cell.statistics import rms
 from ident.corrections import as_in_result, correction_of_result
 from ident.estimator.identifiability import DroppedParameter
@@ -163,6 +166,36 @@ class RecordingEstimate:
         return int(self.after.t.size)
 
 
+@dataclass(frozen=True, eq=False)
+class PlacementEstimate:
+    """Where a seat stands in the robot's base frame, or a target in the flange's."""
+
+    placement: Placement
+    sigma: Array  # (3,) [m] of its position
+    whole: bool  # whether its orientation was identified too
+
+
+@dataclass(frozen=True, eq=False)
+class TableEstimate:
+    """Still poses that were fitted together with recordings."""
+
+    table: PoseTable
+    seats: dict[str, PlacementEstimate]
+    targets: dict[str, PlacementEstimate]
+    errors: tuple[Array, ...]  # (N,) [m] distance of each measurement from the model, by group
+    ignored: int  # poses so far from the model that they do not count
+    unexplained: float  # [m] along each axis, beyond the noise of instrument and joints
+
+    @property
+    def sentence(self) -> str:
+        """How well the robot explains the poses."""
+        error = np.concatenate(self.errors)
+        mean, high = (f"{v * 1e3:.3f} mm" for v in (error.mean(), error.max()))
+        lost = f", {self.ignored} of them too far off to count" * (self.ignored > 0)
+        poses = f"{error.size} still poses of {self.table.name}"
+        return f"{poses}{lost}: mean error {mean}, largest {high}"
+
+
 @dataclass(frozen=True)
 class FitStatistics:
     """How the fit went."""
@@ -185,6 +218,7 @@ class Identification:
     recordings: tuple[RecordingEstimate, ...]
     fit: FitStatistics
     verdict: Verdict
+    poses: TableEstimate | None = None  # still poses that were fitted together with them
 
     @property
     def model(self) -> Literal["dh", "complete"]:

@@ -109,7 +109,7 @@ def moved_knees(fit: Fit) -> Knees:
 def _loads(fit: Fit) -> Array:
     """(J, N) [N m] loads of the gears at the samples of `linearised`."""
     parts = []
-    for point in fit.linear.evaluations:
+    for point, _, _ in fit.recorded:
         assert point.state is not None
         parts.append(point.state.loads.gears(point.state.tension)[:, :: thinning(fit)])
     return np.concatenate(parts, axis=1)

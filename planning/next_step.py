@@ -181,11 +181,11 @@ def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
     prior = np.diag(first.layout.sigma[machine] ** -2.0)
     normal = prior.copy()
     for prediction in predictions:
-        whole = prediction.normal
-        recording = np.setdiff1d(np.arange(len(whole)), machine)  # eliminated as unknown
-        mixed = whole[np.ix_(machine, recording)]
-        eliminated = mixed @ np.linalg.solve(whole[np.ix_(recording, recording)], mixed.T)
-        normal += whole[np.ix_(machine, machine)] - eliminated - prior
+        information = prediction.normal
+        recording = np.setdiff1d(np.arange(len(information)), machine)  # eliminated as unknown
+        mixed = information[np.ix_(machine, recording)]
+        eliminated = mixed @ np.linalg.solve(information[np.ix_(recording, recording)], mixed.T)
+        normal += information[np.ix_(machine, machine)] - eliminated - prior
     unknowns = moving(first.layout)
     return tcp_uncertainty(
         first.unloaded.tool(first.grid),

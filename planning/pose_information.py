@@ -31,7 +31,7 @@ from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.robust_fit import equations_at
-from ident.estimator.unknowns import Unknowns, still_unknowns
+from ident.estimator.unknowns import PlacedPoses, Unknowns, still_unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates
@@ -150,7 +150,8 @@ def information_of(setup: PoseSetup) -> Information:
     targets = {s.target: Placement(np.eye(3), s.point) for s in setup.stations}
     corrections = (unit_weights(setup.robot), smooth_joint_errors(setup.robot))
     nominal = geometry_of_chain(parameter_table(setup.robot), setup.chain)
-    layout = still_unknowns(setup.robot, nominal, groups, seats, targets, corrections)
+    table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
+    layout = still_unknowns(nominal, PlacedPoses(table, seats, targets), corrections)
     return Information(setup, layout, corrections, setup.grid)
 
 

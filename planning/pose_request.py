@@ -13,7 +13,7 @@ from cell.description_files import Positive
 from cell.pose_file import KnownDistances
 from cell.schema import Name, Strict
 from cell.schema_errors import wrong_key
-from planning.workspace import Axes, KeepOut, Workspace
+from planning.workspace import Axes, AxisMargin, KeepOut, StatedWorkspace
 from sim.settings import Vector3
 
 POSE_SCHEMA = "ballbar-pose-plan"
@@ -61,9 +61,7 @@ class PosePlanLimits(Strict):
         None, description="Box of the controller's axis angles; by default the axis ranges."
     )
     axis_upper_deg: Axes | None = None
-    axis_margin_deg: Annotated[float, Field(ge=0.0)] = Field(
-        3.0, description="Distance from the ends of each axis range."
-    )
+    axis_margin_deg: AxisMargin = 3.0
     stroke_margin_share: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
         0.1, description="Share of the stroke of a length instrument to keep free at either end."
     )
@@ -96,9 +94,7 @@ class PosePlanRequest(Strict):
         40, description="Number of poses, over all seats and targets."
     )
     limits: PosePlanLimits = PosePlanLimits()
-    workspace: Workspace | None = Field(
-        None, description="Workspace; by default the accuracy box of the robot file."
-    )
+    workspace: StatedWorkspace = None
     unexplained_m: Positive = Field(
         5e-5,
         description="Standard deviation of what the model leaves of a position along each axis, "

@@ -18,7 +18,7 @@ from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
 from planning.pose_request import POSE_SCHEMA, Cone, PlanName, PosePlanRequest, Seed
-from planning.workspace import KeepOut, Region, Workspace
+from planning.workspace import AxisMargin, KeepOut, Region, StatedWorkspace
 from sim.errors.sensor_errors import EncoderNumber
 from sim.settings import Vector3
 
@@ -164,9 +164,7 @@ class PlanSensors(Strict):
 class PlanLimits(Strict):
     """Limits that a path must keep."""
 
-    axis_margin_deg: Annotated[float, Field(ge=0.0)] = Field(
-        3.0, description="Distance from the ends of each axis range."
-    )
+    axis_margin_deg: AxisMargin = 3.0
     axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         0.25, description="Share of each axis's top speed."
     )
@@ -251,9 +249,7 @@ class PlanRequest(Strict):
     timing: PlanTiming = PlanTiming()
     sensors: PlanSensors = PlanSensors()
     limits: PlanLimits = PlanLimits()
-    workspace: Workspace | None = Field(
-        None, description="Workspace; by default the accuracy box of the robot file."
-    )
+    workspace: StatedWorkspace = None
     servo: str = Field(
         "soft", description="A gain set of the robot's file, for a ball-bar with encoders."
     )

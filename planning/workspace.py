@@ -18,6 +18,9 @@ from sim.settings import Vector3
 
 ROUNDING = 1e-9  # [deg] of an end of a range that is given in degrees and kept in radians
 Axes = Annotated[tuple[float, ...], Field(min_length=5, max_length=8)]
+AxisMargin = Annotated[
+    float, Field(ge=0.0, description="Distance from the ends of each axis range.")
+]
 
 
 class Region(Strict):
@@ -62,6 +65,11 @@ class Workspace(Strict):
             if not low < high:
                 raise wrong_key("upper_deg", i, message=f"expected more than lower_deg, {low:g}")
         return self
+
+
+StatedWorkspace = Annotated[
+    Workspace | None, Field(description="Workspace; by default the accuracy box of the robot file.")
+]
 
 
 def check_axes(key: str, values: tuple[float, ...], robot: Robot) -> None:

@@ -100,7 +100,7 @@ def _run_poses(
     """Runs a scenario of still poses, and exits."""
     from ballbar.commands.result_json import run_data
     from ballbar.report.terminal import say_identification, say_pose_comparison
-    from ballbar.run_poses import run_pose_scenario
+    from ballbar.run import run_pose_scenario
 
     if live:
         raise InputError(

@@ -105,10 +105,10 @@ def identify(
 ) -> None:
     """Identify a robot from one or several recordings; test the result on held-out ones.
 
-    Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml).
-    Writes calibration.yaml, import_report.json and report.html to DIR (default: the first
-    RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
-    is not acceptable.
+    Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml);
+    both together, of one robot, make one fit. Writes calibration.yaml, import_report.json and
+    report.html to DIR (default: the first RECORDING's folder with -identified appended). Exits with
+    1 when the fit or a held-out recording is not acceptable.
     """
     from ballbar.report.process import reporting_process
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS

@@ -32,8 +32,8 @@ from ballbar.compensation.krl_values import (
 )
 from ballbar.compensation.program_source import (
     MoveSetup,
-    Program,
     ProgramSource,
+    RobotProgram,
     computed,
     not_stated,
     used_elsewhere,
@@ -306,7 +306,7 @@ class _Krl(ProgramSource):
             )
 
 
-def read_krl(path: Path, options: FrameOptions) -> list[Program]:
+def read_krl(path: Path, options: FrameOptions) -> list[RobotProgram]:
     """The targets of a program: those of the .src file, and of the .dat file beside it.
 
     Raises InputError naming the lines that are not understood.

@@ -17,9 +17,9 @@ from pathlib import Path
 from ballbar.compensation.frames import FrameOptions
 from ballbar.compensation.program_source import (
     MoveSetup,
-    Program,
     ProgramSource,
     ProgramTarget,
+    RobotProgram,
     computed,
     used_elsewhere,
 )
@@ -36,7 +36,7 @@ _CARTESIAN = (
 )
 
 
-def read_pdl2(path: Path, options: FrameOptions) -> list[Program]:
+def read_pdl2(path: Path, options: FrameOptions) -> list[RobotProgram]:
     """The targets of a program. Raises InputError naming the lines that are not understood."""
     file = _Pdl2(path, options)
     for read in (file.constant, file.motion, file.elsewhere):

@@ -64,7 +64,7 @@ class ProgramTarget:
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class RobotProgram:
     """A program as read: its text, and every target that a motion goes to."""
 
     path: Path
@@ -149,10 +149,12 @@ class ProgramSource:
                 )
         return uses[0][1] if uses else MoveSetup(payload=self.options.payload(""))
 
-    def program(self) -> Program:
+    def program(self) -> RobotProgram:
         """The program as read. Raises InputError naming the lines that are not understood."""
         refuse(self.path, self.faults)
-        return Program(self.path, self.text, tuple(self.targets), tuple(dict.fromkeys(self.notes)))
+        return RobotProgram(
+            self.path, self.text, tuple(self.targets), tuple(dict.fromkeys(self.notes))
+        )
 
 
 def computed(line: int, what: str, given: str) -> ProgramError:

@@ -24,7 +24,7 @@ from ballbar.compensation.frames import (
 )
 from ballbar.compensation.krl import read_krl
 from ballbar.compensation.pdl2 import read_pdl2
-from ballbar.compensation.program_source import Program, ProgramTarget, refuse
+from ballbar.compensation.program_source import ProgramTarget, RobotProgram, refuse
 from ballbar.compensation.program_text import Number, ProgramError, number_text, rewritten
 from ballbar.compensation.rapid import read_rapid
 from ballbar.compensation.targets_file import corrected_joints
@@ -53,7 +53,7 @@ SHOWN = 10  # targets of the largest changes in the report
 class CorrectedProgram:
     """A program for the identified robot."""
 
-    program: Program
+    program: RobotProgram
     text: str
     corrected: CorrectedTargets  # of all targets, in the order of the program
     q: Array  # (N, J) [rad] nominal targets
@@ -61,7 +61,7 @@ class CorrectedProgram:
     notes: tuple[str, ...]
 
 
-def correct_program(program: Program, result: Result) -> CorrectedProgram:
+def correct_program(program: RobotProgram, result: Result) -> CorrectedProgram:
     """Corrects every target. Raises InputError naming the lines of those that cannot be.
 
     So it does for a program in another language than that of the robot's controller.
@@ -104,7 +104,7 @@ def correct_program(program: Program, result: Result) -> CorrectedProgram:
     )
 
 
-def _of_targets(program: Program, compute: Callable[[int], T]) -> list[T]:
+def _of_targets(program: RobotProgram, compute: Callable[[int], T]) -> list[T]:
     """A value of each target. Raises InputError naming the lines of those that have none."""
     values, faults = [], []
     for k in range(len(program.targets)):
@@ -148,7 +148,9 @@ def _flange(target: ProgramTarget, values: Sequence[float]) -> Array:
     return np.asarray(target.setup.frame @ pose @ np.linalg.inv(target.setup.tool))
 
 
-def _corrected(program: Program, result: Result, q: Array) -> tuple[CorrectedTargets, list[str]]:
+def _corrected(
+    program: RobotProgram, result: Result, q: Array
+) -> tuple[CorrectedTargets, list[str]]:
     """Corrected targets, and what was taken as given; targets of one payload go together."""
     parts: dict[tuple[float, ...], list[int]] = {}
     for k, target in enumerate(program.targets):
@@ -170,7 +172,7 @@ def _corrected(program: Program, result: Result, q: Array) -> tuple[CorrectedTar
 
 
 def _payload_notes(
-    program: Program, result: Result, parts: dict[tuple[float, ...], list[int]]
+    program: RobotProgram, result: Result, parts: dict[tuple[float, ...], list[int]]
 ) -> list[str]:
     if result.cell is None:
         return ["sag is that with the payload of the measurement"] if any(parts) else []
@@ -238,7 +240,7 @@ def is_program(path: Path) -> bool:
     return path.suffix.lower() in LANGUAGES
 
 
-def read_programs(path: Path, options: FrameOptions) -> list[Program]:
+def read_programs(path: Path, options: FrameOptions) -> list[RobotProgram]:
     """A program as its files: one, or the .src and .dat files of KRL.
 
     Raises InputError naming the lines that are not understood.
@@ -313,7 +315,7 @@ LANGUAGES: dict[str, ProgramLanguage] = {
     **dict.fromkeys((".src", ".dat"), "krl"),
     ".pdl": "pdl2",
 }
-READERS: dict[ProgramLanguage, Callable[[Path, FrameOptions], list[Program]]] = {
+READERS: dict[ProgramLanguage, Callable[[Path, FrameOptions], list[RobotProgram]]] = {
     "rapid": read_rapid,
     "krl": read_krl,
     "pdl2": read_pdl2,

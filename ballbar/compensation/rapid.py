@@ -24,9 +24,9 @@ import numpy as np
 from ballbar.compensation.frames import FrameOptions
 from ballbar.compensation.program_source import (
     MoveSetup,
-    Program,
     ProgramSource,
     ProgramTarget,
+    RobotProgram,
     computed,
     not_stated,
     used_elsewhere,
@@ -89,7 +89,7 @@ class _Data:
         return self.values[0]
 
 
-def read_rapid(path: Path, options: FrameOptions) -> list[Program]:
+def read_rapid(path: Path, options: FrameOptions) -> list[RobotProgram]:
     """The targets of a module. Raises InputError naming the lines that are not understood."""
     module = _Module(path, options)
     for read in (module.declaration, module.instruction, module.elsewhere):

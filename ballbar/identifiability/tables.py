@@ -85,8 +85,8 @@ def vector_text(vector: Dependency) -> str:
         f"{'-' if x < 0 else '+'} {'' if abs(abs(x) - 1.0) < 5e-5 else f'{abs(x):.4g} '}{name}"
         for name, x in vector.partners.items()
     ]
-    first, *rest = terms
-    return f"{vector.name} = {' '.join([first.replace('+ ', '').replace('- ', '-'), *rest])}"
+    first, *others = terms
+    return f"{vector.name} = {' '.join([first.replace('+ ', '').replace('- ', '-'), *others])}"
 
 
 def unit_of(name: str) -> str:

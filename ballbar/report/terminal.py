@@ -47,6 +47,8 @@ def say_identification(out: Console, data: RunData | PoseRun) -> None:
     for fitted in data.recordings:
         _clock(out, fitted, f"clock of {fitted.name}" if data.several else "clock")
         _tracker(out, fitted.estimate.tracker, fitted.name if data.several else "")
+    if result.poses is not None:
+        out.print(escape(result.poses.sentence))
     tcp, cell = result.robot.tcp, result.robot.cell
     stated = with_and_without(tcp.sigma, tcp.without_scale, cell)
     out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")

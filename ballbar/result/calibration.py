@@ -212,7 +212,7 @@ class Calibration:
         name = target or next(iter(targets))
         if name not in targets:
             raise InputError(f"target {name!r}: the result has {', '.join(targets)}")
-        made = tuple(
+        corrections = tuple(
             as_in_result(POSE_CORRECTIONS[key](self.robot, entries), entries, self.robot)
             for key, entries in file.corrections.items()
         )
@@ -223,7 +223,7 @@ class Calibration:
         return IdentifiedArm(
             robot=self.robot,
             chain=self.chain,
-            corrections=made,
+            corrections=corrections,
             values=np.array(values),
             target=targets[name],
             seat=next(iter(file.seats.values())).placement,
@@ -298,7 +298,7 @@ class Calibration:
 
     def file_of_poses(self) -> CalibrationFile:
         """The file of still poses. Raises InputError for a result of logs."""
-        if self.file.groups:
+        if not self.of_logs:
             return self.file
         raise InputError(
             f"{self.path}: is the result of logs; here one of still poses (poses.yaml) is needed."

@@ -47,6 +47,7 @@ from cell.statistics import rms
 from ident.corrections.base import Coefficient
 from ident.estimator.fit import Fit
 from ident.estimator.unknowns import belongs_to_recording, shared_names
+from ident.result import PlacementEstimate, TableEstimate
 from ident.signals.step_fault import StepFault
 from ident.tracker import TrackerCheck
 
@@ -76,7 +77,12 @@ def calibration_of(data: RunData) -> CalibrationFile:
         masses=masses_entry(robot.payload),
         ranges=_ranges(robot.lower, robot.upper),
         covariance=covariance_entry(robot.tool),
-        recordings=tuple(_recording(fitted) for fitted in data.recordings),
+        recordings=(
+            *(_recording(fitted) for fitted in data.recordings),
+            *(() if result.poses is None else _groups(result.poses)),
+        ),
+        seats={} if result.poses is None else _placements(result.poses.seats),
+        targets={} if result.poses is None else _placements(result.poses.targets),
         fit=_entry(
             FitEntry,
             fit,
@@ -245,11 +251,37 @@ def _placement(fit: Fit, name: str, part: slice) -> PlacementEntry:
     )
 
 
+def _placements(estimates: dict[str, PlacementEstimate]) -> dict[str, PlacementEntry]:
+    return {
+        name: PlacementEntry.model_construct(
+            position_m=tuple(estimate.placement.origin.tolist()),
+            position_sigma_m=tuple(estimate.sigma.tolist()),
+            rotation_vector_rad=tuple(
+                rotvec_from_matrix(estimate.placement.rotation[:, :, None])[:, 0].tolist()
+            )
+            if estimate.whole
+            else None,
+        )
+        for name, estimate in estimates.items()
+    }
+
+
+def _groups(poses: TableEstimate) -> list[GroupEntry]:
+    return [
+        _entry(
+            GroupEntry, group, poses=group.size, position_rms_m=float(np.sqrt((error**2).mean()))
+        )
+        for group, error in zip(poses.table.groups, poses.errors, strict=True)
+    ]
+
+
 def _recording(fitted: FittedRecording) -> RecordingEntry:
     estimate = fitted.estimate
     clock, after = estimate.clock, estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
-    own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
+    names_of_recording = [
+        name for name in estimate.geometry.table.names if belongs_to_recording(name)
+    ]
     directions = cast(tuple[Direction, ...], estimate.directions)
     noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
     return RecordingEntry.model_construct(
@@ -263,7 +295,9 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
             skew=clock.skew,
             skew_sigma=estimate.clock_sigma[1],
         ),
-        parameters=_parameters(own, estimate.nominal, estimate.geometry, estimate.sigma),
+        parameters=_parameters(
+            names_of_recording, estimate.nominal, estimate.geometry, estimate.sigma
+        ),
         noise=NoiseEntry.model_construct(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),

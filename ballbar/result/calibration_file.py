@@ -128,16 +128,17 @@ class CalibrationFile(Strict):
             part = self.fit if place else self
             stated = key in part.model_fields_set and getattr(part, key) is not None
             if mark.kind in self.kinds:
-                if mark.needed and not stated:
+                # what follows from still poses alone is not there beside logs
+                if mark.needed and not stated and (mark.kind == LOGS or of_poses):
                     raise missing_key(*place, key)
             elif stated:
                 only = "still poses" if mark.kind == POSES else "logs"
                 raise wrong_key(*place, key, message=f"only a result of {only} has this key")
-        known = POSE_CORRECTIONS if of_poses else OF_MACHINE
+        valid = POSE_CORRECTIONS if of_poses else OF_MACHINE
         for name in self.corrections:
-            if name not in known:
+            if name not in valid:
                 what = "still poses" if of_poses else "results"
-                hint = nearest(name, known, noun="name")
+                hint = nearest(name, valid, noun="name")
                 raise wrong_key("corrections", name, message=f"no correction of {what}.{hint}")
         return self
 
@@ -145,9 +146,9 @@ class CalibrationFile(Strict):
     def _recordings_have_their_seats_and_targets(self) -> CalibrationFile:
         for k, group in enumerate(self.recordings):
             if isinstance(group, GroupEntry):
-                for key, known in (("seat", self.seats), ("target", self.targets)):
-                    if (name := getattr(group, key)) not in known:
-                        hint = nearest(name, known, noun="name")
+                for key, places in (("seat", self.seats), ("target", self.targets)):
+                    if (name := getattr(group, key)) not in places:
+                        hint = nearest(name, places, noun="name")
                         raise wrong_key("recordings", k, key, message=f"not in `{key}s`.{hint}")
         return self
 
@@ -159,12 +160,12 @@ class CalibrationFile(Strict):
         _check_names(("parameters",), self.parameters, lambda name: not belongs_to_recording(name))
         table = table_of_names(self.parameters)
         _check_complete(("parameters",), self.parameters, shared_names(table))
-        own = [name for name in table.names if belongs_to_recording(name)]
+        expected = [name for name in table.names if belongs_to_recording(name)]
         for k, recording in enumerate(self.recordings):
             if isinstance(recording, RecordingEntry):
                 place = ("recordings", k, "parameters")
                 _check_names(place, recording.parameters, belongs_to_recording)
-                _check_complete(place, recording.parameters, own)
+                _check_complete(place, recording.parameters, expected)
         counts: dict[Loc, int] = {("ranges",): len(self.ranges)}
         if self.masses is not None:
             counts["masses", "links"] = len(self.masses.links)

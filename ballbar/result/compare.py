@@ -144,11 +144,11 @@ def identification_against_truth(
     result: Identification, truth: Truth, recording: int = 0
 ) -> Comparison:
     """The result against the truth that one of its recordings was simulated from."""
-    own = result.recordings[recording]
-    clock = (own.clock.offset, own.clock.skew) if own.clock else None
-    model = replace(result.robot.unloaded(), geometry=own.geometry)
-    names = [*result.robot.sigma, *own.sigma]
-    return compare_with_truth(model, own.nominal, truth, names, clock)
+    estimate = result.recordings[recording]
+    clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
+    model = replace(result.robot.unloaded(), geometry=estimate.geometry)
+    names = [*result.robot.sigma, *estimate.sigma]
+    return compare_with_truth(model, estimate.nominal, truth, names, clock)
 
 
 def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Comparison:

@@ -3,7 +3,7 @@
 from cell.files import DESCRIPTIONS
 
 RECORDING = "recording"  # folder of the simulated recording
-HELD_OUT = "held_out"  # likewise of the one on accept.held_out_file
+HELD_OUT = "held_out"  # folder of the recording on accept.held_out_file
 CALIBRATION = "calibration.yaml"
 REFUSED = "calibration.refused.yaml"  # in its place, where the reader of results refuses it
 IMPORT_REPORT = "import_report.json"

@@ -107,7 +107,7 @@ class TrackerEntry(Strict):
 
 
 class RecordingEntry(Strict):
-    """What one recording has of its own."""
+    """Clock, noise, residuals and parameters of one recording of a moving robot."""
 
     name: str  # of its folder
     encoder_directions: dict[EncoderName, Direction]

@@ -55,6 +55,8 @@ class RunData:
     scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
     iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where requested
+    # name, folder and content of tables of still poses that were fitted together with them
+    tables: tuple[tuple[str, Path, PoseImport], ...] = ()
 
     @property
     def acceptable(self) -> bool:

@@ -42,14 +42,14 @@ def identify_files(
     joint_errors: str = "auto",
     listener: Listener = SILENT,
 ) -> RunData | PoseRun:
-    """One robot from recordings or tables of still poses, tried on held-out ones.
+    """One robot from recordings, tables of still poses or both, tried on held-out ones.
 
     settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
     without, and the path of a result keeps its own.
 
     Raises as `identify_recordings` and `identify_pose_folders`.
     """
-    if not any(map(holds_poses, [*paths, *validate])):
+    if not all(map(holds_poses, paths)):
         return identify_recordings(paths, validate, settings=settings, listener=listener)
     options = PoseOptions(search=joint_errors == "auto")
     if joint_errors not in ("auto", "none"):
@@ -64,40 +64,56 @@ def identify_recordings(
     settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
     listener: Listener = SILENT,
 ) -> RunData:
-    """One robot from one or several recordings, tried on the held-out ones.
+    """One robot from recordings, and tables of still poses of it, tried on held-out recordings.
 
     Raises InputError for bad files, for recordings that do not belong together and for settings
     that contradict them; StartError when the logs of a recording do not fit together.
     """
-    every = [*folders, *validate]
-    names = distinct_names(every)
+    if still := [folder for folder in validate if holds_poses(folder)]:
+        raise InputError(
+            f"{still[0]}: is a table of still poses. A robot that was identified from recordings "
+            "is tried on recordings; name the table among those that are fitted."
+        )
+    called = dict(zip([*folders, *validate], distinct_names([*folders, *validate]), strict=True))
+    tables = [folder for folder in folders if holds_poses(folder)]
+    folders = [folder for folder in folders if folder not in tables]
+    inputs = [*folders, *validate]
+    names = [called[folder] for folder in inputs]
     _check_settings(settings)
-    _check_same_cell(every)
-    listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
-    read = [read_with_causes(folder) for folder in every]
-    for folder, recording in zip(every, read, strict=True):
+    _check_same_cell(inputs)
+    listener.progress("reading the recordings" if len(inputs) > 1 else "reading the recording")
+    read = [read_with_causes(folder) for folder in inputs]
+    for folder, recording in zip(inputs, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description
     load = load_measured_cell if first.ballbar is None else load_cell
     cell = load(first.robot, first.measured_by, first.plate, relative_to=folders[0])
     options, count = settings.options, len(folders)
     logs = [logs_of(name, recording) for name, recording in zip(names, read, strict=True)]
-    result = identify_together(cell, logs[:count], options=options, listener=listener)
-    held = zip(validate, read[count:], logs[count:], strict=True)
-    validations = tuple(
-        _validated(result, folder, recording, own, options, listener)
-        for folder, recording, own in held
+    still_poses = read_tables(tables, [called[folder] for folder in tables])
+    result = identify_together(
+        cell,
+        logs[:count],
+        _joined(still_poses) if still_poses else None,
+        options=options,
+        listener=listener,
     )
-    for validation, own in zip(validations, logs[count:], strict=True):
-        tracker, name = validation.outcome.tracker, own.name
-        verdict = judged_by_tracker(result.verdict, own.tracker, tracker, name=name)
+    others = zip(validate, read[count:], logs[count:], strict=True)
+    validations = tuple(
+        _validated(result, folder, recording, other, options, listener)
+        for folder, recording, other in others
+    )
+    for validation, other in zip(validations, logs[count:], strict=True):
+        tracker, name = validation.outcome.tracker, other.name
+        verdict = judged_by_tracker(result.verdict, other.tracker, tracker, name=name)
         result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
-        name=" + ".join(names[:count]),
+        name=" + ".join([*names[:count], *(name for name, _, _ in still_poses)]),
         recordings=tuple(FittedRecording(*parts) for parts in fitted),
         identification=result,
         validations=validations,
+        tables=still_poses,
     )
 
 
@@ -112,32 +128,42 @@ def identify_pose_folders(
 
     Raises InputError for bad files, for tables of unlike robots and for logs among them.
     """
-    every = [*folders, *validate]
-    if logs := [folder for folder in every if not holds_poses(folder)]:
+    inputs = [*folders, *validate]
+    if logs := [folder for folder in inputs if not holds_poses(folder)]:
         raise InputError(
-            f"{logs[0]}: holds no poses.yaml. Still poses and logs of a moving robot cannot be "
-            "identified together; identify each by itself and compare the results."
+            f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
+            "is tried on still poses; name the recording among those that are fitted."
         )
-    names = distinct_names(every)
+    names = distinct_names(inputs)
     progress("reading the poses")
-    read = [import_poses(folder) for folder in every]
-    first = read[0].table.robot
-    for folder, content in zip(every, read, strict=True):
+    read = read_tables(inputs, names)
+    fitted = read[: len(folders)]
+    result = identify_poses(_joined(fitted), options, progress)
+    outcomes = tuple(
+        (folder, content, held_out_poses(result, replace(content.table, name=name)))
+        for name, folder, content in read[len(folders) :]
+    )
+    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
+    result = replace(result, elsewhere=elsewhere)
+    return PoseRun(" + ".join(name for name, _, _ in fitted), fitted, result, outcomes)
+
+
+def read_tables(
+    folders: Sequence[Path], names: Sequence[str]
+) -> tuple[tuple[str, Path, PoseImport], ...]:
+    """Name, folder and content of tables of still poses.
+
+    Raises InputError for bad files, and where they are of unlike robots.
+    """
+    read = [import_poses(folder) for folder in folders]
+    for folder, content in zip(folders, read, strict=True):
+        first = read[0].table.robot
         if content.table.robot.title != first.title:
             raise InputError(
                 f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
                 ". Tables that belong together must be of one robot."
             )
-    count = len(folders)
-    fitted = tuple(zip(names[:count], folders, read[:count], strict=True))
-    result = identify_poses(_joined(fitted), options, progress)
-    held = tuple(
-        (folder, content, held_out_poses(result, replace(content.table, name=name)))
-        for name, folder, content in zip(names[count:], validate, read[count:], strict=True)
-    )
-    elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in held)
-    result = replace(result, elsewhere=elsewhere)
-    return PoseRun(" + ".join(names[:count]), fitted, result, held)
+    return tuple(zip(names, folders, read, strict=True))
 
 
 def _joined(tables: Sequence[tuple[str, Path, PoseImport]]) -> PoseTable:
@@ -166,15 +192,15 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
 
     Raises InputError when one of them is given twice.
     """
-    whole = [folder.resolve() for folder in folders]
-    if twice := [str(folders[i]) for i, path in enumerate(whole) if path in whole[:i]]:
+    paths = [folder.resolve() for folder in folders]
+    if twice := [str(folders[i]) for i, path in enumerate(paths) if path in paths[:i]]:
         raise InputError(
             f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
             "as held out."
         )
-    names = [""] * len(whole)
-    for parts in range(1, max(len(path.parts) for path in whole) + 1):
-        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in whole]
+    names = [""] * len(paths)
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in paths]
         count = Counter(tails)
         names = [
             name or (tail if count[tail] == 1 else "")
@@ -193,8 +219,8 @@ def validated(
     result, options = data.identification, settings.options
     read = [(folder, read_with_causes(folder)) for folder in folders]
     return tuple(
-        _validated(result, folder, each, logs_of(folder.name, each), options, SILENT)
-        for folder, each in read
+        _validated(result, folder, recording, logs_of(folder.name, recording), options, SILENT)
+        for folder, recording in read
     )
 
 

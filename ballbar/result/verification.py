@@ -79,7 +79,7 @@ def _verify_recording(
 
 
 def _doubt(calibration: Calibration) -> str:
-    """What to say of a result whose own verdict was a misfit or worse; empty otherwise."""
+    """Sentence on a result whose own verdict was a misfit or worse; empty otherwise."""
     status = calibration.file.fit.status
     if status not in [s for s in Status if s.severity >= Status.MISFIT.severity]:
         return ""
@@ -113,7 +113,7 @@ def _check_same(calibration: Calibration, folder: Path, measured: dict[str, str]
 
 
 def reading_remarks(report: ImportReport) -> tuple[str, ...]:
-    """What the reader left out or changed, and its warnings that ask for something."""
+    """Lines on what the reader left out or changed, and its warnings that ask for something."""
     return tuple(finding_line(entry) for entry in report.findings if entry.notable)
 
 

@@ -38,12 +38,12 @@ def write_calibration(path: Path, run: RunData | PoseRun) -> None:
     else:
         file, recorded = calibration_of_poses(run), pose_file_path(run.folders[0][1]).parent
         described = ["robot"]
-    own = {
+    copied = {
         key: copied_description(path.parent, key, recorded / name)
         for key in described
         if (name := getattr(file, key)).endswith(".yaml")
     }
-    plain = file.model_copy(update=own).model_dump(
+    plain = file.model_copy(update=copied).model_dump(
         mode="json",
         by_alias=True,
         exclude_none=True,

@@ -39,8 +39,8 @@ def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
         return np.zeros(shape)
     steps = [max(1, r.times.size // SAMPLES) for r in fit.model.recordings]
     recordings = [r.thinned(n) for r, n in zip(fit.model.recordings, steps, strict=True)]
-    model = replace(fit.model, recordings=tuple(recordings))
-    ballbars = [b[::n] for b, n in zip(fit.ballbars, steps, strict=True)]
+    model = replace(fit.model, recordings=tuple(recordings), table=None)
+    ballbars = [b[::n] for b, n in zip(fit.ballbars, steps, strict=False)]
     equations = normal_equations(model, fit.x, ballbars, fit.excess)
     blocks = [list(jacobian(model, equations, k)) for k in range(len(steps))]
     gradient = np.zeros(shape)

@@ -18,18 +18,22 @@ from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
 from ident.estimator.iteration import Iteration, IterationCallback
-from ident.estimator.model import Model, joints_as_logged
+from ident.estimator.model import Evaluation, Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import (
     NormalEquations,
     Trial,
+    add_normal,
     at_trial,
+    gradient_of,
+    jacobian,
     normal_equations,
     trial,
     whole_jacobian,
 )
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
+from ident.estimator.whitening import Whitening
 from ident.signals.step_fault import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
@@ -67,6 +71,25 @@ class Fit:
     def robust_weights(self) -> Array:
         """(N,) of every sample of all parts, 1 where it counts in full."""
         return np.concatenate(self.linear.robust) ** 2
+
+    @property
+    def recorded(self) -> list[tuple[Evaluation, Whitening, Array]]:
+        """Evaluation, weights and (E, N) residual of each recording."""
+        linear, count = self.linear, len(self.model.recordings)
+        parts = zip(linear.evaluations, linear.weights, linear.residuals, strict=True)
+        return list(parts)[:count]
+
+    @cached_property
+    def by_poses(self) -> tuple[Array, Array]:
+        """(P, P) normal matrix and (P,) gradient of what the still poses tell, and the priors."""
+        layout = self.model.unknowns
+        normal, gradient = np.diag(layout.sigma**-2.0), (self.x - layout.mean) / layout.sigma**2
+        for k in range(len(self.model.recordings), len(self.model.parts)):
+            for block in jacobian(self.model, self.linear, k):
+                add_normal(self.model, k, block, normal)
+                residual = self.linear.residuals[k][:, block.samples]
+                gradient += gradient_of(self.model, k, block, residual)
+        return normal, gradient
 
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
@@ -159,13 +182,14 @@ def fit(
     freeze_after: int = FREEZE_AFTER,
     search: Search | None = None,
     on_iteration: IterationCallback | None = None,
+    robust: Sequence[Array] = (),
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
     negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
     search : as in `minimise`.
-    on_iteration : called with each iteration.
+    on_iteration : called with each iteration. robust : as of NormalEquations.
 
     Raises SingularError where the model has no finite linearisation.
     """
@@ -175,7 +199,7 @@ def fit(
             on_iteration(_iteration(model, equations))
 
     minimum = minimise(
-        WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after),
+        WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after, robust),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,
@@ -240,8 +264,9 @@ def thinned(
     step = min(r.times.size for r in model.recordings) // samples
     if step < times:
         return None
-    recordings = tuple(r.thinned(step) for r in model.recordings)
-    return replace(model, recordings=recordings), [b[::step] for b in ballbars]
+    recordings, count = tuple(r.thinned(step) for r in model.recordings), len(model.recordings)
+    thin = [b[::step] for b in ballbars[:count]]
+    return replace(model, recordings=recordings), [*thin, *ballbars[count:]]
 
 
 def _iteration(model: Model, equations: NormalEquations) -> Iteration:

@@ -105,9 +105,12 @@ def stacked(parts: Sequence[Array]) -> Array:
     return np.concatenate([padded(part) for part in parts], axis=-1)
 
 
-def robust_weights(linear: NormalEquations) -> list[Array]:
-    """(N,) square root of Huber's weight of each group's poses, by the scale of all residuals."""
-    lengths = whitened_lengths(linear)
+def robust_weights(linear: NormalEquations, first: int = 0) -> list[Array]:
+    """(N,) square root of Huber's weight of each group's poses, by the scale of all residuals.
+
+    first : part from which on the still poses are.
+    """
+    lengths = whitened_lengths(linear)[first:]
     scale = max(1.0, median_scale(lengths))
     return [
         np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) * (v < GROSS * scale)

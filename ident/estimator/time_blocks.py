@@ -80,12 +80,13 @@ class TimeBlocks:
         layout = self.fit.model.unknowns
         weight = layout.sigma**-2.0
         slope = weight * (self.fit.x - layout.mean)
+        known, pulled = self.fit.by_poses
         away = np.zeros(layout.count)
         away[absent] = layout.mean[absent] - self.fit.x[absent]
         free = np.setdiff1d(np.arange(layout.count), absent)
         whole, pull = self.normal.sum(axis=0), self.gradient.sum(axis=0)
         normal, gradient = (v[left].sum(axis=0) for v in (self.normal, self.gradient))
-        step = _step(whole - normal + np.diag(weight), pull - gradient + slope, away, free)
+        step = _step(whole - normal + known, pull - gradient + pulled, away, free)
         step = _step(normal + np.diag(weight), gradient + slope, step, local)
         prior = (2.0 * slope[local] + weight[local] * step[local]) @ step[local]
         data = self.cost[left].sum() + (2.0 * gradient + normal @ step) @ step
@@ -96,7 +97,7 @@ class TimeBlocks:
         count = self.fit.model.unknowns.count
         weight, shared = self.fit.model.unknowns.sigma**-2.0, np.setdiff1d(np.arange(count), local)
         whole, normal = self.normal.sum(axis=0), self.normal[left].sum(axis=0)
-        covariance = np.linalg.inv(whole - normal + np.diag(weight))[np.ix_(shared, shared)]
+        covariance = np.linalg.inv(whole - normal + self.fit.by_poses[0])[np.ix_(shared, shared)]
         mixed, own = normal[np.ix_(shared, local)], normal[np.ix_(local, local)]
         absorbed = mixed @ np.linalg.solve(own + np.diag(weight[local]), mixed.T)
         return float(np.sum(covariance * (normal[np.ix_(shared, shared)] - absorbed)))
@@ -151,9 +152,8 @@ class Block:
 def each_block(fit: Fit, length: float) -> Iterator[Block]:
     """The blocks of `length` [s] of a fit in order of time; none spans two recordings."""
     model, count = fit.model, fit.model.unknowns.count
-    for k, (samples, residual) in enumerate(
-        zip(model.recordings, fit.linear.residuals, strict=True)
-    ):
+    for k, (point, _, residual) in enumerate(fit.recorded):
+        samples = point.recording
         number = block_numbers(samples.times, length)
         firsts = np.searchsorted(number, np.arange(number[-1] + 1)).tolist()
         for part in jacobian(model, fit.linear, k, firsts=firsts):

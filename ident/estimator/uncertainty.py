@@ -107,8 +107,8 @@ def _left_out(fit: Fit) -> tuple[Array, int]:
 def mean_autocorrelation(fit: Fit) -> float:
     """Of neighbours in the whitened residuals of a fit's recordings."""
     each = [
-        autocorrelation(residual, samples.times, samples.smoothing)
-        for residual, samples in zip(fit.linear.residuals, fit.model.recordings, strict=True)
+        autocorrelation(residual, point.recording.times, point.recording.smoothing)
+        for point, _, residual in fit.recorded
     ]
     return float(np.mean(each))
 

@@ -32,7 +32,7 @@ from cell.geometry import (
     robot_geometry,
 )
 from cell.placement import Placement
-from cell.poses import PoseGroup
+from cell.poses import PoseTable
 from ident.corrections.base import Coefficient, Correction
 
 LENGTH_PRIOR = (
@@ -170,6 +170,17 @@ NOWHERE = Placed({}, {}, {}, {}, np.zeros(0, dtype=np.intp), np.zeros(0))
 
 def _further(part: slice, shift: int) -> slice:
     return slice(part.start + shift, part.stop + shift)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPoses:
+    """Still poses, and where their seats and targets are about."""
+
+    table: PoseTable
+    seats: Mapping[str, Placement]  # in the robot's base frame
+    targets: Mapping[str, Placement]  # in the flange's frame
+    # (N,) square root of each pose's robust weight, by group; empty where all count in full
+    robust: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,11 +391,13 @@ def complete_unknowns(
     *,
     measured_force: bool,
     rod_sigma: float | None,
+    still: PlacedPoses | None = None,
 ) -> tuple[Unknowns, Array]:
     """Unknowns of the complete model with priors of physical size; and the vector to start from.
 
     measured_force : whether the rod's force was logged, so that its gain is an unknown.
-    rod_sigma : [m] of a measured rod length; None for the catalogue's tolerance.
+    rod_sigma : [m] of a measured rod length; None for the catalogue's tolerance. still : poses
+    that are fitted together with the recordings.
     """
     build = _Builder()
     table = nominal.table
@@ -401,26 +414,22 @@ def complete_unknowns(
     several = len(recordings) > 1
     own = [_own(build, r, f"@{k}" if several else "") for k, r in enumerate(recordings, start=1)]
     indices = np.array([table.index[name] for name in shared])
-    layout = build.unknowns(nominal, indices, coefficients, gain, own)
+    placed = NOWHERE if still is None else _placed(build, still)
+    layout = build.unknowns(nominal, indices, coefficients, gain, own, placed)
     return layout, layout.mean.copy()
 
 
 def still_unknowns(
-    robot: Robot,
-    nominal: Geometry,
-    groups: Sequence[PoseGroup],
-    seats: Mapping[str, Placement],
-    targets: Mapping[str, Placement],
-    corrections: Sequence[Correction],
+    nominal: Geometry, still: PlacedPoses, corrections: Sequence[Correction]
 ) -> Unknowns:
     """Unknowns of still poses alone, all with priors.
 
     The joint offset and offset of the first row are a gauge against the seats, those of the last
     row against the targets, and of two parallel axes only the sum of their offsets moves anything:
     these stay nominal. nominal : geometry about which the parameters have their priors, its last
-    row the bare flange. seats, targets : where they start.
+    row the bare flange.
     """
-    build, table = _Builder(), nominal.table
+    build, table, robot = _Builder(), nominal.table, still.table.robot
     names = [p.name for p in arm_parameters(robot)]
     for name in names:
         length = parameter_named(name).is_length
@@ -429,7 +438,7 @@ def still_unknowns(
     coefficients = build.block(
         [c.name for c in every], [c.mean for c in every], [c.sigma for c in every]
     )
-    placed = _placed(build, robot, table, groups, seats, targets)
+    placed = _placed(build, still)
     shared = [table.index[name] for name in names]
     return build.unknowns(nominal, np.array(shared), coefficients, None, (), placed)
 
@@ -449,15 +458,16 @@ def last_row_names(table: ParameterTable) -> list[str]:
     return [name for name in names if name in table.index]
 
 
-def _placed(
-    build: _Builder,
-    robot: Robot,
-    table: ParameterTable,
-    groups: Sequence[PoseGroup],
-    seats: Mapping[str, Placement],
-    targets: Mapping[str, Placement],
-) -> Placed:
-    """Adds the unknowns of the groups' seats and targets."""
+def bare_flange(robot: Robot) -> tuple[NDArray[np.intp], Array]:
+    """Indices into the table of the robot's last row, and its values without a tool."""
+    geometry = robot_geometry(robot)
+    last = [geometry.table.index[name] for name in last_row_names(geometry.table)]
+    return np.array(last, dtype=np.intp), geometry.values[last]
+
+
+def _placed(build: _Builder, still: PlacedPoses) -> Placed:
+    """Adds the unknowns of the seats and targets of still poses."""
+    groups = still.table.groups
 
     def placement(name: str, *, turns: bool) -> slice:
         axes = ("x", "y", "z", "rx", "ry", "rz")[: 6 if turns else 3]
@@ -469,14 +479,14 @@ def _placed(
     seat_names, target_names = (
         tuple(dict.fromkeys(getattr(g, kind) for g in groups)) for kind in ("seat", "target")
     )
-    bare, last = robot_geometry(robot), last_row_names(table)
+    last_row, flange = bare_flange(still.table.robot)
     return Placed(
         seats={s: placement(f"seat {s}", turns=s in framed) for s in seat_names},
         targets={t: placement(f"target {t}", turns=t in whole) for t in target_names},
-        seat_starts={name: seats[name] for name in seat_names},
-        target_starts={name: targets[name] for name in target_names},
-        last_row=np.array([table.index[name] for name in last], dtype=np.intp),
-        flange=np.array([bare[name] for name in last]),
+        seat_starts={name: still.seats[name] for name in seat_names},
+        target_starts={name: still.targets[name] for name in target_names},
+        last_row=last_row,
+        flange=flange,
     )
 
 

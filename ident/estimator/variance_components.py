@@ -7,9 +7,11 @@ unlimited variance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from cell.arrays import Array
@@ -21,6 +23,7 @@ from ident.estimator.whitening import cholesky, covariance, solve_lower
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
 UNMEASURED_SIGMA = 1.0  # [rad] of a joint without encoder: a twelfth of all turns, no knowledge
 COMPONENTS = ("gear", "wrist", "bar", "rod")  # of recordings, found together
+OF_POSES = ("position", "rotation")  # of still poses beside them
 ROD_SIGMA_RANGE = 1e-8, 1e-3  # [m] from nothing to a rod that is no constraint any more
 
 
@@ -51,14 +54,19 @@ def _rod_deviance(log_variance: float, projection: Array, weight: Array) -> floa
 
 
 def excess_noise(fit: Fit) -> ExcessNoise:
-    """The four variance components of the residuals of a fit."""
+    """The variance components of the residuals of a fit."""
     data = sum(r.size for r in fit.linear.residuals)
     share = np.sqrt(data / max(1, fit.degrees))
+    components = COMPONENTS if fit.model.table is None else (*COMPONENTS, *OF_POSES)
+    robust = fit.linear.robust or [np.ones(point.samples.size) for point in fit.linear.evaluations]
     likelihoods = [
         _Likelihood.of(
-            point, fit.model.backlash_uncertainty(fit.x, point), share * point.closure.error
-        )
-        for point in fit.linear.evaluations
+            point,
+            fit.model.backlash_uncertainty(fit.x, point),
+            share * point.closure.error * weight,
+            components,
+        ).part(weight > 0.0)
+        for point, weight in zip(fit.linear.evaluations, robust, strict=True)
     ]
 
     def deviance(logs: Array) -> tuple[float, Array]:
@@ -66,34 +74,44 @@ def excess_noise(fit: Fit) -> ExcessNoise:
         values, slopes = zip(*(each.deviance(variances) for each in likelihoods), strict=True)
         return sum(values), variances * np.sum(slopes, axis=0)
 
-    e = fit.excess
-    start = np.square(np.clip([e.gear, e.wrist, e.bar, e.rod], 1e-6, HIGHEST))
+    start = np.square(np.clip([getattr(fit.excess, c) for c in components], 1e-6, HIGHEST))
     bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(HIGHEST)))] * len(start)
     optimum = minimize(deviance, np.log(start), jac=True, method="L-BFGS-B", bounds=bounds)
-    return ExcessNoise(*(float(sigma) for sigma in np.exp(0.5 * optimum.x)))
+    sigmas = np.exp(0.5 * optimum.x).tolist()
+    return ExcessNoise(**dict(zip(components, sigmas, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Likelihood:
-    """Of the four components, for the loop-closure errors of one recording's N samples."""
+    """Of the components, for the loop-closure errors of one recording's N samples."""
 
     error: Array  # (6, N) [m, rad]
     logged: Array  # (6, 6, N) covariance without the components
-    per_variance: Array  # (4, 6, 6, N) what each component adds for a variance of one
+    per_variance: Array  # (C, 6, 6, N) what each component adds for a variance of one
 
     @classmethod
-    def of(cls, point: Evaluation, uncertain: Array | float, error: Array) -> _Likelihood:
+    def of(
+        cls, point: Evaluation, uncertain: Array | float, error: Array, components: Sequence[str]
+    ) -> _Likelihood:
         """uncertain : as of `Evaluation.noise_columns`."""
         logged = covariance(point.noise_columns(ExcessNoise(), uncertain))
         for column in point.unmeasured_columns * UNMEASURED_SIGMA:
             logged += column[:, None] * column[None]
         silent = covariance(point.noise_columns(ExcessNoise()))
-        units = [ExcessNoise(**{name: 1.0}) for name in COMPONENTS]
+        units = [ExcessNoise(**{name: 1.0}) for name in components]
         added = [covariance(point.noise_columns(unit)) - silent for unit in units]
         return cls(error, logged, np.array(added))
 
+    def part(self, samples: NDArray[np.bool_]) -> _Likelihood:
+        """That of some of the samples."""
+        if samples.all():
+            return self
+        return _Likelihood(
+            self.error[:, samples], self.logged[..., samples], self.per_variance[..., samples]
+        )
+
     def deviance(self, variances: Array) -> tuple[float, Array]:
-        """-2 log likelihood of four variances, and its derivatives (4,)."""
+        """-2 log likelihood of the variances, and its derivatives (C,)."""
         spread = self.logged + np.tensordot(variances, self.per_variance, axes=1)
         factor = cholesky(spread)
         identity = np.broadcast_to(np.eye(6)[:, :, None], spread.shape)

@@ -20,24 +20,22 @@ from scipy.spatial.transform import Rotation
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.errors import FailureError
+from cell.geometry import Geometry
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
+from ident.estimator.model import still_model
+from ident.estimator.robust_fit import fit_robustly
+from ident.estimator.unknowns import PlacedPoses, bare_flange, still_unknowns
+from ident.signals.rounding import rounding_noise
 
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out
+_GROSS = 10.0  # medians of the distance beyond which a pose does not count in a fit of few poses
 _TRIAL = 0.15  # [m] of a trial target from the flange, in six directions
 
 
 class PoseStartError(FailureError):
     """The measurements cannot be brought together with the declared robot."""
-
-
-@dataclass(frozen=True, eq=False)
-class PoseStart:
-    """Seats in the robot's base frame and targets in the flange's, by the nominal robot."""
-
-    seats: dict[str, Placement]
-    targets: dict[str, Placement]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,7 @@ class _Poses:
     values: Array  # (N, M)
 
 
-def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
+def start_of_poses(table: PoseTable, chain: Chain) -> PlacedPoses:
     """Seats and targets of a table. Raises PoseStartError where a mirrored frame fits instead."""
     seats: dict[str, Placement] = {}
     targets: dict[str, Placement] = {}
@@ -71,7 +69,7 @@ def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
         whole = [g for g in groups if g.measured == "pose"]
         turn = _target_rotation(_gathered(whole, chain), seats) if whole else np.eye(3)
         targets[target] = Placement(turn, place.origin)
-    return PoseStart(seats, targets)
+    return PlacedPoses(table, seats, targets)
 
 
 def _gathered(groups: Sequence[PoseGroup], chain: Chain) -> _Poses:
@@ -204,3 +202,29 @@ def _target_rotation(poses: _Poses, seats: dict[str, Placement]) -> Array:
     middle = Rotation.from_matrix(each).mean()
     rest = (middle.inv() * Rotation.from_matrix(each)).as_rotvec()
     return np.asarray((middle * Rotation.from_rotvec(np.median(rest, axis=0))).as_matrix())
+
+
+def placed_by(geometry: Geometry, table: PoseTable) -> PlacedPoses:
+    """Still poses with seats and targets fitted to a robot that is held, wrong poses left out.
+
+    geometry : of the robot, whatever its last row holds. Raises as `start_of_poses`.
+    """
+    last, flange = bare_flange(table.robot)
+    values = geometry.values.copy()
+    values[last] = flange
+    bare = geometry.with_values(values)
+    start = start_of_poses(table, bare.robot)
+    layout = still_unknowns(bare, start, ()).held()
+    model = still_model(table, layout, (), rounding_noise(table.q))
+    errors = [
+        np.linalg.norm(point.closure.error[:3], axis=0) for point in model.at_rest(layout.mean)
+    ]
+    error = np.concatenate(errors)
+    far = np.flatnonzero(error > _GROSS * np.median(error))
+    fit = fit_robustly(model, layout.mean.copy(), left_out=far)
+    return PlacedPoses(
+        table,
+        seats={name: layout.seat(fit.x, name) for name in layout.seats},
+        targets={name: layout.target(fit.x, name) for name in layout.targets},
+        robust=fit.linear.robust,
+    )

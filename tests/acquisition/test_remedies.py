@@ -13,14 +13,16 @@ BY_NAME = {"gap", "overrun", "off the sample time"}  # kinds that a variable hol
 
 
 def warned_of() -> set[str]:
-    """Kinds in all calls of acquisition that state the severity `warning`."""
+    """Kinds in all calls of acquisition that state the severity `warning`, or remark on a table."""
     kinds = set()
     for name, file in FILES.items():
         if not name.startswith("acquisition"):
             continue
         for call in (node for node in ast.walk(tree(file)) if isinstance(node, ast.Call)):
             texts = [a.value for a in call.args if isinstance(a, ast.Constant)]
-            if "warning" in texts and texts[0] != "warning":
+            remark = isinstance(call.func, ast.Attribute) and call.func.attr == "remark"
+            remark = remark and "repaired" not in texts
+            if texts and (remark or ("warning" in texts and texts[0] != "warning")):
                 kinds.add(str(texts[0]))
     return kinds
 

@@ -20,19 +20,27 @@ from hypothesis import strategies as st
 from acquisition.recording import Recording
 from ballbar.result import calibration, calibration_content
 from ballbar.result.calibration import Calibration, load_calibration
-from ballbar.result.machine_entries import CovarianceEntry, covariance_entry
+from ballbar.result.machine_entries import (
+    CovarianceEntry,
+    MassesEntry,
+    covariance_entry,
+    masses_entry,
+)
 from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
+from cell.load import load_cell
+from cell.payload import payload_of, with_payload
 from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ident.corrections import CORRECTIONS
 from ident.estimator.fit import fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.unknowns import arm_parameters, belongs_to_recording
 from ident.identify import kinematic_result, result_of
+from ident.loads.payload import PayloadEstimate
 from ident.options import FitOptions
 from ident.recording_fit import RecordingFit, fit_recording
 from ident.result import Identification
@@ -214,3 +222,38 @@ def test_a_refused_result_ends_as_a_fault_with_all_files_written(
     assert code in (0, 1), err
     assert json.loads(said)["calibration"]
     assert {p.name for p in out.iterdir()} == {CALIBRATION, *files}
+
+
+def test_the_masses_of_a_fit_are_those_of_its_file() -> None:
+    """Also where none is beside its tolerance: the unloaded robot sags under them."""
+    cell = load_cell("irb2400", "lund_600", "plate_250")
+    deviations = 0.01 * np.random.default_rng(5).standard_normal(28)
+    estimate = PayloadEstimate(
+        payload=payload_of(cell, deviations, 1.02),
+        stated=cell.plate.body.mass,
+        mass_sigma=0.1,
+        arm_sigma=0.01,
+        added_load=np.zeros(6),
+        significant=False,
+        covariance=np.eye(28),
+    )
+    entry = masses_entry(estimate)
+    assert entry is not None
+    read = MassesEntry.model_validate_json(entry.model_dump_json(), strict=False)
+    used, again = (with_payload(cell, p) for p in (estimate.payload, read.payload))
+    pairs = zip(
+        (*used.robot.required("links"), used.plate.body),
+        (*again.robot.required("links"), again.plate.body),
+        strict=True,
+    )
+    for before, after in pairs:
+        assert after.mass == before.mass
+        assert np.array_equal(after.com, before.com)
+        assert np.array_equal(after.inertia, before.inertia)
+    assert again.robot.required("links")[2].com != pytest.approx(
+        cell.robot.required("links")[2].com, abs=1e-4
+    )
+
+
+def test_a_fit_with_the_masses_of_the_files_holds_none() -> None:
+    assert masses_entry(None) is None

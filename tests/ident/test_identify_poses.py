@@ -17,11 +17,12 @@ from ident.cross_validation import PLACES, cross_validated, places_of, with_fold
 from ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
 from ident.findings import findings_of, lengths_of
 from ident.held_out_poses import PoseHeldOut, held_out_poses
-from ident.identify_poses import JointErrors, PoseOptions, identify_poses, linearised, rounding, sag
+from ident.identify_poses import JointErrors, PoseOptions, identify_poses, linearised, sag
 from ident.pose_result import PoseIdentification, position_errors
 from ident.pose_verdict import judge_poses
 from ident.robot.accuracy import position_error
 from ident.robot.identified_arm import range_sentence
+from ident.signals.rounding import rounding
 from ident.start.placements import PoseStartError, start_of_poses
 from ident.verdict import Status
 from tests.helpers.still_poses import (

@@ -83,8 +83,8 @@ def test_the_prediction_does_not_depend_on_how_many_samples_were_fitted(
 def test_two_encoders_leave_angles_that_pass_half_a_turn(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    """Those follow from the robot's pose within a turn; smoothed over the jump, the loop was open
-    and the scale seemed to be seen.
+    """Angles without encoder follow from the pose within a turn; smoothed over the jump, the loop
+    was open and the scale seemed to be seen.
     """
     two = record(
         tmp_path_factory.mktemp("two") / "recording",

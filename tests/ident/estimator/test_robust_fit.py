@@ -15,7 +15,7 @@ from ident.estimator.fit import Fit
 from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.robust_fit import equations_at, fit_robustly
-from ident.estimator.unknowns import still_unknowns
+from ident.estimator.unknowns import PlacedPoses, still_unknowns
 from ident.start.placements import start_of_poses
 from tests.helpers.still_poses import angles, group, socket_table, table_of, true_robot
 
@@ -27,7 +27,7 @@ def model_of(table: PoseTable) -> Model:
     """Geometry alone."""
     nominal = robot_geometry(table.robot)
     start = start_of_poses(table, nominal.robot)
-    layout = still_unknowns(table.robot, nominal, table.groups, start.seats, start.targets, ())
+    layout = still_unknowns(nominal, start, ())
     return still_model(table, layout, (), np.zeros(table.robot.joints))
 
 
@@ -50,9 +50,9 @@ def fitted(stated: float, *, alike: int = 1, held: bool = False) -> Fit:
     )
     model = model_of(PoseTable(TRUE.name, TRUE.robot, (repeated,)))
     if held:
-        placed, geometry = model.unknowns.placed, true_geometry()
-        groups, starts = model.poses.groups, (placed.seat_starts, placed.target_starts)
-        layout = still_unknowns(TRUE.robot, geometry, groups, *starts, ())
+        placed = model.unknowns.placed
+        still = PlacedPoses(model.poses, placed.seat_starts, placed.target_starts)
+        layout = still_unknowns(true_geometry(), still, ())
         model = replace(model, unknowns=layout.held())
     return fit_robustly(model, model.unknowns.mean.copy())
 

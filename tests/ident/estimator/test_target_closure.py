@@ -30,7 +30,7 @@ def model_of(table: PoseTable) -> Model:
     nominal = robot_geometry(table.robot)
     start = start_of_poses(table, nominal.robot)
     chosen = (unit_weights(table.robot), joint_harmonics([(1, 3), (2, 17)]))
-    layout = still_unknowns(table.robot, nominal, table.groups, start.seats, start.targets, chosen)
+    layout = still_unknowns(nominal, start, chosen)
     return still_model(table, layout, chosen, np.zeros(table.robot.joints))
 
 

@@ -1,0 +1,127 @@
+"""Recordings of a ball-bar and still points of a tracker in one fit: drawn robots, everything on.
+
+    python -m benchmarks.mixed_fit               # six IRB 2400; ten minutes
+
+Two recordings of each robot as in benchmarks.everything_on, and POINTS still poses at which a
+tracker, 15 um along each axis, measured a target on the tool. Writes docs/studies/mixed_fit.csv: a
+row for each robot and for what was fitted, `recordings` alone or `mixed`. Plate and ball-bar axes
+leave the scale open; the tracker tells it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ballbar.result.compare import identification_against_truth
+from ballbar.result.true_robot import true_tool
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.files import write_whole
+from cell.poses import PoseGroup, PoseTable
+from cell.rotation import matrix_from_rotvec
+from ident.identify import identify_together
+from sim.truth import Truth
+from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
+
+POINTS, SIGMA = 12, 15e-6  # [m] of the tracker, along each axis
+SHARE = 0.5  # of the ranges of the axes over which the poses are spread
+COLUMNS = (
+    "robot", "fitted", "status", "tcp_mean_mm", "tcp_max_mm", "scale_known_mm", "tcp_sigma_mm",
+    "over_stated",
+)  # fmt: skip
+
+
+def still_points(cell: Cell, truth: Truth, seed: int, count: int = POINTS) -> PoseTable:
+    """Points that a tracker measured of the tool of a true robot, in the frame of its seat."""
+    rng, robot = np.random.default_rng([seed, 34]), cell.robot
+    middle, half = 0.5 * (robot.axis_upper + robot.axis_lower), 0.5 * SHARE
+    axes = middle + half * (robot.axis_upper - robot.axis_lower) * rng.uniform(
+        -1.0, 1.0, (count, robot.joints)
+    )
+    q = axes @ np.asarray(robot.controller_to_joint)
+    turn = matrix_from_rotvec(np.array([[0.1], [-0.05], [2.0]]))[:, :, 0]
+    seat: Array = np.array([2.5, -1.0, 0.3])
+    points = (true_tool(cell, truth, truth.geometry, q) - seat) @ turn
+    return PoseTable(
+        "tracker",
+        robot,
+        (
+            PoseGroup(
+                measured="point",
+                seat="tracker",
+                target="reflector",
+                q=q,
+                values=points + SIGMA * rng.standard_normal(points.shape),
+                sigma=np.full(points.shape, SIGMA),
+                rows=np.arange(1, count + 1),
+                file="tracker.csv",
+            ),
+        ),
+    )
+
+
+def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
+    """The rows of one drawn robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [recorded(scenario_of("irb2400", p, seed, duration), Path(folder) / p) for p in "ab"]
+    cell, _, truth = runs[0]
+    logs = [replace(log, name=name) for (_, log, _), name in zip(runs, "ab", strict=True)]
+    rows = []
+    for fitted, table in (("recordings", None), ("mixed", still_points(cell, truth, seed))):
+        result = identify_together(cell, logs, table)
+        compared = identification_against_truth(result, truth)
+        stated = float(result.robot.tcp_sigma.mean())
+        values = (
+            seed, fitted, str(result.verdict.status), compared.tcp.mean * 1e3,
+            compared.tcp.maximum * 1e3, float(compared.tcp.error_without_scale.mean()) * 1e3,
+            stated * 1e3, compared.tcp.mean / stated,
+        )  # fmt: skip
+        rows.append(dict(zip(COLUMNS, values, strict=True)))
+    return rows
+
+
+def main() -> None:
+    """Draws, identifies, writes the rows and prints medians."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robots", type=int, default=6)
+    parser.add_argument("--duration", type=float, default=120.0, help="[s] of each recording")
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    with ProcessPoolExecutor(options.workers) as pool:
+        jobs = [
+            pool.submit(robot_rows, seed, options.duration) for seed in range(1, options.robots + 1)
+        ]
+        for job in jobs:
+            rows += job.result()
+            for row in rows[-2:]:
+                print(*(f"{row[c]:.4g}" if isinstance(row[c], float) else row[c] for c in COLUMNS))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(
+        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
+    )
+    write_whole(ROOT / "docs" / "studies" / "mixed_fit.csv", text.getvalue().encode())
+    for fitted in ("recordings", "mixed"):
+        own = [row for row in rows if row["fitted"] == fitted]
+        error = np.array([row["tcp_mean_mm"] for row in own], dtype=float)
+        ratio = np.array([row["over_stated"] for row in own], dtype=float)
+        print(
+            f"{fitted}: median of the mean TCP error {np.median(error):.4f} mm, "
+            f"error over stated {np.sqrt((ratio**2).mean()):.2f} (rms)"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Recordings and still poses of one robot in one fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.mixed_fit import SIGMA, still_points
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.load import load_robot
+from cell.poses import PoseTable
+from ident.identify import identify_together
+from ident.options import FitOptions
+from ident.recording_fit import Logs
+from sim.truth import Truth
+from tests.helpers.drawn_robots import recorded, scenario_of
+
+KINEMATICS = FitOptions(model="dh")
+Run = tuple[Cell, Logs, Truth]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A recording of a drawn robot with everything on."""
+    folder: Path = tmp_path_factory.mktemp("mixed")
+    return recorded(scenario_of("irb2400", "a", 3, 120.0), folder)
+
+
+def moved(table: PoseTable, pose: int, by: Array) -> PoseTable:
+    """The table with one pose measured elsewhere, (3,) [m]."""
+    (group,) = table.groups
+    values = group.values.copy()
+    values[pose] += by
+    return replace(table, groups=(replace(group, values=values),))
+
+
+@pytest.mark.slow
+def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
+    """The scale above all; seat and target come out beside, and a wrong point does not count."""
+    cell, logs, truth = run
+    table = moved(still_points(cell, truth, 3), 4, np.array([0.0, 0.02, 0.0]))
+    alone = identify_together(cell, [logs])
+    mixed = identify_together(cell, [logs], table)
+    assert alone.poses is None
+    assert mixed.poses is not None
+    assert mixed.verdict.acceptable
+    assert mixed.robot.tcp_sigma.mean() < 0.8 * alone.robot.tcp_sigma.mean()
+    seat = mixed.poses.seats["tracker"]
+    assert seat.whole
+    assert np.abs(seat.placement.origin - [2.5, -1.0, 0.3]).max() < 5.0 * seat.sigma.max()
+    assert mixed.poses.ignored == 1
+    errors = np.delete(mixed.poses.errors[0], 4)
+    assert SIGMA < errors.mean() < 8.0 * SIGMA  # the robot's own scatter at rest is above it
+
+
+@pytest.mark.slow
+def test_still_poses_of_another_robot_are_named(run: Run) -> None:
+    """A zero of 0.5 mrad that only the still poses have."""
+    cell, logs, truth = run
+    table = still_points(cell, truth, 3, count=40)
+    (group,) = table.groups
+    q = group.q + np.array([0.0, 5e-4, 0.0, 0.0, 0.0, 0.0]) * np.sign(group.q[:, :1])
+    other = replace(table, groups=(replace(group, q=q),))
+    result = identify_together(cell, [logs], other)
+    assert any("still poses of tracker lie" in warning for warning in result.verdict.warnings)
+
+
+@pytest.mark.slow
+def test_a_table_of_a_robot_of_another_name_is_refused(run: Run) -> None:
+    cell, logs, truth = run
+    table = replace(still_points(cell, truth, 3), robot=load_robot("ur5"))
+    with pytest.raises(InputError, match="is of robot ur5, the recordings are of irb2400"):
+        identify_together(cell, [logs], table, options=KINEMATICS)
