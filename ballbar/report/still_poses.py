@@ -16,7 +16,7 @@ from ballbar.result.run_data import Run, RunData
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from ident.corrections.joint_harmonics import harmonic_name
-from ident.identify import MOSTLY_PRIOR
+from ident.estimates import MOSTLY_PRIOR
 
 if TYPE_CHECKING:  # a report of recordings does without still poses
     from ident.pose_result import PoseIdentification
