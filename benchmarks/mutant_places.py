@@ -34,9 +34,8 @@ TARGETS = (
     "sim/logging/clocks.py",
     "sim/logging/encoders.py",
     "sim/logging/load_logs.py",
-    "sim/logging/loggers.py",
     "sim/plant/effects.py",
-    "sim/plant/masses.py",
+    "sim/true_robot.py",
     "acquisition/faults/encoders.py",
     "acquisition/faults/robot_angles.py",  # of motors, axes or joints
     "acquisition/stamps",

@@ -7,7 +7,7 @@ the kinematic plant, which is known exactly. Times are on the clock of the path.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -40,10 +40,8 @@ from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
 PERIOD = 0.004032  # [s] of the robot's rows
 WITHIN = 0.01  # of what was asked for
 CLOCK = {"offset_s": 0.137, "skew": 5e-5}
-OVERRUNS = {
-    **CLOCK,
-    "overrun_probability": 0.05,
-}  # without them every row falls on an even cycle and the toggle stands still
+# without them every row falls on an even cycle and the toggle stands still
+OVERRUNS = {**CLOCK, "overrun_probability": 0.05}
 NOISE = {"joint_noise": {"sigma_rad": 1e-5}}
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
@@ -160,24 +158,21 @@ def taken_at(run: Run) -> tuple[np.ndarray, Array]:
 # --- ball-bar encoders
 
 
-def test_each_harmonic_of_an_encoder_comes_out_of_its_counts(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"encoder_eccentricity": {}})
-    for joint in (1, 5):  # they turn far enough to tell three harmonics apart
-        assert amplitude(*run.error(joint), (1, 2, 3)) == pytest.approx(
-            [6.0e-5, 2.5e-5, 8.0e-6], rel=WITHIN
-        )
-
-
-def test_an_encoder_off_centre_errs_once_a_turn(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"mounting_eccentricity": {}})
-    for joint in range(1, 6):
-        assert amplitude(*run.error(joint), (1,)) == pytest.approx([3.0e-4], rel=WITHIN)
-
-
-def test_the_error_within_a_signal_period_has_3600_cycles_a_turn(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"subdivisional_error": {}})
-    for joint in range(1, 6):
-        assert amplitude(*run.error(joint), (3600,)) == pytest.approx([1.2e-5], rel=WITHIN)
+@pytest.mark.parametrize(
+    ("source", "joints", "orders", "sizes"),
+    [
+        # joints 1 and 5 turn far enough to tell three harmonics apart
+        ("encoder_eccentricity", (1, 5), (1, 2, 3), [6.0e-5, 2.5e-5, 8.0e-6]),
+        ("mounting_eccentricity", range(1, 6), (1,), [3.0e-4]),
+        ("subdivisional_error", range(1, 6), (3600,), [1.2e-5]),
+    ],
+)
+def test_each_harmonic_of_an_encoder_comes_out_of_its_counts(
+    source: str, joints: Iterable[int], orders: tuple[int, ...], sizes: list[float], tmp_path: Path
+) -> None:
+    run = simulated(tmp_path, errors={source: {}})
+    for joint in joints:
+        assert amplitude(*run.error(joint), orders) == pytest.approx(sizes, rel=WITHIN)
 
 
 def test_the_error_within_a_period_follows_the_signal_and_not_the_joint(tmp_path: Path) -> None:
@@ -200,9 +195,8 @@ def test_a_turn_has_as_many_counts_as_lines_and_bits_say(bits: int, tmp_path: Pa
     rounding = []
     for joint in range(1, 6):
         true, error = run.error(joint)
-        moving = (
-            np.abs(np.gradient(true)) > 2 * count
-        )  # at rest the same rounding comes again and again
+        # at rest the same rounding comes again and again
+        moving = np.abs(np.gradient(true)) > 2 * count
         rounding.append(error[moving] - error[moving].mean())
         assert np.ptp(run.encoder(joint)) == pytest.approx(np.ptp(true), abs=1.01 * count)
     assert np.std(np.concatenate(rounding)) == pytest.approx(count / np.sqrt(12.0), rel=WITHIN)
@@ -246,9 +240,8 @@ def test_a_weak_signal_is_reported_for_its_encoder_in_its_interval_only(tmp_path
     assert np.ptp(t[weak]) == pytest.approx(3.0, rel=WITHIN)
     assert (word[~weak] & ~(1 << 15) == 0).all()
     assert (run.ballbar("s1") & ~(1 << 15) == 0).all()
-    assert (
-        word >> 15 == run.ballbar() // 5_000_000 & 1
-    ).all()  # the toggle goes on, cycle by cycle
+    # the toggle goes on, cycle by cycle
+    assert (word >> 15 == run.ballbar() // 5_000_000 & 1).all()
     assert set(word[weak] >> 15) == {0, 1}
 
 
@@ -334,9 +327,8 @@ def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -
     assert curve is not None
     rate = np.diff(curve.deviation_s) / np.diff(curve.t_clock_s)
     assert rate.std() == pytest.approx(20e-6, rel=1e-6)
-    assert np.polyfit(curve.t_clock_s, curve.deviation_s, 1) == pytest.approx(
-        [0.0, 0.0], abs=1e-15
-    )  # no line in it: that is offset and skew
+    # no line in it: that is offset and skew
+    assert np.polyfit(curve.t_clock_s, curve.deviation_s, 1) == pytest.approx([0.0, 0.0], abs=1e-15)
     rows, found = taken_at(run)
     t_bar = run.ballbar()[rows] * 1e-9
     basis = np.stack(
@@ -377,12 +369,10 @@ def test_a_clock_that_is_set_shifts_its_later_stamps(step: float, tmp_path: Path
         read = read_recording(run.folder)
         assert "clock set back" in [one.kind for one in read.report.findings]
         assert read.ballbar_log is not None
-        put_together = (
-            read.ballbar_log.t - run.ballbar() * 1e-9
-        )  # [s] what was added to the stamps behind
-        assert put_together[found_row(read) :] == pytest.approx(
-            -step, abs=0.0051
-        )  # as though no row were late
+        # [s] what was added to the stamps behind
+        put_together = read.ballbar_log.t - run.ballbar() * 1e-9
+        # as though no row were late
+        assert put_together[found_row(read) :] == pytest.approx(-step, abs=0.0051)
 
 
 def found_row(read: Recording) -> int:
@@ -399,9 +389,8 @@ def test_robot_stamps_in_whole_milliseconds_are_the_nearest(tmp_path: Path) -> N
     assert np.abs(stamps * 1e3 - np.rint(stamps * 1e3)).max() < 1e-3
     late = stamps - PERIOD * np.arange(stamps.size)
     assert np.sqrt(np.mean(late**2)) == pytest.approx(1e-3 / np.sqrt(12.0), rel=WITHIN)
-    assert (
-        np.diff(run.ballbar()) == 10_000_000
-    ).all()  # a 5 ms task does not show whole milliseconds
+    # a 5 ms task does not show whole milliseconds
+    assert (np.diff(run.ballbar()) == 10_000_000).all()
 
 
 def test_ballbar_stamps_are_rounded_to_their_quantum(tmp_path: Path) -> None:
@@ -638,9 +627,8 @@ def test_logs_close_the_loop_only_with_the_deviations_of_each_static_source(
     )
     b = np.stack([_angle(run, joint)[rows] for joint in range(1, 6)], axis=1)
     closed, open_ = (_closure(geometry, q, b) for geometry in (run.truth.geometry, without))
-    size = np.sum(open_ * (open_ - closed)) / np.sum(
-        (open_ - closed) ** 2
-    )  # of the source, with 1 for what the truth states
+    # of the source, with 1 for what the truth states
+    size = np.sum(open_ * (open_ - closed)) / np.sum((open_ - closed) ** 2)
     assert size == pytest.approx(1.0, rel=WITHIN)
     assert np.abs(closed).max() < 2e-6
     assert np.abs(open_).max() > 5e-6
@@ -678,11 +666,8 @@ SENSORS: dict[str, Any] = {
     "slipped_periods": [{"encoder": 3, "at_s": 12.0, "periods": 4}],
     "coupling_slips": [{"encoder": 4, "at_s": 12.0}],
 }
-NAMED = {
-    "amplitude_errors": 2,
-    "slipped_periods": 3,
-    "coupling_slips": 4,
-}  # the encoder that each of them names
+# the encoder that each of them names
+NAMED = {"amplitude_errors": 2, "slipped_periods": 3, "coupling_slips": 4}
 GEOMETRY: dict[str, Any] = {
     "ballbar_axes": {"parameters": "all"},
     "base_tilt": {},
@@ -777,9 +762,8 @@ def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
 ) -> None:
     run = noisy(tmp_path, **{source: GEOMETRY[source]})
     assert (run.truth.geometry.values != plain.truth.geometry.values).any()
-    assert raw(run, "ballbar.csv") == raw(
-        plain, "ballbar.csv"
-    )  # the kinematic plant's ball-bar takes the path's angles
+    # the kinematic plant's ball-bar takes the path's angles
+    assert raw(run, "ballbar.csv") == raw(plain, "ballbar.csv")
     (t, motors), (t_plain, motors_plain) = run.robot(), plain.robot()
     assert (t == t_plain).all()
     at = run.truth.logs.first_rows.robot_s + PERIOD * np.arange(t.size)
@@ -874,48 +858,44 @@ def test_dropping_rows_does_not_change_which_ones_are_doubled(tmp_path: Path) ->
     assert both.lines("robot") == [line for line in double.lines("robot") if line in left]
 
 
-SWITCHED_ON_AT_SIZE_ZERO: dict[str, dict[str, Any]] = {
-    "encoder_eccentricity": {
-        "errors": {"encoder_eccentricity": {"amplitude_rad": [0.0, 0.0, 0.0]}}
+SIZE_ZERO: dict[str, dict[str, Any]] = {
+    "errors": {
+        "encoder_eccentricity": {"amplitude_rad": [0.0, 0.0, 0.0]},
+        "mounting_eccentricity": {"amplitude_rad": 0.0},
+        "subdivisional_error": {"amplitude_rad": 0.0},
+        "frozen_bits": {"onset_factor": 100.0},
+        "slipped_periods": [{"encoder": 1, "at_s": 9.0, "periods": 0}],
+        "coupling_slips": [{"encoder": 1, "at_s": 9.0, "angle_rad": 0.0}],
+        "resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 0.0},
+        "outliers": {"size_rad": [0.0, 0.0]},
+        "ballbar_axes": {"sigma_m": 0.0, "sigma_rad": 0.0},
+        "base_tilt": {"sigma_rad": 0.0},
+        "plate_length": {"sigma_m": 0.0},
+        "thermal_growth": {"a2_m": 0.0, "d4_m": 0.0},
     },
-    "mounting_eccentricity": {"errors": {"mounting_eccentricity": {"amplitude_rad": 0.0}}},
-    "subdivisional_error": {"errors": {"subdivisional_error": {"amplitude_rad": 0.0}}},
-    "frozen_bits": {"errors": {"frozen_bits": {"onset_factor": 100.0}}},
-    "slipped_periods": {"errors": {"slipped_periods": [{"encoder": 1, "at_s": 9.0, "periods": 0}]}},
-    "coupling_slips": {
-        "errors": {"coupling_slips": [{"encoder": 1, "at_s": 9.0, "angle_rad": 0.0}]}
-    },
-    "resolver_error": {
-        "errors": {"resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 0.0}}
-    },
-    "outliers": {"errors": {"outliers": {"size_rad": [0.0, 0.0]}}},
-    "ballbar_axes": {"errors": {"ballbar_axes": {"sigma_m": 0.0, "sigma_rad": 0.0}}},
-    "base_tilt": {"errors": {"base_tilt": {"sigma_rad": 0.0}}},
-    "plate_length": {"errors": {"plate_length": {"sigma_m": 0.0}}},
-    "thermal_growth": {"errors": {"thermal_growth": {"a2_m": 0.0, "d4_m": 0.0}}},
-    "wander": {"clocks": {"wander": {"rate_rms_ppm": 0.0}}},
-    "step": {"clocks": {"step": {"at_s": 9.0, "step_s": 0.0}}},
-    "quantum": {"clocks": {"quantum": {"robot_s": 0.0, "ballbar_s": 0.0}}},
-    "jitter": {"clocks": {"jitter": {"sigma_s": 0.0}}},
-    "dropped_rows": {
-        "clocks": {"dropped_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0}}
-    },
-    "duplicated_rows": {
-        "clocks": {"duplicated_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0}}
+    "clocks": {
+        "wander": {"rate_rms_ppm": 0.0},
+        "step": {"at_s": 9.0, "step_s": 0.0},
+        "quantum": {"robot_s": 0.0, "ballbar_s": 0.0},
+        "jitter": {"sigma_s": 0.0},
+        "dropped_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0},
+        "duplicated_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0},
     },
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("source", SWITCHED_ON_AT_SIZE_ZERO)
+@pytest.mark.parametrize(
+    ("section", "source"), [(section, name) for section in SIZE_ZERO for name in SIZE_ZERO[section]]
+)
 def test_a_source_of_size_zero_is_as_good_as_absent(
-    source: str, plain: Run, tmp_path: Path
+    section: str, source: str, plain: Run, tmp_path: Path
 ) -> None:
-    ((section, added),) = SWITCHED_ON_AT_SIZE_ZERO[source].items()
-    run = noisy(tmp_path, section, **added)
-    assert {p.name: p.read_bytes() for p in run.folder.rglob("*.*")} == {
-        p.name: p.read_bytes() for p in plain.folder.rglob("*.*")
-    }
+    run = noisy(tmp_path, section, **{source: SIZE_ZERO[section][source]})
+    files, files_plain = (
+        {p.name: p.read_bytes() for p in each.folder.rglob("*.*")} for each in (run, plain)
+    )
+    assert files == files_plain
     assert (run.truth.geometry.values == plain.truth.geometry.values).all()
 
 

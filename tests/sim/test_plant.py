@@ -160,9 +160,8 @@ def test_the_phase_starts_and_ends_at_rest_and_rests_at_every_stop() -> None:
     assert s[0] == 0.0
     assert s[-1] == pytest.approx(1.0, abs=1e-12)
     assert (speed >= -1e-12).all()
-    assert (
-        np.abs(np.diff(speed)).max() < 2e-4
-    )  # no step in speed: ramps of 2 s to about 0.01 per second
+    # no step in speed: ramps of 2 s to about 0.01 per second
+    assert np.abs(np.diff(speed)).max() < 2e-4
     for level in (1 / 3, 2 / 3):
         assert np.isclose(s, level, atol=1e-12).sum() >= 395
     with pytest.raises(
@@ -288,16 +287,14 @@ def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None
     along = (potential(cell, true, b, h) - potential(cell, true, b, -h)) / (2 * h) + rod
     bar = bar_frames(true, b[None])
     columns = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))[:, :, 0]
-    on_tool = np.linalg.solve(
-        columns, -np.append(load, along)
-    )  # wrench of the ball-bar on the tool
+    # wrench of the ball-bar on the tool
+    on_tool = np.linalg.solve(columns, -np.append(load, along))
     frames = robot_frames(true, motion.q[100:101])
     expected = on_tool[:3] + cell.plate.mass * cell.robot.gravity
     assert motion.wrench is not None
     cos, sin = np.cos(motion.q[100, 5]), np.sin(motion.q[100, 5])
-    flange = frames.rotation(5)[:, :, 0] @ np.array(
-        [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]]
-    )  # the tool's errors lie behind it
+    # the tool's errors lie behind it
+    flange = frames.rotation(5)[:, :, 0] @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
     assert flange @ motion.wrench[100, :3] == pytest.approx(expected, abs=0.02)
 
 

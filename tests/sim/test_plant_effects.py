@@ -73,9 +73,8 @@ PERFECT_LOGS = {
         "gain_sigma": 0.0,
     },
 }
-SAGGING = {
-    "gravity_compensation": False
-}  # a soft servo that does not carry the arm leans on the rod with up to 170 N
+# a soft servo that does not carry the arm leans on the rod with up to 170 N
+SAGGING = {"gravity_compensation": False}
 CENTRE = np.array([-23.2, -54.3, 20.8, -129.6, 138.0])  # [deg] scenarios/paths/irb2400_a.yaml
 AMPLITUDE = np.array([75.9, -19.6, 31.0, -18.2, 87.4])  # [deg]
 
@@ -129,9 +128,8 @@ def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feel
 ) -> None:
     logs = run(tmp_path, plant=SAGGING)
     still = logs.t < 1.5
-    assert (
-        np.abs(logs.torque[still] - logs.load[still]).max() < 1e-3
-    )  # of 400 N m; the files have 1e-6 N m at the motor
+    # of 400 N m; the files have 1e-6 N m at the motor
+    assert np.abs(logs.torque[still] - logs.load[still]).max() < 1e-3
     assert np.abs(logs.rod_force[still]).min() > 40.0
 
 
@@ -174,9 +172,8 @@ def test_stiffness_and_backlash_spread_as_stated_from_robot_to_robot(cell: Cell)
     asked = PlantErrors.model_validate(
         {"joint_compliance": {"spread": 0.3}, "gear_backlash": {"spread": 0.2}}
     )
-    drawn = [
-        plant_effects(asked, cell, seed) for seed in range(8000)
-    ]  # 48 000 logarithms: their sigma is known to 0.3 %
+    # 48 000 logarithms: their sigma is known to 0.3 %
+    drawn = [plant_effects(asked, cell, seed) for seed in range(8000)]
     stiffness = np.log(
         [
             e.gear_stiffness / cell.robot.gears.stiffness
@@ -350,17 +347,15 @@ def test_a_cusped_ripple_is_the_rectified_sine_with_zero_mean(tmp_path: Path) ->
     error = logs.gears - logs.shown_gears
     for i in range(3):
         found = harmonics(logs.gears[:, i], error[:, i], [40.0, 80.0, 120.0, 160.0])
-        series = [
-            2.0 * 6e-5 / (4 * k * k - 1) for k in range(1, 5)
-        ]  # of pi/2 |sin(x/2)| - 1, truncated
+        # of pi/2 |sin(x/2)| - 1, truncated
+        series = [2.0 * 6e-5 / (4 * k * k - 1) for k in range(1, 5)]
         assert np.abs(found) == pytest.approx(series, rel=WITHIN)
         x = 40.0 * logs.gears[:, i] + np.angle(found[0]) + 0.5 * np.pi
         wave = 6e-5 * (0.5 * np.pi * np.abs(np.sin(0.5 * x)) - 1.0)
         near = np.abs(np.angle(np.exp(1j * x))) < np.radians(12.0)
         assert np.abs(error[~near, i] - wave[~near]).max() < 0.045 * 6e-5
-        assert (error[near, i] - wave[near]).max() == pytest.approx(
-            6e-5 / 9.0, rel=0.03
-        )  # four terms reach 8/9 of the peak; counts of the encoders
+        # four terms reach 8/9 of the peak; counts of the encoders
+        assert (error[near, i] - wave[near]).max() == pytest.approx(6e-5 / 9.0, rel=0.03)
 
 
 @pytest.mark.parametrize("side", ["output", "input"])
@@ -377,9 +372,8 @@ def test_an_eccentric_gear_errs_once_a_turn_of_its_output_or_its_motor(
             }
         },
     )
-    turns = (
-        [129.6, 129.99, 129.6, 55.0, 55.2, 44.0] if side == "input" else [1.0] * 6
-    )  # thesis App. A
+    # thesis App. A
+    turns = [129.6, 129.99, 129.6, 55.0, 55.2, 44.0] if side == "input" else [1.0] * 6
     assert_ripples(logs, [[(turn, 9e-5)] for turn in turns], tmp_path)
 
 
@@ -435,9 +429,8 @@ def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -
         )
         assert coulomb == pytest.approx(1.2 * gears.coulomb[i], rel=WITHIN), f"gear {i + 1}"
         assert viscous == pytest.approx(1.2 * gears.viscous[i], rel=WITHIN), f"gear {i + 1}"
-        assert (
-            abs(latency) < 1.2e-3
-        )  # [s] a step of the plant, whose servo answers the load of the step before
+        # [s] a step of the plant, whose servo answers the load of the step before
+        assert abs(latency) < 1.2e-3
 
 
 def test_slow_gears_rub_more_by_the_asked_break_away_friction_and_stribeck_speed(
@@ -800,10 +793,8 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "thermal_growth": {},
     "signal_noise": {},
 }
-PLAY = {
-    "joint_compliance": {"spread": 0.3},
-    "gear_backlash": {"spread": 0.3},
-}  # play needs the spring
+# play needs the spring
+PLAY = {"joint_compliance": {"spread": 0.3}, "gear_backlash": {"spread": 0.3}}
 LOGS: dict[str, dict[str, Any]] = {"torque": {}, "force_sensor": {}}
 OWN_STREAMS = {
     "joint_compliance": {"joint_compliance"},
