@@ -20,6 +20,7 @@ from ballbar.result.calibration_file import (
 )
 from ballbar.result.machine_entries import RESTORE
 from ballbar.result.names import CALIBRATION
+from ballbar.result.recording_entries import CrossValidationEntry
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Cell, Robot
@@ -199,9 +200,13 @@ class Calibration:
 
         Raises InputError for a result of logs, which has no such figure.
         """
+        return self._validation.mean_m
+
+    @property
+    def _validation(self) -> CrossValidationEntry:
         validation = self.file_of_poses().cross_validation
         assert validation is not None  # as the file's schema demands of still poses
-        return validation.mean_m
+        return validation
 
     def arm(self, target: str | None = None) -> IdentifiedArm:
         """The identified robot of still poses with one of its targets, by default the first.
@@ -219,7 +224,6 @@ class Calibration:
         values = [
             entry.value for entries in file.corrections.values() for entry in entries.values()
         ]
-        assert file.cross_validation is not None
         return IdentifiedArm(
             robot=self.robot,
             chain=self.chain,
@@ -231,7 +235,7 @@ class Calibration:
             parameters=(),
             covariance=np.zeros((len(values) + 6, len(values) + 6)),
             discrepancy=self._spread_of_poses(),
-            factor=file.cross_validation.region_factor,
+            factor=self._validation.region_factor,
             lower=self.ranges[:, 0],
             upper=self.ranges[:, 1],
         )
@@ -243,13 +247,11 @@ class Calibration:
         where nothing but lengths were measured, it is at least the stated uncertainty of the
         target, for cross-validation judges the direction of the rods alone.
         """
-        file = self.file_of_poses()
-        assert file.cross_validation is not None
-        spread = file.cross_validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error, 3 axes
-        if all(group.measured == "length" for group in file.groups):
-            stated = file.fit.tcp_sigma_at_poses_m or file.fit.tcp_sigma_mean_m
+        spread = self._validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error, 3 axes
+        if all(group.measured == "length" for group in self.file.groups):
+            stated = self.file.fit.tcp_sigma_at_poses_m or self.tcp_sigma
             spread = stated / np.sqrt(3.0)
-        return float(max(file.cross_validation.sigma_m, spread))
+        return float(max(self._validation.sigma_m, spread))
 
     def kinematics(
         self,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import count
-from typing import Any, TypeVar, cast
+from operator import attrgetter
+from typing import Any, TypeVar, cast, get_args
 
 import numpy as np
 
@@ -21,22 +22,18 @@ from ballbar.result.machine_entries import (
 from ballbar.result.recording_entries import (
     POSES,
     ClockEntry,
-    ClosureEntry,
     CrossValidationEntry,
     Direction,
-    ExcessEntry,
     FitEntry,
+    From,
     GroupEntry,
     HeldOutEntry,
     NoiseEntry,
     OrderEntry,
     PlacementEntry,
-    PointErrorsEntry,
     PoseHeldOutEntry,
     RecordingEntry,
     ResidualEntry,
-    StepFaultEntry,
-    TrackerEntry,
 )
 from ballbar.result.run_data import FittedRecording, PoseRun, RunData
 from cell.arrays import Array
@@ -48,8 +45,6 @@ from ident.corrections.base import Coefficient
 from ident.estimator.fit import Fit
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.result import PlacementEstimate, TableEstimate
-from ident.signals.step_fault import StepFault
-from ident.tracker import TrackerCheck
 
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
 _UNIT = re.compile(r"_(?:m|rad|s)$")
@@ -90,21 +85,10 @@ def calibration_of(data: RunData) -> CalibrationFile:
             verdict=verdict.sentence,
             warnings=verdict.warnings,
             rod_sigma_m=fit.excess.rod,
-            excess=_entry(ExcessEntry, fit.excess),
             tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
             tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
         ),
-        held_out=tuple(
-            _entry(
-                HeldOutEntry,
-                outcome,
-                identified=_entry(ClosureEntry, outcome.identified),
-                nominal=_entry(ClosureEntry, outcome.nominal),
-                step_faults=_step_faults(outcome.step_faults),
-                tracker=_tracker(outcome.tracker),
-            )
-            for outcome in (validation.outcome for validation in data.validations)
-        ),
+        held_out=tuple(_entry(HeldOutEntry, held_out.outcome) for held_out in data.validations),
     )
 
 
@@ -113,7 +97,6 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
     result, description = run.identification, run.folders[0][2].description
     fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
     sigma, gain, arm = result.sigma, result.information_gain, result.arm()
-    validation = result.cross_validation
     return CalibrationFile.model_construct(
         schema_=SCHEMA,
         robot=description.robot,
@@ -151,12 +134,7 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
             )
             for point in fit.linear.evaluations
         ),
-        cross_validation=_entry(
-            CrossValidationEntry,
-            validation,
-            quantile_95_m=validation.quantile,
-            region_factor=validation.factor_of_points,
-        ),
+        cross_validation=_entry(CrossValidationEntry, result.cross_validation),
         fit=FitEntry.model_construct(
             status=verdict.status,
             verdict=verdict.sentence,
@@ -187,13 +165,26 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
 def _entry(entry: type[E], source: object, **values: Any) -> E:
     """An entry of these values, and of what `source` has under the other keys.
 
-    A key that ends with its unit, such as `largest_m`, stands for an attribute without it too.
+    A key that ends with its unit, such as `largest_m`, stands for an attribute without it too, and
+    a mark `From` names another one. What is an entry itself is formed from its attribute.
     """
-    for key in entry.model_fields.keys() - values.keys():
-        for name in (key, _UNIT.sub("", key)):
-            if hasattr(source, name):
-                values[key] = getattr(source, name)
+    for key, field in entry.model_fields.items():
+        marks = [mark.attribute for mark in field.metadata if isinstance(mark, From)]
+        for name in marks or (key, _UNIT.sub("", key)):
+            if key not in values and hasattr(source, name.split(".")[0]):
+                values[key] = _content(field.annotation, attrgetter(name)(source))
     return cast(E, entry.model_construct(None, **values))
+
+
+def _content(annotation: Any, value: Any) -> Any:
+    """A value of a key, or the entries that its annotation asks for."""
+    parts = (annotation, *get_args(annotation))
+    kind = next((p for p in parts if isinstance(p, type) and issubclass(p, Strict)), None)
+    if kind is None or value is None:
+        return value
+    if isinstance(value, tuple):
+        return tuple(_entry(kind, item) for item in value)
+    return _entry(kind, value)
 
 
 def _parameters(
@@ -284,15 +275,16 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
     ]
     directions = cast(tuple[Direction, ...], estimate.directions)
     noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
-    return RecordingEntry.model_construct(
-        name=estimate.name,
+    return _entry(
+        RecordingEntry,
+        estimate,
         encoder_directions=dict(zip(names, directions, strict=True)),
         clock=None
         if clock is None
-        else ClockEntry.model_construct(
-            offset_s=clock.offset,
+        else _entry(
+            ClockEntry,
+            clock,
             offset_sigma_s=estimate.clock_sigma[0],
-            skew=clock.skew,
             skew_sigma=estimate.clock_sigma[1],
         ),
         parameters=_parameters(
@@ -310,35 +302,5 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
             position_rms_m=rms(np.linalg.norm(after.position, axis=1)),
             angle_rms_rad=rms(np.linalg.norm(after.angle, axis=1)),
         ),
-        tension_source=estimate.tension_source,
-        step_faults=_step_faults(estimate.step_faults),
-        tracker=_tracker(estimate.tracker),
         temperature_C=fitted.recording.description.temperature_C,
-    )
-
-
-def _step_faults(faults: Sequence[StepFault]) -> tuple[StepFaultEntry, ...]:
-    return tuple(_entry(StepFaultEntry, fault) for fault in faults)
-
-
-def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
-    if check is None:
-        return None
-    identified, nominal = (
-        _entry(
-            PointErrorsEntry,
-            errors,
-            clock_offset_s=errors.clock.offset,
-            clock_skew=errors.clock.skew,
-        )
-        for errors in (check.identified, check.nominal)
-    )
-    return _entry(
-        TrackerEntry,
-        check,
-        points=check.t.size,
-        unknowns=check.identified.unknowns,
-        degrees_of_freedom=check.degrees,
-        identified=identified,
-        nominal=nominal,
     )

@@ -35,6 +35,13 @@ class Of:
     needed: bool = True  # whether they all have it
 
 
+@dataclass(frozen=True)
+class From:
+    """Mark of a key that is written from an attribute of another name, such as `clock.offset`."""
+
+    attribute: str
+
+
 OfLogs = Annotated[T | None, Of(LOGS)]
 OfPoses = Annotated[T | None, Of(POSES)]
 
@@ -87,8 +94,9 @@ class PointErrorsEntry(Strict):
 
     rms_m: NotNegative
     largest_m: NotNegative
-    clock_offset_s: float  # t_robot = clock_offset_s + (1 + clock_skew) * t_tracker
-    clock_skew: float
+    # t_robot = clock_offset_s + (1 + clock_skew) * t_tracker
+    clock_offset_s: Annotated[float, From("clock.offset")]
+    clock_skew: Annotated[float, From("clock.skew")]
 
 
 class TrackerEntry(Strict):
@@ -97,9 +105,10 @@ class TrackerEntry(Strict):
     """
 
     acceptable: bool  # whether noise, accuracy and stated TCP uncertainty explain the distances
-    points: int
-    unknowns: int  # of frame, clock and LED that the points determine
-    degrees_of_freedom: int
+    points: Annotated[int, From("t.size")]
+    # of frame, clock and LED that the points determine
+    unknowns: Annotated[int, From("identified.unknowns")]
+    degrees_of_freedom: Annotated[int, From("degrees")]
     noise_m: NotNegative  # rms distance by the noise that the log shows
     expected_m: NotNegative  # rms distance by noise, accuracy and stated TCP uncertainty
     identified: PointErrorsEntry
@@ -166,9 +175,10 @@ class CrossValidationEntry(Strict):
     """Errors of poses in regions of joint space that were not fitted."""
 
     mean_m: Positive
-    quantile_95_m: Positive
+    quantile_95_m: Annotated[Positive, From("quantile")]
     sigma_m: Positive  # along each axis
-    region_factor: Positive  # of the 95 % region, over that of chi-square
+    # of the 95 % region, over that of chi-square
+    region_factor: Annotated[Positive, From("factor_of_points")]
 
 
 class ClosureEntry(Strict):

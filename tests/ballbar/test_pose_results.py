@@ -47,9 +47,7 @@ EXACT = 1e-9  # [m, rad]
 def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Result:
     folder = tmp_path_factory.mktemp(request.param)
     write_pose_result(folder / "calibration.yaml", request.param, seed=1)
-    loaded = load_result(folder)
-    assert isinstance(loaded, Result)
-    return loaded
+    return load_result(folder)
 
 
 def angles(result: Result, count: int = 200) -> Array:
@@ -291,7 +289,6 @@ def test_the_command_writes_a_new_file_and_names_the_ranges(tmp_path: Path) -> N
 def test_corrected_targets_reach_the_nominal_poses(name: str, tmp_path: Path) -> None:
     write_pose_result(tmp_path / "calibration.yaml", name, seed=1)
     result = load_result(tmp_path)
-    assert isinstance(result, Result)
     arm = result.calibration.arm()
     q = np.array([[0.3, -0.7, 0.9, -1.1, 0.8, 0.6, 0.2]])[:, : result.robot.joints]
     if name == "panda":
@@ -430,7 +427,6 @@ def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
     """A stored result of a ur10, angles (N, 6) [rad] and the table measured of it unchanged."""
     rng = np.random.default_rng(6)
     result = load_result(write_pose_result(folder / "calibration.yaml", "ur10", seed=1))
-    assert isinstance(result, Result)
     arm = result.calibration.arm("big ball")
     drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
     q = rng.uniform(-1.5, 1.5, (count, 6))
