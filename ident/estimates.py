@@ -54,9 +54,9 @@ from ident.result import (
     TableEstimate,
 )
 from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, parts_without_scale, tcp_uncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.tracker import check_tracker
 from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge, masses_in_doubt
@@ -355,11 +355,10 @@ def _tcp_uncertainty(
     """Of the unloaded robot's tool over the accuracy grid, and the parts by the data."""
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
-    robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
+    robot = IdentifiedRobot(cell, fit.geometry(), corrections, values)
     moves = own = robot.jacobian(grid, layout.shared)
     if whole.held.size:
-        rigid = UnloadedRobot(cell, fit.geometry())
-        moves = np.concatenate((moves, rigid.jacobian(robot.joints(grid), whole.held)))
+        moves = np.concatenate((moves, robot.rigid().jacobian(robot.joints(grid), whole.held)))
     if deviated:
         moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
     tool, machine = robot.tool(grid), np.ix_(layout.machine, layout.machine)
@@ -448,8 +447,8 @@ def pulled(fit: Fit) -> tuple[str, ...]:
 def _nominal_error(robot: RobotEstimate) -> float:
     """[m] mean distance over the workspace of the nominal tool from the identified one."""
     grid = accuracy_grid(robot.cell.robot)
-    nominal = UnloadedRobot(robot.cell, robot.nominal)
-    return position_error(nominal.tool(grid), robot.unloaded().tool(grid)).mean
+    nominal = IdentifiedRobot(robot.cell, robot.nominal)
+    return position_error(nominal.tool(grid), robot.identified_robot().tool(grid)).mean
 
 
 def _with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
@@ -468,8 +467,8 @@ def _with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
         for correction in robot.corrections
     )
     grid = accuracy_grid(robot.cell.robot)
-    other = replace(robot, corrections=stiffer).unloaded()
-    doubt = position_error(other.tool(grid), robot.unloaded().tool(grid))
+    other = replace(robot, corrections=stiffer).identified_robot()
+    doubt = position_error(other.tool(grid), robot.identified_robot().tool(grid))
     change = {
         after.name: MASSES_IN_DOUBT * (after.value - before.value)
         for old, new in zip(robot.corrections, stiffer, strict=True)

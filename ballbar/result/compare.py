@@ -21,15 +21,21 @@ from ballbar.result.true_robot import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, mirrored, nominal_chain, parameter_named, parameter_table
+from cell.geometry import (
+    Geometry,
+    mirrored,
+    nominal_chain,
+    parameter_named,
+    parameter_table,
+    robot_geometry,
+)
 from cell.statistics import rms
 from ident.estimator.unknowns import arm_parameters
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.pose_result import PoseIdentification
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
     from sim.truth import PoseTruth, Truth
@@ -90,7 +96,7 @@ def compare_files(result: Path, reference: Path) -> Comparison:
         return _poses_against_truth(model, load_pose_truth(reference))
     clock = model.file.logs[0].clock
     return compare_with_truth(
-        model.unloaded_robot(model.cell()),
+        model.identified_robot(),
         model.nominal,
         load_truth(reference),
         model.file.identified,
@@ -116,15 +122,15 @@ def compare(first: Calibration, second: Calibration, target: str | None = None) 
         return _compare_poses(first, second, target)
     cell = first.cell()
     shared = [name for name in first.file.identified if name in second.file.identified]
-    other = second.unloaded_robot(cell)
+    other = second.identified_robot(cell=cell)
     actual = other.tool(accuracy_grid(cell.robot))
     return _compared(
-        first.unloaded_robot(cell), first.nominal, other.geometry, actual, shared, None
+        first.identified_robot(cell=cell), first.nominal, other.geometry, actual, shared, None
     )
 
 
 def compare_with_truth(
-    model: UnloadedRobot,
+    model: IdentifiedRobot,
     nominal: Geometry,
     truth: Truth,
     names: Sequence[str],
@@ -146,7 +152,7 @@ def identification_against_truth(
     """The result against the truth that one of its recordings was simulated from."""
     estimate = result.recordings[recording]
     clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
-    model = replace(result.robot.unloaded(), geometry=estimate.geometry)
+    model = replace(result.robot.identified_robot(), geometry=estimate.geometry)
     names = [*result.robot.sigma, *estimate.sigma]
     return compare_with_truth(model, estimate.nominal, truth, names, clock)
 
@@ -156,12 +162,12 @@ def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Compari
 
     The nominal robot has its target fitted to the same poses.
     """
-    name, arm, before = result.target, result.arm(), result.nominal
-    q = arm.workspace()
-    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
-    bare = replace(_nominal(arm), target=before.model.unknowns.target(before.x, name))
+    name, model, before = result.target, result.identified_robot(), result.nominal
+    q = model.workspace()
+    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
+    bare = replace(_nominal(model), target=before.model.unknowns.target(before.x, name))
     return Comparison(
-        {}, position_error(arm.tool(q), actual), position_error(bare.tool(q), actual), target=name
+        {}, position_error(model.tool(q), actual), position_error(bare.tool(q), actual), target=name
     )
 
 
@@ -185,12 +191,12 @@ def compare_kinematics(
 
     clock : errors of (offset [s], skew [-]), if both sides have a clock
     """
-    actual = UnloadedRobot(cell, reference).tool(accuracy_grid(cell.robot))
-    return _compared(UnloadedRobot(cell, model), nominal, reference, actual, names, clock)
+    actual = IdentifiedRobot(cell, reference).tool(accuracy_grid(cell.robot))
+    return _compared(IdentifiedRobot(cell, model), nominal, reference, actual, names, clock)
 
 
 def _compared(
-    model: UnloadedRobot,
+    model: IdentifiedRobot,
     nominal: Geometry,
     reference: Geometry,
     actual: Array,
@@ -199,7 +205,7 @@ def _compared(
 ) -> Comparison:
     grid = accuracy_grid(model.cell.robot)
     offset, skew = clock or (None, None)
-    bare = UnloadedRobot(model.cell, nominal)
+    bare = model.rigid(nominal)
     return Comparison(
         compare_geometry(model.geometry, reference, names),
         position_error(model.tool(grid), actual),
@@ -250,14 +256,14 @@ def _compare_poses(first: Calibration, second: Calibration, target: str | None) 
         )
     shared = [name for name in first.targets if name in second.targets]
     name = target or (shared or list(first.targets))[0]
-    model = first.arm(name)
-    other = second.arm(name if name in shared else None)
+    model = first.identified_robot(name)
+    other = second.identified_robot(name if name in shared else None)
     if name not in shared:
         other = replace(other, target=model.target)
     q = _poses_within(lower, upper)
     spans = np.maximum(np.diff(first.ranges)[:, 0], np.diff(second.ranges)[:, 0])
     return replace(
-        _compared_arm(first, model, q, other.tool(q), _values(second)),
+        _compared_target(first, model, q, other.tool(q), _values(second)),
         both_have_target=name in shared,
         target=name,
         predicted=(first.cross_validated, second.cross_validated),
@@ -272,10 +278,10 @@ def _poses_against_truth(result: Calibration, truth: PoseTruth) -> Comparison:
             f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
             "truth file of this table."
         )
-    arm = result.arm(name)
-    q = _poses_within(arm.lower, arm.upper)
-    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
-    compared = _compared_arm(result, arm, q, actual, _true_values(truth, arm.robot))
+    model = result.identified_robot(name)
+    q = _poses_within(model.lower, model.upper)
+    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
+    compared = _compared_target(result, model, q, actual, _true_values(truth, model.robot))
     return replace(compared, target=name, predicted=(result.cross_validated,))
 
 
@@ -285,14 +291,14 @@ def _poses_within(lower: Array, upper: Array) -> Array:
     return np.asarray(lower + share * (upper - lower))
 
 
-def _compared_arm(
+def _compared_target(
     result: Calibration,
-    arm: IdentifiedArm,
+    model: IdentifiedRobot,
     q: Array,
     actual: Array,
     reference: Mapping[str, tuple[float, float]],
 ) -> Comparison:
-    """The arm of a result at q (N, J) [rad], where its target actually is at (N, 3) [m].
+    """The robot of a result at q (N, J) [rad], where its target actually is at (N, 3) [m].
 
     reference : value and standard deviation of parameters.
     """
@@ -305,15 +311,15 @@ def _compared_arm(
     order = sorted(z, key=lambda name: -abs(z[name]))
     return Comparison(
         {name: differences[name][0] for name in order},
-        position_error(arm.tool(q), actual),
-        position_error(_nominal(arm).tool(q), actual),
+        position_error(model.tool(q), actual),
+        position_error(_nominal(model).tool(q), actual),
         z={name: z[name] for name in order},
     )
 
 
-def _nominal(arm: IdentifiedArm) -> IdentifiedArm:
+def _nominal(model: IdentifiedRobot) -> IdentifiedRobot:
     """The nominal robot with the identified one's target."""
-    return replace(arm, chain=nominal_chain(arm.robot), corrections=(), values=np.zeros(0))
+    return model.rigid(robot_geometry(model.robot))
 
 
 def _values(result: Calibration) -> dict[str, tuple[float, float]]:
