@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Length(Kind):
+class SensedLength(Kind):
     """The distance of the target from the seat's origin."""
 
     name = "length"
@@ -40,4 +40,4 @@ class Length(Kind):
         return np.full((len(values), 1), instrument.sigma_length)
 
 
-KIND = Length()
+KIND = SensedLength()

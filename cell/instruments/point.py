@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Point(Kind):
+class SensedPoint(Kind):
     """Three coordinates [m] in the seat's frame."""
 
     name = "point"
@@ -40,4 +40,4 @@ class Point(Kind):
         return position_sigma(values, instrument)
 
 
-KIND = Point()
+KIND = SensedPoint()
