@@ -13,7 +13,7 @@ from cell.placement import Placement
 from cell.poses import Measured, PoseTable
 from ident.held_out_poses import held_out_poses
 from ident.identify_poses import PoseOptions, identify_poses
-from ident.moved_seats import instants, renamed
+from ident.table_steps import instants, renamed
 from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot
 
 PLAIN = PoseOptions(search=False)

@@ -13,11 +13,11 @@ from cell.poses import PoseTable
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.cross_validation import position_rows
+from ident.estimator.build_unknowns import arm_parameters, still_unknowns
 from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.target_closure import close_on_target
-from ident.estimator.unknowns import arm_parameters, still_unknowns
 from ident.estimator.whitening import Whitening
 from ident.start.placements import start_of_poses
 from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
