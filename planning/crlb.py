@@ -29,7 +29,8 @@ from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import normal_equations
-from ident.estimator.samples import DWELL_KEPT, Samples
+from ident.estimator.sample_times import DWELL_KEPT
+from ident.estimator.samples import Samples
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import MassModel, mass_model
 from ident.loads.logged_tension import tension_splines
