@@ -28,7 +28,7 @@ from acquisition.faults.nominal_robot import (
     orientations,
     refuse_radians,
 )
-from acquisition.faults.robot_angles import Reading
+from acquisition.faults.robot_angles import AngleReading
 from acquisition.faults.table_angles import angle_findings, refuse_other_unit
 from acquisition.formats.table_file import pose_text
 from acquisition.measured_values import (
@@ -72,7 +72,7 @@ class _Numbers:
     """The numbers of a file in its own units; NaN where a field is empty."""
 
     rows: PoseRows
-    reading: Reading  # of the joint angles
+    reading: AngleReading  # of the joint angles
     parts: dict[Part, Array]  # (N, C) each
 
     def take(self, chosen: NDArray[np.bool_]) -> _Numbers:
@@ -107,7 +107,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
     unit = angle_unit(context, "joints", declared.joints.unit, quantities["joints"])
     numbers = _Numbers(
         rows,
-        Reading(declared.joints.angles, unit),
+        AngleReading(declared.joints.angles, unit),
         {
             part: (joint_rows if part == "joints" else rows).numbers(quantities[part])
             for part in (*_NEEDED, "reference")

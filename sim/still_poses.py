@@ -39,7 +39,7 @@ PlantKind = Literal["mujoco", "kinematic"]
 
 
 @dataclass(frozen=True, eq=False)
-class PoseRows:
+class SimulatedRows:
     """The rows of a table in the order of time."""
 
     time: Array  # (N,) [s]
@@ -56,7 +56,7 @@ class PoseSimulation:
 
     robot: Robot
     instrument: Instrument
-    rows: PoseRows
+    rows: SimulatedRows
     truth: PoseTruth
     plant: str  # what held the robot, and why, in a sentence
 
@@ -107,7 +107,7 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
     return PoseSimulation(
         robot=robot,
         instrument=instrument,
-        rows=PoseRows(
+        rows=SimulatedRows(
             time=((order + later / len(targets)) * stated.dwell_s)[rows],
             seat=tuple(names[:, 0].tolist()),
             target=tuple(names[:, 1].tolist()),

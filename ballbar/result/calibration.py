@@ -1,7 +1,8 @@
 """A result as read back from calibration.yaml: what it says of the robot, whatever measured it.
 
-Logs tell a robot with the offset plate and a ball-bar, still poses a robot up to its flange with
-the targets that it carried. What one of them does not tell is refused in words.
+Recordings of a ball-bar identify the robot with the offset plate and the ball-bar, still poses
+identify it up to its flange with the targets that it carried. A question that a result cannot
+answer is refused with the reason.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What an instrument senses of a target: the behaviour that every kind of instrument has.
+"""How an instrument measures a target: the behaviour that every kind of instrument has.
 
 Each kind is one module of this folder, found by its name, and one or more descriptions
 (cell/instruments/*.yaml). It says where the target is by its values, how that point moves with each
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class Sight:
     """Where an instrument has N targets, robot base frame.
 
-    Components that it does not sense are those of the predicted target.
+    Components that it does not measure are set to those of the predicted target.
     """
 
     point: Array  # (3, N) [m]
@@ -88,7 +88,7 @@ class Kind(ABC):
     noun: ClassVar[str]  # what it measures, in the plural, for reports
     names: ClassVar[tuple[str, ...]]  # of the values of one pose
     units: ClassVar[tuple[str, ...]]  # of each value, m or rad
-    directions: ClassVar[int]  # of the target's position that it senses
+    directions: ClassVar[int]  # measured directions of the target's position
     seat_turns: ClassVar[bool] = True  # whether the orientation of its seat matters
     target_turns: ClassVar[bool] = False  # whether that of the target does
     judged: ClassVar[str] = "position"  # what of a target's place its errors are of

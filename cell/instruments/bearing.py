@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Bearing(Kind):
+class SensedBearing(Kind):
     """Azimuth about the seat's z axis from its x axis, and elevation above its xy plane [rad]."""
 
     name = "bearing"
@@ -68,4 +68,4 @@ class Bearing(Kind):
         return Placement(kabsch(np.eye(3), linear), -np.linalg.solve(linear, shift))
 
 
-KIND = Bearing()
+KIND = SensedBearing()

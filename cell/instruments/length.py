@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Length(Kind):
+class SensedLength(Kind):
     """The distance of the target from the seat's origin."""
 
     name = "length"
@@ -49,4 +49,4 @@ class Length(Kind):
         return np.asarray(rod * (length / np.maximum(distance, 1e-9))[:, None])
 
 
-KIND = Length()
+KIND = SensedLength()

@@ -17,7 +17,7 @@ _TILTS = 3  # rounds of tilting the normal, each linear
 _HALF = 0.3  # [m] of the plate's side: a probe that is beyond it is brought back onto it
 
 
-class Plane(Kind):
+class TouchedPlane(Kind):
     """The height [m] of the target above the seat's xy plane."""
 
     name = "plane"
@@ -69,4 +69,4 @@ class Plane(Kind):
         return out
 
 
-KIND = Plane()
+KIND = TouchedPlane()

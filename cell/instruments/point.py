@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Point(Kind):
+class SensedPoint(Kind):
     """Three coordinates [m] in the seat's frame."""
 
     name = "point"
@@ -49,4 +49,4 @@ class Point(Kind):
         return position_sigma(values, instrument)
 
 
-KIND = Point()
+KIND = SensedPoint()

@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.instruments.base import Sight, TrueStand, position_in_seat, position_sigma, turned
-from cell.instruments.point import Point
+from cell.instruments.point import SensedPoint
 from cell.placement import Placement
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Pose(Point):
+class SensedPose(SensedPoint):
     """Three coordinates [m] and a rotation vector [rad] in the seat's frame."""
 
     name = "pose"
@@ -46,4 +46,4 @@ class Pose(Point):
         return np.hstack((position_sigma(values, instrument), turns))
 
 
-KIND = Pose()
+KIND = SensedPose()

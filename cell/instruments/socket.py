@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Socket(Kind):
+class SocketSeat(Kind):
     """No value: the target stands at the seat's origin, within the socket's play."""
 
     name = "socket"
@@ -49,4 +49,4 @@ class Socket(Kind):
         return np.zeros_like(rod)
 
 
-KIND = Socket()
+KIND = SocketSeat()

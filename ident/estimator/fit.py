@@ -199,7 +199,15 @@ def fit(
             on_iteration(_iteration(model, equations))
 
     minimum = minimise(
-        WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after, robust),
+        WhitenedLoopClosure(
+            model=model,
+            x=x,
+            ballbars=ballbars,
+            excess=excess,
+            keep_blocks=reuse_below > 0.0,
+            freeze_after=freeze_after,
+            robust=robust,
+        ),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,

@@ -158,7 +158,7 @@ class Evaluation:
 
     @property
     def unmeasured_columns(self) -> Array:
-        """(m, 6, N) change of the loop-closure error for a unit of what nothing senses [m, rad]."""
+        """(m, 6, N) change of the loop-closure error for a unit of each unmeasured direction."""
         return self.samples.free_columns(self.closure, self.columns)
 
     def noise_columns(self, excess: ExcessNoise, uncertain: Array | float = 0.0) -> Array:

@@ -119,7 +119,10 @@ class Observations(ABC):
 
     @abstractmethod
     def free_columns(self, closure: Closure | TargetClosure, columns: Array) -> Array:
-        """(m, 6, N) changes of the error that nothing senses; columns : of the error channels."""
+        """(m, 6, N) changes of the error along unmeasured directions.
+
+        columns : of the error channels.
+        """
 
     @abstractmethod
     def noise_columns(
@@ -218,7 +221,7 @@ class StillPoses(Observations):
         return close_on_target(group.kind, group.values, layout.seat(x, group.seat), frames)
 
     def free_columns(self, closure: Closure | TargetClosure, columns: Array) -> Array:
-        """What the instrument does not sense of the target."""
+        """Shifts and turns of the target that the instrument does not measure."""
         del columns
         assert isinstance(closure, TargetClosure)
         return closure.sight.free
