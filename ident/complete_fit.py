@@ -17,6 +17,7 @@ from cell.descriptions import Cell
 from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
+from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
@@ -31,13 +32,7 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.unknowns import (
-    TENSION_PRIOR,
-    PlacedPoses,
-    RecordingStart,
-    Unknowns,
-    complete_unknowns,
-)
+from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
 from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces

@@ -18,10 +18,10 @@ from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
+from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.fit import Fit
 from ident.estimator.robust_fit import median_scale, whitened_lengths
-from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
-from ident.moved_seats import Step
+from ident.table_steps import Step
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 # Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and

@@ -16,9 +16,9 @@ from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.order_search import OrderSearch
 from ident.findings import Findings, scale_of
-from ident.moved_seats import renamed
 from ident.pose_verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
+from ident.table_steps import renamed
 from ident.verdict import Verdict
 
 

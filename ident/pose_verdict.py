@@ -8,8 +8,8 @@ import numpy as np
 
 from cell.poses import PoseGroup, PoseTable
 from ident.cross_validation import at_one_place, only_lengths
+from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.regions import distinct_poses
-from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.verdict import Status, Verdict
 
 if TYPE_CHECKING:

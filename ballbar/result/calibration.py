@@ -33,8 +33,8 @@ from cell.placement import Placement
 from cell.strict_yaml import YamlDocument, check_schema, load_yaml, parse_model
 from ident.corrections import as_in_result
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
+from ident.estimator.build_unknowns import arm_parameters
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.unknowns import arm_parameters
 from ident.identify_poses import JointErrors
 from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, unloaded_robot
 from ident.robot.identified_arm import IdentifiedArm

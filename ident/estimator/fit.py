@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import Geometry
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
 from ident.estimator.iteration import Iteration, IterationCallback
 from ident.estimator.model import Evaluation, Model, joints_as_logged
@@ -32,7 +33,6 @@ from ident.estimator.normal_equations import (
     whole_jacobian,
 )
 from ident.estimator.samples import Samples
-from ident.estimator.unknowns import kinematic_unknowns
 from ident.estimator.whitening import Whitening
 from ident.signals.step_fault import StepFault
 

@@ -31,7 +31,8 @@ from ident.corrections.base import (
 )
 from ident.estimator.closure import Closure, parameter_jacobian
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import ArmMotion, Observations, Samples, StillPoses
+from ident.estimator.observations import ArmMotion, Observations, StillPoses
+from ident.estimator.samples import Samples
 from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import Whitening, covariance, whitening

@@ -23,9 +23,10 @@ from cell.errors import FailureError
 from cell.geometry import Geometry
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
+from ident.estimator.build_unknowns import bare_flange, still_unknowns
 from ident.estimator.model import still_model
 from ident.estimator.robust_fit import fit_robustly
-from ident.estimator.unknowns import PlacedPoses, bare_flange, still_unknowns
+from ident.estimator.unknowns import PlacedPoses
 from ident.signals.rounding import rounding_noise
 
 _LINEAR = ("length", "point", "pose", "socket")  # kinds with a linear problem of their own

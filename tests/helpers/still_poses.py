@@ -20,7 +20,7 @@ from cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 from ident.loads.at_rest import angles_at_rest
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
