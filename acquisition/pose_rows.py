@@ -199,7 +199,7 @@ def _conversion(context: TableContext, columns: Sequence[Quantity]) -> ValueConv
     if declared is None:
         raise ValueError("a table without values")
     length, angle = value_units(context, declared, columns)
-    return ValueConversion(declared, METRES[length], RADIANS[angle])
+    return ValueConversion(declared, context.instrument.kind, METRES[length], RADIANS[angle])
 
 
 def _measured(
@@ -210,7 +210,7 @@ def _measured(
     raw, constants = numbers.parts["values"], context.declared.sigma
     values = raw
     if declared is not None:
-        if instrument.measured == "pose":
+        if instrument.kind.target_turns:
             refuse_quaternions(declared, rows, raw)
         conversion = _conversion(context, columns.parts["values"])
         values = conversion.values(raw)
@@ -253,6 +253,8 @@ def _value_findings(
     unit, angle = value_units(context, declared, columns.parts["values"])
     if context.instrument.measured == "length":
         return check_lengths(rows, values, context.instrument, unit)
+    if context.instrument.kind.names[:3] != ("x", "y", "z"):
+        return ()
     findings, points = list[Finding](), values[:, :3]
     for seat in dict.fromkeys(seats):  # each has a frame of its own
         own = np.array([name == seat for name in seats])

@@ -197,13 +197,13 @@ def _poses(fit: Fit, stated: Uncertainty) -> TableEstimate | None:
         errors=tuple(np.linalg.norm(point.closure.error[:3], axis=0) for point in points),
         ignored=sum(int((weight == 0.0).sum()) for weight in fit.linear.robust[count:]),
         unexplained=fit.excess.position,
+        declared=float(np.median(np.concatenate([p.position_sigma.ravel() for p in points]))),
     )
 
 
 def _contradiction(poses: TableEstimate, tcp_sigma: float) -> str:
     """What is left of still poses beyond what noise and stated uncertainty explain, if anything."""
-    declared = np.concatenate([group.sigma[:, :3].ravel() for group in poses.table.groups])
-    if poses.unexplained <= APART * max(float(np.median(declared)), tcp_sigma):
+    if poses.unexplained <= APART * max(poses.declared, tcp_sigma):
         return ""
     return (
         f"the still poses of {poses.table.name} lie {poses.unexplained * 1e3:.3f} mm along each "

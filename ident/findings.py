@@ -165,7 +165,7 @@ def _unfinished(fit: Fit) -> float:
 
 def _error_of_one(fit: Fit) -> float:
     """[m] error of one measurement along an axis: declared noise and what is unexplained."""
-    noise = np.concatenate([g.sigma[:, :3].reshape(-1) for g in fit.model.poses.groups])
+    noise = np.concatenate([p.position_sigma.reshape(-1) for p in fit.linear.evaluations])
     return float(np.hypot(fit.excess.position, np.median(noise)))
 
 

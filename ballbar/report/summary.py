@@ -14,18 +14,14 @@ from ballbar.report.tcp_view import TcpView
 from ballbar.result.run_data import PoseRun, Run, RunData
 from ballbar.units import MM, MS, UM, URAD
 from cell.clock import UNSEEN_OFFSET
+from cell.instruments import kinds
 from cell.number_text import duration_text
 from ident.result import Identification
 from ident.verdict import Status
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css
-QUANTITIES = {
-    "length": "distances",
-    "point": "points",
-    "pose": "whole poses",
-    "socket": "touched sockets",
-}  # that tables of still poses hold
+QUANTITIES = {kind.name: kind.noun for kind in kinds().values()}  # of tables of still poses
 
 
 @dataclass(frozen=True)

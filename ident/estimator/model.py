@@ -131,6 +131,11 @@ class Evaluation:
             raise TypeError("no target was observed")
         return self.closure
 
+    @property
+    def position_sigma(self) -> Array:
+        """(N, D) [m] declared standard deviation of still poses along each direction sensed."""
+        return self.target_closure.sight.position_sigma(self.still.sigma)
+
     @cached_property
     def channel_speed(self) -> Array:
         """(J, N) [rad/s] speed of the robot's channels."""

@@ -9,7 +9,7 @@ import pytest
 
 from cell.clock import Clock
 from cell.geometry import robot_geometry
-from cell.instruments import kind_named
+from cell.instruments import kind_named, kinds
 from cell.poses import PoseTable
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
@@ -37,7 +37,7 @@ def model_of(table: PoseTable) -> Model:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("measured", ["length", "point", "pose", "socket"])
+@pytest.mark.parametrize("measured", list(kinds()))
 def test_jacobian_is_the_difference_of_the_whitened_residual(measured: str) -> None:
     """All unknowns, at a value away from the start; the weights are held."""
     true = true_robot("ur5")
