@@ -30,7 +30,7 @@ from cell.geometry import (
     robot_geometry,
 )
 from cell.statistics import rms
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.pose_result import PoseIdentification
 from ident.result import Identification
