@@ -44,12 +44,18 @@ def drawn(name: str, seed: int, seats: int) -> tuple[TrueRobot, PoseIdentificati
     return true, identify_poses(table, PoseOptions(search=False))
 
 
+def from_seat(arm: IdentifiedRobot, q: Array) -> Array:
+    """(N, 3) [m] from the seat to the target."""
+    assert isinstance(arm.stated, PoseCovariance)
+    return np.asarray(arm.frames(q).tip.T - arm.stated.seat.origin)
+
+
 def within(arm: IdentifiedRobot, q: Array, seen: Array) -> float:
     """Share of points seen (N, 3) [m] from the seat that lie in their regions.
 
     Frames are turned onto each other: lengths do not tell the seat's rotation.
     """
-    model = arm.frames(q).tip.T - arm.seat.origin
+    model = from_seat(arm, q)
     u, _, vt = np.linalg.svd(seen.T @ model)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return float(arm.within(q, seen @ turn - model).mean())
@@ -121,7 +127,7 @@ def test_a_turn_of_the_frame_is_taken_out_by_the_helper() -> None:
     arm, q = result.identified_robot(), angles("ur5", 20, 3)
     q = q[arm.covered(q)]
     turn = matrix_from_rotvec(np.array([[0.3], [0.2], [-0.5]]))[:, :, 0]
-    model = arm.frames(q).tip.T - arm.seat.origin
+    model = from_seat(arm, q)
     assert within(arm, q, model @ turn.T) == 1.0
 
 
