@@ -179,7 +179,7 @@ def reached(result: Result, payload: Payload | None, q: Array) -> Array:
     """(N, 4, 4) where the identified robot puts the end of the plate."""
     robot = result.calibration.identified_robot(cell=result.cell)
     if payload is not None:
-        robot = replace(robot, cell=with_payload(robot.cell, payload))
+        robot = replace(robot, description=with_payload(robot.cell, payload))
     return robot.poses(q)
 
 
