@@ -20,14 +20,7 @@ from scipy.interpolate import BSpline, CubicSpline
 from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.compare import (
-    Comparison,
-    compare_geometry,
-    compare_kinematics,
-    compare_with_truth,
-    identification_against_truth,
-    z_rms,
-)
+from ballbar.result.compare import Comparison, compare_geometry, compare_kinematics, z_rms
 from ballbar.result.names import RECORDING
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
@@ -40,6 +33,7 @@ from ballbar.trial.sample_trial import (
     nominal_of,
     sampled_cell,
 )
+from ballbar.truth.compare import compare_with_truth, identification_against_truth
 from ballbar.units import MM, MRAD, PPM, UM, US
 from cell.arrays import Array
 from cell.descriptions import Cell

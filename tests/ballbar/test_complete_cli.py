@@ -20,11 +20,11 @@ from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
 from ballbar.result.calibration import load_calibration
-from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
+from ballbar.truth.compare import identification_against_truth
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
 from ident.held_out import HeldOut, LoopClosure, held_out

@@ -514,7 +514,7 @@ def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
 
 
 def test_the_drawn_arm_runs_along_the_rows_of_the_robot(result: Result) -> None:
-    from ballbar.replay.shapes import robot_bodies  # noqa: PLC0415
+    from ballbar.report.shapes import robot_bodies  # noqa: PLC0415
 
     chain = result.chain
     base, *links = robot_bodies(chain)
