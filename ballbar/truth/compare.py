@@ -7,12 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ballbar.result.calibration import Calibration
-from ballbar.result.compare import (
-    Comparison,
-    poses_within,
-    robot_comparison,
-    target_comparison,
-)
+from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from ballbar.truth.true_robot import true_tool
 from cell.descriptions import Robot
 from cell.errors import InputError
