@@ -22,7 +22,8 @@ from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.robust_fit import robust_weights
-from ident.estimator.samples import Samples, close_times, samples_of
+from ident.estimator.sample_times import close_times
+from ident.estimator.samples import Samples, samples_of
 from ident.estimator.step_faults import (
     ENCODER_JUMPS,
     MAX_FOUND,

@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from cell.arrays import Array
 from cell.poses import PoseTable
+from cell.statistics import correlation_time
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import NormalEquations
 from ident.estimator.robust_fit import (
@@ -239,7 +240,7 @@ def _predicts(
         every = np.concatenate((jacobian, more))
         if k == 1:
             rest = residual - np.einsum("pen,p->en", every, np.linalg.solve(normal, gradient))
-            tau = _correlation_time(rest)
+            tau = correlation_time(rest, most=ALIKE)
         normal[-3:, -3:] += max(PRIOR, place.size) ** -2.0 * np.eye(3)
         left.append(_left_out(normal, gradient, every, residual, block, counting))
     spare = max(
@@ -253,21 +254,6 @@ def _predicts(
         and min(gain[:BLOCKS].sum(), gain[BLOCKS:].sum()) > 0.0
         and all(step.sum() < ramp.sum() for ramp in ramps)
     )
-
-
-def _correlation_time(residual: Array) -> float:
-    """Number of neighbouring poses whose residuals (E, N) count as one: 1 for white noise.
-
-    Integrated autocorrelation, cut where it is no longer seen (Sokal 1997); at most ALIKE.
-    """
-    total, n = float((residual**2).sum()), residual.shape[1]
-    tau, seen = 1.0, 2.0 / np.sqrt(residual.size)
-    for lag in range(1, n // 4):
-        share = float((residual[:, lag:] * residual[:, :-lag]).sum()) / total
-        if share < seen or tau > ALIKE:
-            break
-        tau += 2.0 * share
-    return min(tau, ALIKE)
 
 
 def _comparable(q: Array, after: NDArray[np.bool_]) -> NDArray[np.bool_]:

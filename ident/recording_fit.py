@@ -22,7 +22,8 @@ from ident.estimator.identifiability import Identifiability, candidates, identif
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.priors import declared_names, priors
-from ident.estimator.samples import Samples, sample_times, samples_of
+from ident.estimator.sample_times import sample_times
+from ident.estimator.samples import Samples, samples_of
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener

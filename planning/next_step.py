@@ -21,7 +21,7 @@ from ident.corrections import correction_of_result
 from ident.estimator.build_unknowns import TENSION_PRIOR
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.noise import ExcessNoise, LogNoise
-from ident.estimator.samples import DWELL_KEPT
+from ident.estimator.sample_times import DWELL_KEPT
 from ident.loads.gear_loads import mass_model
 from ident.result import RobotEstimate
 from ident.robot.accuracy import accuracy_grid
@@ -188,8 +188,8 @@ def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
         normal += information[np.ix_(machine, machine)] - eliminated - prior
     unknowns = moving(first.layout)
     return tcp_uncertainty(
-        first.unloaded.tool(first.grid),
-        first.unloaded.jacobian(first.grid, first.layout.shared),
+        first.robot.tool(first.grid),
+        first.robot.jacobian(first.grid, first.layout.shared),
         inverse(normal)[np.ix_(unknowns, unknowns)],
         [first.layout.names[i] for i in unknowns],
     )

@@ -32,7 +32,8 @@ from ident.estimator.gauss_newton import SingularError
 from ident.estimator.iteration import IterationCallback
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.priors import fixed_names
-from ident.estimator.samples import overlap, sample_times, samples_of
+from ident.estimator.sample_times import overlap, sample_times
+from ident.estimator.samples import samples_of
 from ident.signals.smooth_log import SmoothLog
 from ident.start.lag_scan import OffsetBranch, Pair, PairScan, best_lags, scan_lags, subsample
 from ident.start.length_scan import best_lengths
