@@ -35,9 +35,9 @@ def verify_folder(
     """Whether a calibration.yaml holds for the recording or the still poses in a folder.
 
     Returns also what is to be said of the temperatures and of the reading. Raises InputError for
-    measurements of another kind than the result's, of a sensed length while the robot moves, or of
-    another robot, ball-bar or plate; for those that cannot be read, are too few, or do not fit
-    together; and for a result of recordings without covariance.
+    measurements of another kind than the result's, or of another robot, instrument or plate; for
+    those that cannot be read, are too few, or do not fit together; and for a result of recordings
+    without covariance.
     """
     calibration = Calibration.load(result)
     try:
@@ -66,12 +66,6 @@ def _verify_recording(
     recorded = recording.description
     names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
     _check_same(calibration, folder, names)
-    if recording.length_log is not None:
-        raise InputError(
-            f"{folder}: a length hardly tells its own clock, so one short recording of it cannot "
-            f"be held against a result. Take `ballbar identify --validate {folder} ...`, or ten "
-            "still poses."
-        )
     logs = logs_of(distinct_names([folder])[0], recording)
     outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
     warmth = temperature_remarks(content, recorded.temperature_C)
