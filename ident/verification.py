@@ -314,26 +314,14 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
         names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
         return Cause(kind, axis, names, columns, np.array([s for _, s in known]))
 
-    zeros = _zeros(robot)
+    zeros, sensed = _zeros(robot), machine.robot.cell.ballbar.stroke is not None
     last = [f"r{kind}{robot.joints}" for kind in ("d", "a", "theta", "alpha", "beta")]
     sizes = [SHIFT, SHIFT, TURN, TURN, TURN]
     made = [cause("axis", axis, [(shares, ZERO)]) for axis, shares in zeros.items()]
     made.append(cause("tool", 0, [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)]))
-    if machine.robot.cell.ballbar.stroke is None:
-        made += [
-            cause("rod", 0, [({"bd3": 1.0}, LENGTH)]),
-            cause("plate", 0, [({table.plate: 1.0}, LENGTH)]),
-        ]
-    else:  # a length that has to be scaled up shows a robot that is too small until it is
-        lengths = {
-            p.name: -machine.robot.geometry[p.name]
-            for p in table.parameters
-            if p.is_length and p.side == "robot" and p.name in place
-        }
-        made += [
-            cause("length", 0, [({"bd3": 1.0}, LENGTH)]),
-            cause("scale", 0, [(lengths, SCALE)]),
-        ]
+    made.append(cause("length" if sensed else "rod", 0, [({"bd3": 1.0}, LENGTH)]))
+    if not sensed:
+        made.append(cause("plate", 0, [({table.plate: 1.0}, LENGTH)]))
     sigma = dict(zip(layout.names, layout.sigma.tolist(), strict=True))
     for gear in range(robot.joints):
         own = [
@@ -349,6 +337,10 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
     moves = {p.name: ({p.name: 1.0}, SHIFT if p.is_length else TURN) for p in others}
     made += [cause("geometry", 0, [moves[p.name]]) for p in others if p.side == "robot"]
     made.append(cause("ball-bar", 0, [moves[p.name] for p in others if p.side == "bar"]))
+    if sensed:  # a length that has to be scaled up shows a robot that is too small until it is
+        lengths = [p.name for p in table.parameters if p.name in place and p.is_length]
+        shares = {n: -machine.robot.geometry[n] for n in lengths if n.startswith("r")}
+        made.append(cause("scale", 0, [(shares, SCALE)]))
     return tuple(c for c in made if c is not None)
 
 
