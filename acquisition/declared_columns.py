@@ -17,7 +17,6 @@ from cell.errors import DescriptionError
 from cell.file_units import METRES, RADIANS, AngleUnit
 from cell.instrument import Instrument
 from cell.pose_file import PoseTableFile, Sigma, ValueColumns
-from cell.poses import COLUMNS
 from cell.selectors import spread
 
 # Columns of the joint angles of files that have names of their own for them.
@@ -67,10 +66,11 @@ def check_declared(context: TableContext) -> None:
     declared, measured = context.declared, context.instrument.measured
     values = declared.values
     words = f"{context.instrument.name} measures a {measured}"
-    if declared.reference is not None and measured in ("length", "socket"):
+    kind = context.instrument.kind
+    if declared.reference is not None and kind.names[:3] != ("x", "y", "z"):
         message = f"{words}; only a measured position can be corrected. Leave reference out."
         raise context.wrong("reference", message)
-    if measured == "socket":
+    if not kind.columns:
         if values is not None:
             raise context.wrong("values", f"{words}: leave values out.")
         if declared.sigma is not None and declared.sigma.columns:
@@ -85,24 +85,28 @@ def check_declared(context: TableContext) -> None:
 
 def _check_values(context: TableContext, values: ValueColumns, words: str) -> None:
     """Raises as `check_declared`; words : what the instrument measures."""
-    measured = context.instrument.measured
-    if measured == "pose" and values.rotation is None:
+    kind = context.instrument.kind
+    if kind.target_turns and values.rotation is None:
         message = f"rotation is missing; {words}. Add its convention, such as XYZ, rotvec or"
         raise context.wrong("values", f"{message} quat_wxyz.")
-    if measured != "pose" and values.rotation is not None:
+    if not kind.target_turns and values.rotation is not None:
         raise context.wrong("values.rotation", f"{words}, without rotation: leave it out.")
-    count, expected = len(values.columns), COLUMNS[measured] + values.quaternions
+    count, expected = len(values.columns), kind.columns + values.quaternions
     if count != expected:
         raise context.wrong("values.columns", f"{count} columns; {words}: expected {expected}.")
-    if values.spherical is not None and measured == "length":
+    if values.spherical is not None and kind.names[:3] != ("x", "y", "z"):
         raise context.wrong("values.spherical", f"{words}: leave it out.")
-    if values.offset_m and measured != "length" and values.spherical is None:
+    if values.offset_m and kind.units != ("m",) and values.spherical is None:
         raise context.wrong("values.offset_m", f"{words}: an offset belongs to lengths only.")
 
 
 def _check_sigma(context: TableContext, sigma: Sigma, values: ValueColumns) -> None:
     if not sigma.columns:
-        if context.instrument.measured == "pose" and sigma.rotation_rad is None:
+        kind = context.instrument.kind
+        if kind.units and "m" not in kind.units:
+            message = "the values are angles. Name their columns of sigma, or leave it out."
+            raise context.wrong("sigma", message)
+        if kind.target_turns and sigma.rotation_rad is None:
             raise context.wrong("sigma", "rotation_rad is missing beside length_m.")
         return
     if values.quaternions:
@@ -184,12 +188,13 @@ def value_units(
     context: TableContext, declared: ValueColumns, columns: Sequence[Quantity]
 ) -> tuple[str, AngleUnit]:
     """Units of the lengths and of the angles among the values; rad where there are none."""
-    lengths, angles = list(columns[:3]), list(columns[3:])
+    first = 3 if "m" in context.instrument.kind.units else 0
+    lengths, angles = list(columns[:first]), list(columns[first:])
     if declared.spherical is not None:
         lengths, angles = lengths[2:], [*lengths[:2], *angles]
     if declared.quaternions:
         angles = angles[:-4]
-    unit = _unit(context, "values", "unit", declared.unit, lengths)
+    unit = _unit(context, "values", "unit", declared.unit, lengths) if lengths else "m"
     if unit not in METRES:
         raise context.wrong("values", f"the header says {unit}; expected {', '.join(METRES)}.")
     return unit, angle_unit(context, "values", declared.angle_unit, angles) if angles else "rad"

@@ -12,6 +12,7 @@ from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.errors import LogError
 from cell.instrument import Instrument
+from cell.instruments.base import Kind
 from cell.pose_file import Sigma, ValueColumns
 
 _STEP = 1e-5  # [rad] of the central difference; its error is of the order of 1e-10
@@ -22,13 +23,19 @@ class ValueConversion:
     """Meaning of raw columns of values, and units of the lengths and angles among them."""
 
     declared: ValueColumns
+    kind: Kind
     length: float  # [m]
     angle: float  # [rad]
 
+    @property
+    def _units(self) -> Array:
+        """(M,) [m, rad] of the values as the kind has them."""
+        return np.array([self.length if unit == "m" else self.angle for unit in self.kind.units])
+
     def values(self, raw: Array) -> Array:
-        """(N, M) [m, rad] values of raw columns (N, K), M as in cell.poses.COLUMNS."""
-        if raw.shape[1] == 1:
-            return raw * self.length + self.declared.offset_m
+        """(N, M) [m, rad] values of raw columns (N, K), M as the kind's `columns`."""
+        if raw.shape[1] < 3:
+            return np.asarray(raw * self._units + self.declared.offset_m)
         values = self.position(raw[:, :3])
         if raw.shape[1] == 3:
             return values
@@ -52,8 +59,8 @@ class ValueConversion:
 
         The deviations of a rotation are of small turns about the axes of the seat's frame.
         """
-        if raw.shape[1] == 1:
-            return deviation * self.length
+        if raw.shape[1] < 3:
+            return np.asarray(deviation * self._units)
         steps = _STEP * np.eye(3)
         if self.declared.spherical is None:
             sigma = deviation[:, :3] * self.length
@@ -104,8 +111,8 @@ def refuse_quaternions(declared: ValueColumns, rows: PoseRows, raw: Array) -> No
 
 def constant_sigma(sigma: Sigma, instrument: Instrument, count: int) -> Array:
     """(N, M) [m, rad] of declared constants; M is 3 for a socket."""
-    lengths = np.full((count, 1 if instrument.measured == "length" else 3), sigma.length_m)
-    if instrument.measured != "pose":
+    lengths = np.full((count, instrument.kind.directions), sigma.length_m)
+    if not instrument.kind.target_turns:
         return lengths
     return np.hstack((lengths, np.full((count, 3), sigma.rotation_rad)))
 

@@ -28,7 +28,7 @@ from acquisition.faults.nominal_robot import (
     orientations,
     refuse_radians,
 )
-from acquisition.faults.robot_angles import Reading
+from acquisition.faults.robot_angles import AngleReading
 from acquisition.faults.table_angles import angle_findings, refuse_other_unit
 from acquisition.formats.table_file import pose_text
 from acquisition.measured_values import (
@@ -72,7 +72,7 @@ class _Numbers:
     """The numbers of a file in its own units; NaN where a field is empty."""
 
     rows: PoseRows
-    reading: Reading  # of the joint angles
+    reading: AngleReading  # of the joint angles
     parts: dict[Part, Array]  # (N, C) each
 
     def take(self, chosen: NDArray[np.bool_]) -> _Numbers:
@@ -107,7 +107,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
     unit = angle_unit(context, "joints", declared.joints.unit, quantities["joints"])
     numbers = _Numbers(
         rows,
-        Reading(declared.joints.angles, unit),
+        AngleReading(declared.joints.angles, unit),
         {
             part: (joint_rows if part == "joints" else rows).numbers(quantities[part])
             for part in (*_NEEDED, "reference")
@@ -199,7 +199,7 @@ def _conversion(context: TableContext, columns: Sequence[Quantity]) -> ValueConv
     if declared is None:
         raise ValueError("a table without values")
     length, angle = value_units(context, declared, columns)
-    return ValueConversion(declared, METRES[length], RADIANS[angle])
+    return ValueConversion(declared, context.instrument.kind, METRES[length], RADIANS[angle])
 
 
 def _measured(
@@ -210,7 +210,7 @@ def _measured(
     raw, constants = numbers.parts["values"], context.declared.sigma
     values = raw
     if declared is not None:
-        if instrument.measured == "pose":
+        if instrument.kind.target_turns:
             refuse_quaternions(declared, rows, raw)
         conversion = _conversion(context, columns.parts["values"])
         values = conversion.values(raw)
@@ -253,6 +253,8 @@ def _value_findings(
     unit, angle = value_units(context, declared, columns.parts["values"])
     if context.instrument.measured == "length":
         return check_lengths(rows, values, context.instrument, unit)
+    if context.instrument.kind.names[:3] != ("x", "y", "z"):
+        return ()
     findings, points = list[Finding](), values[:, :3]
     for seat in dict.fromkeys(seats):  # each has a frame of its own
         own = np.array([name == seat for name in seats])

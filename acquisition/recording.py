@@ -30,7 +30,7 @@ from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_mot
 from acquisition.faults.gear_torques import gear_torques
 from acquisition.faults.other_angles import with_angle_jumps_checked
 from acquisition.faults.robot_angles import (
-    Reading,
+    AngleReading,
     moves,
     pop_angles_inplace,
     with_limits_checked,
@@ -149,7 +149,10 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
 def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotLog, ImportLog]:
     """The robot's log of a recording, and what was found in its files."""
     source = log_source(folder, "robot", declared, axes=robot.joints)
-    dialect, reading = source.dialect, Reading(source.dialect.angle_kind, source.dialect.angle_unit)
+    dialect, reading = (
+        source.dialect,
+        AngleReading(source.dialect.angle_kind, source.dialect.angle_unit),
+    )
     tables, summaries = read_files(source)
     table = joined([without_sentinels(table, dialect.angles) for table in tables])
     t = seconds(table)

@@ -14,7 +14,8 @@ from ballbar.claims.file import ClaimFile
 from ballbar.result.calibration_file import CalibrationFile
 from ballbar.scenario import PoseScenario, Scenario
 from ballbar.sweep.file import SweepFile
-from cell.description_files import BallBarFile, PlateFile, RobotFile
+from cell.ballbar_files import BallBarFile, PlateFile
+from cell.description_files import RobotFile
 from cell.dialect import Dialect
 from cell.extended_yaml import EXTENDS
 from cell.instrument import InstrumentFile

@@ -27,12 +27,12 @@ from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.load import load_cell
 from cell.threads import one_thread_each
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, samples_of
-from ident.estimator.unknowns import kinematic_unknowns
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs, identifiable_parameters

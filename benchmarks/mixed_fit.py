@@ -2,10 +2,10 @@
 
     python -m benchmarks.mixed_fit               # six IRB 2400; ten minutes
 
-Two recordings of each robot as in benchmarks.everything_on, and POINTS still poses at which a
-tracker, 15 um along each axis, measured a target on the tool. Writes docs/studies/mixed_fit.csv: a
-row for each robot and for what was fitted, `recordings` alone or `mixed`. Plate and ball-bar axes
-leave the scale open; the tracker tells it.
+Two recordings of each robot as in benchmarks.everything_on, and the still poses of
+tests.helpers.tracker_points, at which a tracker measured a target on the tool. Writes
+docs/studies/mixed_fit.csv: a row for each robot and for the data fitted, `recordings` alone or
+`mixed`. Plate and ball-bar axes leave the scale open; the tracker determines it.
 """
 
 from __future__ import annotations
@@ -21,51 +21,15 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.result.compare import identification_against_truth
-from ballbar.result.true_robot import true_tool
-from cell.arrays import Array
-from cell.descriptions import Cell
 from cell.files import write_whole
-from cell.poses import PoseGroup, PoseTable
-from cell.rotation import matrix_from_rotvec
 from ident.identify import identify_together
-from sim.truth import Truth
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
+from tests.helpers.tracker_points import still_points
 
-POINTS, SIGMA = 12, 15e-6  # [m] of the tracker, along each axis
-SHARE = 0.5  # of the ranges of the axes over which the poses are spread
 COLUMNS = (
     "robot", "fitted", "status", "tcp_mean_mm", "tcp_max_mm", "scale_known_mm", "tcp_sigma_mm",
     "over_stated",
 )  # fmt: skip
-
-
-def still_points(cell: Cell, truth: Truth, seed: int, count: int = POINTS) -> PoseTable:
-    """Points that a tracker measured of the tool of a true robot, in the frame of its seat."""
-    rng, robot = np.random.default_rng([seed, 34]), cell.robot
-    middle, half = 0.5 * (robot.axis_upper + robot.axis_lower), 0.5 * SHARE
-    axes = middle + half * (robot.axis_upper - robot.axis_lower) * rng.uniform(
-        -1.0, 1.0, (count, robot.joints)
-    )
-    q = axes @ np.asarray(robot.controller_to_joint)
-    turn = matrix_from_rotvec(np.array([[0.1], [-0.05], [2.0]]))[:, :, 0]
-    seat: Array = np.array([2.5, -1.0, 0.3])
-    points = (true_tool(cell, truth, truth.geometry, q) - seat) @ turn
-    return PoseTable(
-        "tracker",
-        robot,
-        (
-            PoseGroup(
-                measured="point",
-                seat="tracker",
-                target="reflector",
-                q=q,
-                values=points + SIGMA * rng.standard_normal(points.shape),
-                sigma=np.full(points.shape, SIGMA),
-                rows=np.arange(1, count + 1),
-                file="tracker.csv",
-            ),
-        ),
-    )
 
 
 def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:

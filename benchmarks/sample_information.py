@@ -19,7 +19,8 @@ from cell.geometry import Geometry
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import jacobian
-from ident.estimator.samples import sample_times, samples_of
+from ident.estimator.sample_times import sample_times
+from ident.estimator.samples import samples_of
 from ident.options import FitOptions
 from ident.recording_fit import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Logs, fit_recording
 from ident.robot.accuracy import accuracy_grid, tcp_sigma

@@ -35,7 +35,8 @@ from cell.clock import Clock
 from cell.load import load_robot
 from ident.estimator.fit import fit_kinematics
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import MARGIN, samples_of
+from ident.estimator.sample_times import MARGIN
+from ident.estimator.samples import samples_of
 from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
 from ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
 from ident.verdict import Status

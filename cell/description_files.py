@@ -1,8 +1,7 @@
-"""Schemas of the YAML files of cell/robots, cell/instruments and cell/plates.
+"""Schema of the YAML files of cell/robots, and the numbers that it shares with other descriptions.
 
 A robot needs only its DH rows, 5 to 8 of them, and the limits of its axes. Lists and matrices of
 its axes have one entry for each row.
-
 
 Keys carry their unit; angles are in degrees, as data sheets print them. Matrices act on row vectors
 (thesis App. A: `joints = motors @ T`). A ratio may be a fraction in quotes, "-5/648".
@@ -19,7 +18,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from cell.descriptions import ProgramLanguage
-from cell.schema import EncoderLines, Line, Strict
+from cell.schema import Line, Strict
 from cell.schema_errors import Loc, wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
@@ -42,7 +41,8 @@ def _matrix(value: Any) -> Any:
     return None if value == "identity" else value
 
 
-def _metres(value: float) -> float:
+def metres(value: float) -> float:
+    """A length that can be one in metres. Raises ValueError for one that must be in mm."""
     if abs(value) > MAX_DH_LENGTH_M:
         raise ValueError(
             f"longer than {MAX_DH_LENGTH_M:g} m. Lengths are metres: for {value:g} mm write "
@@ -62,7 +62,7 @@ def _degrees(value: float) -> float:
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
-Length = Annotated[float, AfterValidator(_metres)]
+Length = Annotated[float, AfterValidator(metres)]
 NominalAngle = Annotated[float, Field(ge=-360.0, le=360.0), AfterValidator(_degrees)]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Inertia = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
@@ -285,76 +285,3 @@ def _axis_lists(part: Any, *loc: str | int) -> Iterator[tuple[Loc, tuple[Any, ..
         elif key in _AXIS_LISTS and value is not None:
             yield place, value
             yield from (((*place, i), v) for i, v in enumerate(value) if isinstance(v, tuple))
-
-
-class BallBarLinksFile(Strict):
-    """Bodies of the ball-bar with all angles zero (rod upright); com and axes in its base frame."""
-
-    link1: LinkFile
-    link2: LinkFile
-    link3: LinkFile
-    link4: LinkFile
-    link5: LinkFile
-
-
-class EncoderFile(Strict):
-    """Resolution and noise of the ball-bar's encoders."""
-
-    lines: EncoderLines
-    bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
-    noise_sigma_rad: NotNegative
-
-
-class AxialStiffnessFile(Strict):
-    """Stiffnesses in series along the rod of a ball-bar."""
-
-    rod: Positive
-    gimbal: Positive  # b1, b2, b3
-    universal_joint: Positive  # b4, b5
-
-
-class JointBacklashFile(Strict):
-    """Total width of the play of a ball-bar's joints along the rod."""
-
-    gimbal: NotNegative
-    universal_joint: NotNegative
-
-
-class BallBarFile(Strict):
-    """Description of a ball-bar, cell/instruments/*.yaml."""
-
-    schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
-    title: Line
-    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=5)]
-    length_tolerance_m: Positive = Field(description="Standard deviation of the rod's length.")
-    axial_stiffness_N_per_m: AxialStiffnessFile
-    axial_damping_N_s_per_m: NotNegative = Field(description="Damping along the rod.")
-    joint_damping_N_m_s_per_rad: NotNegative5 = Field(
-        description="Viscous friction of the five joints."
-    )
-    friction_torque_N_m: NotNegative = Field(description="Coulomb friction of each joint.")
-    backlash_m: JointBacklashFile
-    encoder: EncoderFile
-    links: BallBarLinksFile
-
-    @model_validator(mode="after")
-    def _rod_has_a_length(self) -> Self:
-        if self.dh[2].d_m <= 0.0:
-            raise wrong_key("dh", 2, "d_m", message="expected the length of the rod, more than 0")
-        return self
-
-
-class PlateFile(Strict):
-    """Description of an offset plate, cell/plates/*.yaml."""
-
-    schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]
-    title: Line
-    length_m: Annotated[float, Field(gt=0.0), AfterValidator(_metres)] = Field(
-        description="Distance of the tool from the flange's axis, which fixes the scale."
-    )
-    length_sigma_m: Positive = Field(description="Standard deviation of length_m.")
-    tool_offset_m: Length = Field(
-        description="Added to the flange's d: tool changer and part of the universal joint."
-    )
-    tip_stiffness_N_per_m: Positive = Field(description="Force at the tip over its deflection.")
-    body: LinkFile  # com and axes in the robot's flange frame

@@ -13,18 +13,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cell.arrays import Array
-from cell.description_files import (
+from cell.ballbar_files import (
     AxialStiffnessFile,
     BallBarFile,
     BallBarLinksFile,
-    DHRowFile,
-    GearsFile,
     JointBacklashFile,
-    LinkFile,
     PlateFile,
-    RobotFile,
-    ServoFile,
 )
+from cell.description_files import DHRowFile, GearsFile, LinkFile, RobotFile, ServoFile
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
 from cell.foreign_files import read_regular

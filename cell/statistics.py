@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaincinv
 
 
@@ -21,3 +21,18 @@ def chi_square_quantile(probability: float, freedom: float) -> float:
     The formula of scipy.stats, which is slow to import.
     """
     return float(2.0 * gammaincinv(freedom / 2.0, probability))
+
+
+def correlation_time(series: NDArray[np.float64], *, most: float) -> float:
+    """Number of neighbouring columns of a series (E, N) that count as one: 1 for white noise.
+
+    Integrated autocorrelation, cut where it is no longer seen (Sokal 1997), at most `most`.
+    """
+    total, n = float((series**2).sum()), series.shape[1]
+    tau, seen = 1.0, 2.0 / np.sqrt(series.size)
+    for lag in range(1, n // 4):
+        share = float((series[:, lag:] * series[:, :-lag]).sum()) / total
+        if share < seen or tau > most:
+            break
+        tau += 2.0 * share
+    return min(tau, most)

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -21,6 +19,7 @@ from typing import Any, NoReturn, TypeVar, cast
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from cell.core_yaml import SCALARS, TAG, root_node
 from cell.errors import DescriptionError
 from cell.foreign_files import read_regular
 from cell.foreign_text import is_printable, printable
@@ -29,39 +28,6 @@ from cell.schema_errors import Example, Loc, explain
 M = TypeVar("M", bound=BaseModel)
 
 MAX_BYTES = 1_000_000  # far above any description; a log given by mistake is larger
-MAX_NODES = 100_000  # keys and values; a calibration has some thousand
-MAX_DEPTH = 40  # nesting of the deepest description is below 10
-
-_TAG = "tag:yaml.org,2002:"
-
-
-def _to_float(text: str) -> float:
-    value = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    if math.isinf(value) and "inf" not in text.lower():
-        raise ValueError("beyond the largest number")
-    return value
-
-
-_Scalar = tuple[re.Pattern[str], Callable[[str], Any]]
-# In this order: every whole number also looks like a float.
-_SCALARS: dict[str, _Scalar] = {
-    _TAG + "null": (re.compile(r"(?:null|Null|NULL|~|)\Z"), lambda _: None),
-    _TAG + "bool": (
-        re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z"),
-        lambda text: text.lower() == "true",
-    ),
-    _TAG + "int": (
-        re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z"),
-        lambda text: int(text, 0 if text[:2] in ("0o", "0x") else 10),
-    ),
-    _TAG + "float": (
-        re.compile(
-            r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"
-        ),
-        _to_float,
-    ),
-    _TAG + "str": (re.compile(r"", re.DOTALL), str),
-}
 
 
 @dataclass(frozen=True, order=True)
@@ -94,82 +60,10 @@ class YamlDocument:
         return self.places[loc]
 
 
-class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
-    """Composer of nodes with the scalars of the core schema; constructs no objects."""
-
-    depth = 0
-    nodes = 0
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        event = self.peek_event()  # type: ignore[attr-defined]  # the parser's
-        if getattr(event, "anchor", None) is not None:
-            sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
-            raise yaml.composer.ComposerError(
-                None,
-                None,
-                f"{sign}{event.anchor}: anchors and aliases are refused; write the value out",
-                event.start_mark,
-            )
-        self.nodes += 1
-        too_much = ""
-        if self.nodes > MAX_NODES:
-            too_much = f"more than {MAX_NODES} keys and values; no description has as many"
-        elif self.depth >= MAX_DEPTH:
-            too_much = f"nested more than {MAX_DEPTH} levels deep; write it flatter"
-        if too_much:
-            raise yaml.composer.ComposerError(None, None, too_much, event.start_mark)
-        self.depth += 1
-        node = super().compose_node(parent, index)
-        self.depth -= 1
-        return node
-
-
-_Core.yaml_implicit_resolvers = {
-    None: [(tag, scalar[0]) for tag, scalar in _SCALARS.items() if tag != _TAG + "str"]
-}
-
-
-class CoreDumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """Quotes what this schema reads as a number too: `1e-12` is text to PyYAML's own dumper."""
-
-
-for _tag, (_pattern, _) in _SCALARS.items():
-    if _tag != _TAG + "str":
-        CoreDumper.add_implicit_resolver(_tag, _pattern, None)
-
-
-class _CoreLoader(_Core, yaml.SafeLoader):
-    """With PyYAML's scanner and parser."""
-
-
-if yaml.__with_libyaml__:
-
-    class _FastLoader(_Core, yaml.CSafeLoader):
-        """With libyaml's scanner and parser, which are five times as fast."""
-
-        def __init__(self, text: str) -> None:
-            yaml.CSafeLoader.__init__(self, text)
-            yaml.composer.Composer.__init__(self)
-
-
-def _root(text: str) -> yaml.Node | None:
-    """The root node of a text.
-
-    Where libyaml refuses a text, PyYAML gives the reason. libyaml accepts a tab, a `?` and a `!` in
-    places where PyYAML does not; both read a text without these the same way.
-    """
-    if yaml.__with_libyaml__ and text.isascii() and not any(mark in text for mark in "\t?!"):
-        try:
-            return _FastLoader(text).get_single_node()
-        except yaml.YAMLError:
-            pass
-    return _CoreLoader(text).get_single_node()
-
-
 def _parsed(text: str, at: _At) -> yaml.Node | None:
     """The root node of a text. Raises DescriptionError naming the place where it is not YAML."""
     try:
-        return _root(text)
+        return root_node(text)
     except yaml.reader.ReaderError as error:
         _refuse(
             at(text.count("\n", 0, error.position) + 1),
@@ -302,15 +196,15 @@ def _syntax_error(error: yaml.MarkedYAMLError) -> str:
 
 def _build(at: _At, node: yaml.Node, loc: Loc, places: Places) -> Any:
     """Plain data of a node; adds the place of every key and item below it to `places`."""
-    if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
+    if isinstance(node, yaml.MappingNode) and node.tag == TAG + "map":
         return _build_mapping(at, node, loc, places)
-    if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
+    if isinstance(node, yaml.SequenceNode) and node.tag == TAG + "seq":
         for i, item in enumerate(node.value):
             places[*loc, i] = at(item.start_mark.line + 1)
         return [_build(at, item, (*loc, i), places) for i, item in enumerate(node.value)]
-    if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
+    if isinstance(node, yaml.ScalarNode) and node.tag in SCALARS:
         return _build_scalar(at, node)
-    tag = node.tag.replace(_TAG, "!!")
+    tag = node.tag.replace(TAG, "!!")
     return _refuse(
         at(node.start_mark.line + 1),
         f"tag {tag} is refused; only plain text, numbers, true, false, null, lists and mappings.",
@@ -338,8 +232,8 @@ def _build_mapping(at: _At, node: yaml.MappingNode, loc: Loc, places: Places) ->
 
 
 def _build_scalar(at: _At, node: yaml.ScalarNode) -> Any:
-    pattern, convert = _SCALARS[node.tag]
-    place, tag = at(node.start_mark.line + 1), node.tag.removeprefix(_TAG)
+    pattern, convert = SCALARS[node.tag]
+    place, tag = at(node.start_mark.line + 1), node.tag.removeprefix(TAG)
     shown = node.value if len(node.value) <= 40 else node.value[:37] + "..."
     if not pattern.match(node.value):
         _refuse(place, f"{shown!r} is no {tag}, as its tag says; leave the tag out.")

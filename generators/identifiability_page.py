@@ -32,7 +32,8 @@ from cell.files import write_whole
 from cell.geometry import bar_frames, parameter_named
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
-from ident.estimator.dependencies import Group, Selection, groups, shortened, thesis_parameters
+from ident.estimator.dependencies import Group, Selection, groups
+from ident.estimator.thesis_names import shortened, thesis_parameters
 from ident.thesis.costs import cost_named
 from ident.thesis.names import ENCODERS_NEEDED, ML, CostName
 from ident.thesis.tables import (

@@ -17,11 +17,13 @@ from cell.descriptions import Cell
 from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
+from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.robust_fit import robust_weights
-from ident.estimator.samples import Samples, close_times, samples_of
+from ident.estimator.sample_times import close_times
+from ident.estimator.samples import Samples, samples_of
 from ident.estimator.step_faults import (
     ENCODER_JUMPS,
     MAX_FOUND,
@@ -31,13 +33,7 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.unknowns import (
-    TENSION_PRIOR,
-    PlacedPoses,
-    RecordingStart,
-    Unknowns,
-    complete_unknowns,
-)
+from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
 from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces

@@ -18,8 +18,8 @@ from cell.arrays import Array
 from cell.geometry import parameter_named
 from ident.corrections.remounted_tool import KINDS
 from ident.estimator.fit import Fit
+from ident.estimator.priors import BASE_POSE
 from ident.estimator.time_blocks import TimeBlocks, time_blocks
-from ident.estimator.unknowns import BASE_POSE
 from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
 
 # Decrease for a single unknown, over what is left with the change in the model, from which it is

@@ -140,7 +140,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     count = sum(rest[:, k].size for rest, _, k in judged)
     known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
-    declared = min(float(g.sigma[:, :3].min()) for g in table.groups)
+    declared = min(float(p.position_sigma.min()) for p in equations.evaluations)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     ratios = [
         mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
@@ -191,9 +191,10 @@ def _joint_sigma(fit: Fit) -> float:
     What two deviations of an estimated noise allow is not counted.
     """
     points = fit.linear.evaluations
-    along = [position_rows(point)(point.target_closure.joint_columns)[:, 0] for point in points]
-    lever = float((np.concatenate(along, axis=1) ** 2).sum(axis=0).mean())  # [m^2]
-    noise = float((np.concatenate([p.still.sigma for p in points]) ** 2).mean())
+    moves = [position_rows(point)(point.target_closure.joint_columns) for point in points]
+    along = [(move**2).sum(axis=0).mean(axis=0) for move in moves]
+    lever = float(np.concatenate(along).mean())  # [m^2]
+    noise = float((np.concatenate([p.position_sigma for p in points]) ** 2).mean())
     chance = 2.0 * np.sqrt(2.0 / fit.model.poses.size) * noise
     seen = SEEN[min(len(fit.model.unknowns.seats), max(SEEN))]
     return float(np.sqrt(max(fit.excess.position**2 - chance, 0.0) / (seen * lever)))

@@ -18,10 +18,10 @@ from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
+from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.fit import Fit
 from ident.estimator.robust_fit import median_scale, whitened_lengths
-from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
-from ident.moved_seats import Step
+from ident.table_steps import Step
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 # Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and
@@ -42,7 +42,7 @@ CHANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Drift:
+class SeatDrift:
     """A seat that moves in proportion to time while it measures."""
 
     seat: str
@@ -58,7 +58,7 @@ class Findings:
     outliers: NDArray[np.intp]
     unsettled: NDArray[np.intp]
     unfinished: float  # share of the last move by which all angles were read early; 0: not seen
-    drifts: tuple[Drift, ...]
+    drifts: tuple[SeatDrift, ...]
     steps: tuple[Step, ...] = ()  # of the table that was given; the fit has two names for each
 
 
@@ -165,7 +165,7 @@ def _unfinished(fit: Fit) -> float:
 
 def _error_of_one(fit: Fit) -> float:
     """[m] error of one measurement along an axis: declared noise and what is unexplained."""
-    noise = np.concatenate([g.sigma[:, :3].reshape(-1) for g in fit.model.poses.groups])
+    noise = np.concatenate([p.position_sigma.reshape(-1) for p in fit.linear.evaluations])
     return float(np.hypot(fit.excess.position, np.median(noise)))
 
 
@@ -213,14 +213,14 @@ def scale_of(fit: Fit) -> tuple[float, float] | None:
     return (-size, deviation) if abs(size) > max(SCALE * deviation, LEAST_SCALE) else None
 
 
-def _drifts(fit: Fit) -> tuple[Drift, ...]:
+def _drifts(fit: Fit) -> tuple[SeatDrift, ...]:
     """Seats that move in proportion to time, where times are given."""
     seats = {g.seat for g in fit.model.poses.groups if g.time is not None}
     drifts = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
     return tuple(drift for drift in drifts if drift is not None)
 
 
-def _drift(fit: Fit, seat: str) -> Drift | None:
+def _drift(fit: Fit, seat: str) -> SeatDrift | None:
     """The drift of a seat if the score of its shifts, and of its turns where they are seen, is
     beyond chance, and the drift large enough to matter.
     """
@@ -256,4 +256,4 @@ def _drift(fit: Fit, seat: str) -> Drift | None:
     moved = float(np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1).mean())
     if moved <= np.sqrt(3.0) * LEAST_EFFECT * _error_of_one(fit):
         return None
-    return Drift(seat, moved, float(np.linalg.norm(change[3:])), test)
+    return SeatDrift(seat, moved, float(np.linalg.norm(change[3:])), test)

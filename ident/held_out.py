@@ -30,6 +30,7 @@ from ident.complete_fit import (
     with_likely_tension,
     with_tension,
 )
+from ident.estimator.build_unknowns import complete_unknowns
 from ident.estimator.fit import Fit
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
@@ -40,7 +41,7 @@ from ident.estimator.step_faults import (
     sized,
     step_faults_in_logs,
 )
-from ident.estimator.unknowns import Unknowns, complete_unknowns
+from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording

@@ -14,14 +14,15 @@ from cell.geometry import geometry_of_chain, nominal_chain, parameter_table
 from cell.placement import Placement
 from cell.poses import PoseTable
 from ident.cross_validation import LEVEL, SAME_PLACE
+from ident.estimator.build_unknowns import still_unknowns
 from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
 from ident.estimator.robust_fit import fit_robustly
-from ident.estimator.unknowns import PlacedPoses, Unknowns, still_unknowns
-from ident.moved_seats import other_sides
+from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.pose_result import PoseIdentification, position_errors
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
 from ident.start.placements import start_of_poses
+from ident.table_steps import other_sides
 
 WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
 

@@ -23,26 +23,19 @@ from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.cross_validation import cross_validated, robust_covariance
+from ident.estimator.build_unknowns import still_unknowns
 from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
 from ident.estimator.regions import distinct_poses, pose_regions
 from ident.estimator.robust_fit import fit_robustly, stacked
-from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns, still_unknowns
+from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ident.findings import Findings, findings_of
-from ident.moved_seats import (
-    MOST,
-    Step,
-    confirms,
-    refuse_large,
-    refuse_merged,
-    sized,
-    split,
-    step_of,
-)
+from ident.moved_seats import MOST, confirms, step_of
 from ident.pose_result import PoseIdentification
 from ident.signals.rounding import rounding_noise
 from ident.start.placements import start_of_poses
+from ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 from ident.verdict import Status
 
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most

@@ -14,8 +14,6 @@ warms up looks, must not explain them as well.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +21,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cell.arrays import Array
-from cell.errors import InputError
-from cell.placement import Placement
-from cell.poses import PoseGroup, PoseTable
+from cell.poses import PoseTable
+from cell.statistics import correlation_time
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import NormalEquations
-from ident.estimator.regions import distinct_poses
 from ident.estimator.robust_fit import (
     HUBER,
     TAILS,
@@ -38,7 +34,7 @@ from ident.estimator.robust_fit import (
     stacked,
     whitened_lengths,
 )
-from ident.estimator.unknowns import PlacedPoses
+from ident.table_steps import LARGEST, Step, first_name, instants
 
 # Score that a place has to exceed to be looked at. Chance reaches 30 in none of several hundred
 # clean tables, and the best place of a table without a step is of no use to the blocks anyway.
@@ -52,7 +48,6 @@ PRICE = 25.0
 ALIKE = 4.0  # neighbours that count as one at most: what is beyond is the step itself, unfitted
 PRIOR = 1e-3  # [m] least standard deviation of a step: a knocked instrument, a ball seated anew
 RAMPS = (64, 128, 256, 512)  # poses over which a gradual change takes place
-LARGEST = 5e-3  # [m] beyond which it is another seat or target by mistake, and no knock
 WARMING = 1.25e-4  # [m] that bases and trackers drift within hours, and robots that warm up
 LEAST_SIZE, CERTAIN_SIZE = 1.5, 4.0  # times the discrepancy along an axis: least size of a step
 LOOKED_AT = 3000  # poses that are enough to judge a step by blocks
@@ -61,50 +56,6 @@ NEAR = 1.5  # times that distance: as near on the other side
 MOST = 5  # steps of one table
 LEAST_SPARE = 0.2  # of the equations, that the unknowns leave
 RIDGE = 1e-9  # of a trace: what poses on one side cannot tell
-REPEATED = 3  # rows of equal joint angles that tell whether they measured one thing
-NAMES = (
-    "Give each its name in poses.yaml: a `seat` and a `target` of its own for each table of files, "
-    "or a column that names it row by row."
-)
-_OTHER = re.compile(r" (from|before) (.+ )?row \d+$")
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A seat or target that moved between two rows."""
-
-    kind: str  # seat or target
-    name: str  # as the table has it
-    other: str  # what it is called on the side with fewer poses; the other side keeps its name
-    file: str  # of the first pose behind it
-    row: int  # of that pose
-    before: bool  # whether the side with fewer poses is that before the step
-    sides: dict[str, tuple[Array, Array]]  # of each file: its rows in order, whether on that side
-    shift: Array  # (3,) [m] base frame of a seat, flange frame of a target
-    score: float
-
-    @property
-    def size(self) -> float:
-        """[m]"""
-        return float(np.linalg.norm(self.shift))
-
-    @property
-    def sentence(self) -> str:
-        """What moved, when and how far."""
-        where = "before it" if self.before else "from there on"
-        return (
-            f"{self.kind} {self.name} moved by {self.size * 1e3:.3f} mm before {self.file}:"
-            f"{self.row}; {where} it is another one to the fit, {self.other!r}: check what was "
-            "knocked or seated anew there"
-        )
-
-    def on_other_side(self, group: PoseGroup) -> NDArray[np.bool_]:
-        """(N,) poses of a group, of the same files, on the side with the other name."""
-        if getattr(group, self.kind) != self.name or group.file not in self.sides:
-            return np.zeros(group.size, dtype=bool)
-        rows, other = self.sides[group.file]
-        last = np.searchsorted(rows, group.rows, side="right") - 1
-        return np.asarray(other[np.maximum(last, 0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,41 +101,6 @@ def step_of(fit: Fit) -> Step | None:
     return None
 
 
-def refuse_large(table: PoseTable, step: Step) -> None:
-    """Raises InputError for a step of a size that is another seat or target, called by one name."""
-    if step.size > LARGEST:
-        raise InputError(
-            f"{table.name}: {step.kind} {step.name} stands {step.size * 1e3:.1f} mm elsewhere from "
-            f"{step.file}:{step.row} on: that is another {step.kind}, not one that was knocked. "
-            f"{NAMES}"
-        )
-
-
-def refuse_merged(table: PoseTable) -> None:
-    """Raises InputError for equal poses of one seat and target whose values lie far apart."""
-    pose = distinct_poses(table.q)
-    of = np.split(pose, np.cumsum([group.size for group in table.groups])[:-1])
-    names = dict.fromkeys((g.seat, g.target) for g in table.groups if g.kind.columns)
-    for seat, target in names:
-        own = [
-            (group, number)
-            for group, number in zip(table.groups, of, strict=True)
-            if (group.seat, group.target) == (seat, target)
-        ]
-        values = np.concatenate([group.values[:, :3] for group, _ in own])
-        number = np.concatenate([n for _, n in own])
-        order = np.argsort(number, kind="stable")
-        same = np.diff(number[order]) == 0
-        apart = np.linalg.norm(np.diff(values[order], axis=0)[same], axis=1)
-        if apart.size >= REPEATED and (middle := float(np.median(apart))) > LARGEST:
-            files = " and ".join(dict.fromkeys(group.file for group, _ in own))
-            raise InputError(
-                f"{files}: rows of equal joint angles lie {middle * 1e3:.1f} mm apart (median of "
-                f"{apart.size}), all of seat {seat} and target {target}: these are several targets "
-                f"or seats. {NAMES}"
-            )
-
-
 def confirms(before: Fit, after: Fit, candidate: Step, step: Step) -> bool:
     """Whether a fit with a step confirms it.
 
@@ -203,99 +119,6 @@ def confirms(before: Fit, after: Fit, candidate: Step, step: Step) -> bool:
         step.size > drifting
         and float(np.linalg.norm(step.shift - candidate.shift)) < candidate.size
     )
-
-
-def split(fit: Fit, step: Step) -> PlacedPoses:
-    """The table with another name behind a step, and where seats and targets are by the fit."""
-    layout = fit.model.unknowns
-    seats = {name: layout.seat(fit.x, name) for name in layout.seats}
-    targets = {name: layout.target(fit.x, name) for name in layout.targets}
-    places = seats if step.kind == "seat" else targets
-    before = places[step.name]
-    shift = -step.shift if step.before else step.shift
-    places[step.other] = Placement(before.rotation, before.origin + shift)
-    return PlacedPoses(renamed(fit.model.poses, [step]), seats, targets)
-
-
-def other_sides(steps: Sequence[Step], target: str) -> list[str]:
-    """What a target is called on the sides of its steps that do not keep its name."""
-    others = [step.other for step in steps if step.kind == "target"]
-    return [name for name in others if _OTHER.sub("", name) == target]
-
-
-def renamed(table: PoseTable, steps: Sequence[Step]) -> PoseTable:
-    """A table, of the same files or a part of them, with other names behind steps."""
-    for step in steps:
-        groups = []
-        for group in table.groups:
-            moved = step.on_other_side(group)
-            parts = [(group.part(~moved), getattr(group, step.kind))] if not moved.all() else []
-            parts += [(group.part(moved), step.other)] if moved.any() else []
-            if step.before:  # in the order of the rows
-                parts.reverse()
-            seat = step.kind == "seat"
-            groups += [replace(p, seat=n) if seat else replace(p, target=n) for p, n in parts]
-        table = replace(table, groups=tuple(groups))
-    return table
-
-
-def sized(fit: Fit, steps: Sequence[Step]) -> tuple[Step, ...]:
-    """The steps with the shifts that a fit with all of them has."""
-    layout, out = fit.model.unknowns, []
-    for step in steps:
-        place = layout.seat if step.kind == "seat" else layout.target
-        main, other = place(fit.x, step.name), place(fit.x, step.other)
-        shift = other.origin - main.origin
-        if step.kind == "seat" and step.other in layout.framed:
-            own = [g.values[:, :3] for g in fit.model.poses.groups if g.seat == step.other]
-            shift = shift + (other.rotation - main.rotation) @ np.concatenate(own).mean(axis=0)
-        out.append(replace(step, shift=-shift if step.before else shift))
-    return tuple(out)
-
-
-def instants(table: PoseTable) -> NDArray[np.intp]:
-    """(N,) number from 0 of the instant at which each pose was measured, in their order.
-
-    By time where all rows have one. Else files follow each other as they are named, rows as they
-    stand, and equal joint angles in several files, or in rows that follow each other, are one
-    instant: the same pose measured at several targets.
-    """
-    if all(group.time is not None for group in table.groups):
-        times = np.concatenate([np.asarray(group.time) for group in table.groups])
-        return np.asarray(np.unique(times, return_inverse=True)[1], dtype=np.intp)
-    files = list(dict.fromkeys(group.file for group in table.groups))
-    file = np.concatenate([np.full(g.size, files.index(g.file)) for g in table.groups])
-    rows = np.concatenate([group.rows for group in table.groups])
-    pose = distinct_poses(table.q)
-    place = dict[tuple[int, int], float]()  # of an instant, by pose and how often it came before
-    out = np.zeros(table.size)
-    for k in range(len(files)):
-        own = np.flatnonzero(file == k)
-        own = own[np.argsort(rows[own], kind="stable")]
-        begins = np.concatenate(([True], np.diff(pose[own]) != 0))
-        keys, count = list[tuple[int, int]](), dict[int, int]()
-        for i in own[begins]:
-            count[pose[i]] = count.get(pose[i], 0) + 1
-            keys.append((pose[i], count[pose[i]]))
-        known = np.array([place.get(key, np.nan) for key in keys])
-        out[own] = _filled(known, 1.0 + max(place.values(), default=0.0))[np.cumsum(begins) - 1]
-        place |= dict(zip(keys, out[own[begins]], strict=True))
-    return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
-
-
-def _filled(known: Array, end: float) -> Array:
-    """(K,) places of a file's instants: where they are not known they follow the one before.
-
-    end : the place behind all that are known so far.
-    """
-    unknown = np.isnan(known)
-    if unknown.all():
-        return np.asarray(end + np.arange(known.size))
-    before = np.where(unknown, 0, np.arange(known.size))
-    np.maximum.accumulate(before, out=before)
-    after = np.arange(known.size) - before
-    base = np.where(np.isnan(known[before]), -1.0, known[before])  # ahead of the first known one
-    return np.asarray(np.where(unknown, base + after / (known.size + 1.0), known))
 
 
 def _bounded(fit: Fit) -> Fit:
@@ -417,7 +240,7 @@ def _predicts(
         every = np.concatenate((jacobian, more))
         if k == 1:
             rest = residual - np.einsum("pen,p->en", every, np.linalg.solve(normal, gradient))
-            tau = _correlation_time(rest)
+            tau = correlation_time(rest, most=ALIKE)
         normal[-3:, -3:] += max(PRIOR, place.size) ** -2.0 * np.eye(3)
         left.append(_left_out(normal, gradient, every, residual, block, counting))
     spare = max(
@@ -431,21 +254,6 @@ def _predicts(
         and min(gain[:BLOCKS].sum(), gain[BLOCKS:].sum()) > 0.0
         and all(step.sum() < ramp.sum() for ramp in ramps)
     )
-
-
-def _correlation_time(residual: Array) -> float:
-    """Number of neighbouring poses whose residuals (E, N) count as one: 1 for white noise.
-
-    Integrated autocorrelation, cut where it is no longer seen (Sokal 1997); at most ALIKE.
-    """
-    total, n = float((residual**2).sum()), residual.shape[1]
-    tau, seen = 1.0, 2.0 / np.sqrt(residual.size)
-    for lag in range(1, n // 4):
-        share = float((residual[:, lag:] * residual[:, :-lag]).sum()) / total
-        if share < seen or tau > ALIKE:
-            break
-        tau += 2.0 * share
-    return min(tau, ALIKE)
 
 
 def _comparable(q: Array, after: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -501,7 +309,7 @@ def _step(table: PoseTable, place: _Place) -> Step:
     file, row = of[rows.place[place.at]], int(number[rows.place[place.at]])
     several = len({of[i] for i in rows.place}) > 1
     word = "before" if before else "from"
-    other = f"{_OTHER.sub('', rows.name)} {word} {f'{file} ' if several else ''}row {row}"
+    other = f"{first_name(rows.name)} {word} {f'{file} ' if several else ''}row {row}"
     return Step(
         kind=rows.kind,
         name=rows.name,

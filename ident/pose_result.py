@@ -16,9 +16,9 @@ from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.order_search import OrderSearch
 from ident.findings import Findings, scale_of
-from ident.moved_seats import renamed
 from ident.pose_verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
+from ident.table_steps import renamed
 from ident.verdict import Verdict
 
 
@@ -128,8 +128,10 @@ class PoseIdentification:
         at = layout.targets[name].start
         seats = [g.seat for g in self.table.groups if g.target == name]
         # a whole frame, where there is one, and of most poses where it moved
-        seat = max(seats, key=lambda s: (s in layout.framed, s not in others))
-        index = np.r_[layout.machine, at : at + 3, layout.seats[seat]]
+        fixed = {g.seat for g in self.table.groups if g.kind.seat_fixed} & layout.framed
+        seat = max(seats, key=lambda s: (s in fixed, s not in others))
+        first = layout.seats[seat].start
+        index = np.r_[layout.machine, at : at + 3, first : first + (6 if seat in fixed else 3)]
         q = self.table.q
         return IdentifiedArm(
             robot=self.table.robot,
@@ -138,7 +140,7 @@ class PoseIdentification:
             values=fit.x[layout.coefficients],
             target=layout.target(fit.x, name),
             seat=layout.seat(fit.x, seat),
-            seat_turns=seat in layout.framed,
+            seat_turns=seat in fixed,
             parameters=layout.parameters,
             covariance=fit.covariance[np.ix_(index, index)],
             discrepancy=self.cross_validation.of_points,

@@ -8,8 +8,8 @@ import numpy as np
 
 from cell.poses import PoseGroup, PoseTable
 from ident.cross_validation import at_one_place, only_lengths
+from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.regions import distinct_poses
-from ident.estimator.unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.verdict import Status, Verdict
 
 if TYPE_CHECKING:
@@ -39,14 +39,15 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
     fit, validation = result.fit, result.cross_validation
     fitted, before = result.residual_means
     lost = int((~validation.counting).sum())
-    what = "distance" if only_lengths(result.table) else "position"
+    partial = only_lengths(result.table)
+    what = result.table.groups[0].kind.judged if partial else "position"
     nominal = float(np.median(result.residual_nominal))
     errors = (
         f"poses {validation.left_out} that were not fitted are predicted to "
         f"{validation.mean * 1e3:.3f} mm in {what} (95 %: {validation.quantile * 1e3:.3f} mm); "
         f"with the nominal robot {before * 1e3:.3f} mm"
     )
-    if only_lengths(result.table):
+    if partial:
         tool = float(result.sigma_at_poses.mean())
         errors += f"; stated TCP uncertainty at the measured poses {tool * 1e3:.3f} mm"
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
@@ -133,7 +134,8 @@ def _warnings(result: PoseIdentification) -> list[str]:
             "lengths, all in one proportion: check their unit, the instrument's scale and the "
             "robot's variant; the scale of the result is that of the instrument"
         )
-    if only_lengths(table) and len(table.seats) < SEATS:
+    rods = all(group.measured == "length" for group in table.groups)
+    if rods and len(table.seats) < SEATS:
         out.append(
             f"lengths from {len(table.seats)} seat{'s' * (len(table.seats) > 1)} judge the robot "
             "along the rods alone; the stated uncertainty of points allows for joint errors that "

@@ -58,7 +58,7 @@ MANY = 3  # causes that are named together at most
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class TableChange:
     """One change since the identification that may explain the errors."""
 
     kind: str  # axis, target, scale, pose or geometry
@@ -96,8 +96,8 @@ class Verification:
     freedom: int  # degrees of freedom
     limit: float  # of `square`, exceeded in FALSE_ALARMS of checks of an unchanged robot
     predicted: float  # [m] mean error of an unchanged robot
-    causes: tuple[Cause, ...]  # best first; empty where the calibration holds
-    named: tuple[Cause, ...]  # that explain the change clearly; several where alike
+    causes: tuple[TableChange, ...]  # best first; empty where the calibration holds
+    named: tuple[TableChange, ...]  # that explain the change clearly; several where alike
     blind: Mapping[int, float]  # axes, from 1, whose zero may have changed by so much [rad] unseen
     outside: int  # poses that do not count
     out_of_range: Mapping[int, tuple[float, float]]  # axes of those, and their ranges [rad]
@@ -113,7 +113,7 @@ class Verification:
         return self.square <= self.limit and self.comparable
 
     @property
-    def cause(self) -> Cause | None:
+    def cause(self) -> TableChange | None:
         """The only cause that explains the change clearly."""
         return self.named[0] if len(self.named) == 1 else None
 
@@ -207,8 +207,8 @@ def verify(
     freedom = _freedom(part, fit.model.unknowns, check)
     limit = limit_of(freedom, arm.factor)
     square = equations.cost
-    causes: tuple[Cause, ...] = ()
-    named: tuple[Cause, ...] = ()
+    causes: tuple[TableChange, ...] = ()
+    named: tuple[TableChange, ...] = ()
     if square > limit:
         counting = [name for name, counts in zip(names, inside, strict=True) if counts]
         causes = _causes(check, part, fit, counting)
@@ -269,7 +269,7 @@ def _blind(check: _Check, fit: Fit) -> dict[int, float]:
     return out
 
 
-def _causes(check: _Check, table: PoseTable, fit: Fit, names: list[str]) -> tuple[Cause, ...]:
+def _causes(check: _Check, table: PoseTable, fit: Fit, names: list[str]) -> tuple[TableChange, ...]:
     """Single causes, best first, by linearised equations; then the best of each kind exactly."""
     axes = [("axis", str(j + 1)) for j in range(check.arm.robot.joints)]
     known = [("target", name) for name in table.targets if name in check.known]
@@ -285,12 +285,12 @@ def _causes(check: _Check, table: PoseTable, fit: Fit, names: list[str]) -> tupl
     return tuple(sorted(causes, key=_priced))
 
 
-def _priced(cause: Cause) -> float:
+def _priced(cause: TableChange) -> float:
     """Sum of squares that a cause leaves, with the price of its unknowns."""
     return cause.square + PRICE * cause.size.size
 
 
-def _refined(check: _Check, table: PoseTable, first: Cause) -> Cause:
+def _refined(check: _Check, table: PoseTable, first: TableChange) -> TableChange:
     """A cause with its size from repeated fits of the table with the cause taken away."""
     cause, size = first, np.zeros(first.size.size)
     best = first.square
@@ -306,7 +306,7 @@ def _refined(check: _Check, table: PoseTable, first: Cause) -> Cause:
     return replace(first, size=size, square=best)
 
 
-def _applied(check: _Check, table: PoseTable, cause: Cause) -> tuple[PoseTable, _Check]:
+def _applied(check: _Check, table: PoseTable, cause: TableChange) -> tuple[PoseTable, _Check]:
     """Table and held robot with a cause in them."""
     if cause.kind == "target":
         known = check.known[cause.name]
@@ -356,7 +356,7 @@ def _columns(fit: Fit, kind: str, name: str) -> list[Array]:
     return out
 
 
-def _linear(fit: Fit, columns: list[Array], kind: str, name: str) -> Cause | None:
+def _linear(fit: Fit, columns: list[Array], kind: str, name: str) -> TableChange | None:
     """A cause by one step of least squares; None where the poses cannot tell it from the seats."""
     equations = fit.linear
     free = np.flatnonzero(fit.model.unknowns.sigma > 0.5)
@@ -377,10 +377,10 @@ def _linear(fit: Fit, columns: list[Array], kind: str, name: str) -> Cause | Non
     covariance = np.linalg.inv(rest)
     size = -covariance @ right
     square = equations.cost - float(right @ covariance @ right)
-    return Cause(kind, name, size, np.sqrt(np.diag(covariance)), square)
+    return TableChange(kind, name, size, np.sqrt(np.diag(covariance)), square)
 
 
-def _single_poses(fit: Fit, names: list[str]) -> list[Cause]:
+def _single_poses(fit: Fit, names: list[str]) -> list[TableChange]:
     """Each pose by itself: what the others leave when it does not count."""
     causes, first, equations = [], 0, fit.linear
     for k, point in enumerate(equations.evaluations):
@@ -397,8 +397,8 @@ def _single_poses(fit: Fit, names: list[str]) -> list[Cause]:
 
 
 def _clear(
-    causes: tuple[Cause, ...], square: float, freedom: int, factor: float
-) -> tuple[Cause, ...]:
+    causes: tuple[TableChange, ...], square: float, freedom: int, factor: float
+) -> tuple[TableChange, ...]:
     """The first cause, if it explains the change; beside it those that do nearly as well.
 
     A cause of more unknowns that leaves no more is among them, whatever its price: the first may

@@ -16,12 +16,14 @@ from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.inverse import UnreachableError
 from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog, segment_starts
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples, sample_times, samples_of
-from ident.estimator.unknowns import declared_names, kinematic_unknowns, priors
+from ident.estimator.priors import declared_names, priors
+from ident.estimator.sample_times import sample_times
+from ident.estimator.samples import Samples, samples_of
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener

@@ -17,7 +17,7 @@ from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TU
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import RATIO
 from ident.result import CorrectionEstimate
-from ident.signals.smooth_log import Outliers
+from ident.signals.smooth_log import LogOutliers
 from ident.signals.step_fault import StepFault
 
 CLEAR = 5.0  # stated deviations of a lag or ratio that is remarked on
@@ -53,7 +53,7 @@ def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...
     return tuple(remarks)
 
 
-def _left_out(log: str, outliers: Outliers, channels: Sequence[str]) -> list[str]:
+def _left_out(log: str, outliers: LogOutliers, channels: Sequence[str]) -> list[str]:
     if outliers.rows == 0:
         return []
     first = int(outliers.times.argmin())

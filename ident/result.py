@@ -185,6 +185,7 @@ class TableEstimate:
     errors: tuple[Array, ...]  # (N,) [m] distance of each measurement from the model, by group
     ignored: int  # poses so far from the model that they do not count
     unexplained: float  # [m] along each axis, beyond the noise of instrument and joints
+    declared: float  # [m] noise of the instrument along each axis, median
 
     @property
     def sentence(self) -> str:

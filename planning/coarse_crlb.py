@@ -24,11 +24,12 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, bar_frames, nominal_geometry, robot_frames
 from ident.corrections.base import State
+from ident.estimator.build_unknowns import RecordingStart
 from ident.estimator.closure import Closure
 from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.normal_equations import NormalEquations, jacobian
 from ident.estimator.samples import Samples
-from ident.estimator.unknowns import RecordingStart, Unknowns
+from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import covariance, whitening
 from ident.loads.gear_loads import Loads, loads, no_loads
 from planning.crlb import Predictor, before, excess_noise, planned_unknowns, samples_along

@@ -24,12 +24,14 @@ from cell.geometry import BAR_ROWS, Geometry
 from ident.complete_fit import FIRST_EXCESS, needs_loads
 from ident.corrections import correction_named, supported_corrections
 from ident.corrections.base import Correction
+from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import normal_equations
-from ident.estimator.samples import DWELL_KEPT, Samples
-from ident.estimator.unknowns import TENSION_PRIOR, RecordingStart, Unknowns, complete_unknowns
+from ident.estimator.sample_times import DWELL_KEPT
+from ident.estimator.samples import Samples
+from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import MassModel, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.options import DEFAULT_SAMPLES

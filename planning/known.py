@@ -20,7 +20,8 @@ from ident.corrections import correction_of_result
 from ident.corrections.base import Correction
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.unknowns import Unknowns, priors
+from ident.estimator.priors import priors
+from ident.estimator.unknowns import Unknowns
 from ident.result import Machine
 
 # Of the prior of an unknown that the results took as exact: far below what data could tell.

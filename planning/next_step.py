@@ -18,10 +18,10 @@ from cell.arrays import Array
 from cell.statistics import rms
 from ident.complete_fit import DEVIATION, WANDERING, needs_loads, wanders
 from ident.corrections import correction_of_result
+from ident.estimator.build_unknowns import TENSION_PRIOR
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.noise import ExcessNoise, LogNoise
-from ident.estimator.samples import DWELL_KEPT
-from ident.estimator.unknowns import TENSION_PRIOR
+from ident.estimator.sample_times import DWELL_KEPT
 from ident.loads.gear_loads import mass_model
 from ident.result import RobotEstimate
 from ident.robot.accuracy import accuracy_grid

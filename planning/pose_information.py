@@ -26,12 +26,13 @@ from cell.rotation import rotvec_from_matrix
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
+from ident.estimator.build_unknowns import still_unknowns
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.robust_fit import equations_at
-from ident.estimator.unknowns import PlacedPoses, Unknowns, still_unknowns
+from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
 from ident.robot.identified_arm import IdentifiedArm
 from planning.feasible_poses import Candidates

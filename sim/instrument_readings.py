@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.chain import cross, forward
+from cell.chain import forward
 from cell.instrument import Instrument
-from cell.poses import COLUMNS
+from cell.instruments.base import TrueStand
 from cell.robot_angles import joints_to_axes
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from sim.errors.pose_errors import PoseErrors
 from sim.streams import stream
 from sim.true_robot import TrueArm
@@ -55,35 +54,21 @@ def reading(
 def measured(
     instrument: Instrument, exact: Reading, *, scale: float, rng: np.random.Generator
 ) -> Array:
-    """(N, M) [m, rad] values of an instrument, M as in cell.poses.COLUMNS.
+    """(N, M) [m, rad] values of an instrument, M as its kind's `columns`.
 
     scale : of the noise, along the line of sight and across it.
     """
-    n = exact.rod.shape[1]
-    noise = scale * rng.standard_normal((6, n))
-    if instrument.measured == "socket":
-        return np.zeros((n, 0))
-    distance = np.linalg.norm(exact.rod, axis=0)
-    along = instrument.sigma_length * noise[0]
-    if instrument.measured == "length":
-        return np.asarray((distance + along)[:, None])
-    local = np.einsum("jin,jn->in", exact.seat_rotation, exact.rod)
-    sight = local / distance
-    across = np.cross(sight, np.eye(3)[np.abs(sight).argmin(axis=0)].T, axis=0)
-    across /= np.linalg.norm(across, axis=0)
-    other = cross(sight, across)
-    sideways = instrument.sigma_direction * distance
-    local = local + along * sight + sideways * (noise[1] * across + noise[2] * other)
-    if instrument.measured == "point":
-        return np.asarray(local.T)
-    turn = matrix_from_rotvec(instrument.sigma_rotation * noise[3:])
-    rotation = np.einsum("jin,jkn->ikn", exact.seat_rotation, exact.target_rotation)
-    rotvec = rotvec_from_matrix(np.einsum("ijn,jkn->ikn", turn, rotation))
-    return np.hstack((local.T, rotvec.T))
+    noise = scale * rng.standard_normal((6, exact.rod.shape[1]))
+    stand = TrueStand(
+        rod=np.einsum("jin,jn->in", exact.seat_rotation, exact.rod),
+        distance=np.linalg.norm(exact.rod, axis=0),
+        rotation=np.einsum("jin,jkn->ikn", exact.seat_rotation, exact.target_rotation),
+    )
+    return instrument.kind.measure(stand, noise, instrument)
 
 
 def outliers(errors: PoseErrors, instrument: Instrument, count: int, seed: int) -> Array:
-    """(N, 3) [m] what is added to readings: to a length the first of them; 0 where one is right.
+    """(N, 3) [m] what is added to readings, to a length the first of them; 0 where one is right.
 
     A socket's are added to the place of the ball.
     """
@@ -91,7 +76,7 @@ def outliers(errors: PoseErrors, instrument: Instrument, count: int, seed: int) 
     out = np.zeros((count, 3))
     if errors.outliers is None:
         return out
-    width = min(3, COLUMNS[instrument.measured]) or 3
+    width = min(3, instrument.kind.columns) or 3
     wrong = rng.uniform(size=count) < errors.outliers.share
     low, high = np.log(errors.outliers.size_m)
     sizes = np.exp(rng.uniform(low, high, count))

@@ -53,7 +53,7 @@ def choose_poses(
     """
     limits = _limits(settings, arm)
     names, stands, first = list(targets), list[Stand](), 0
-    everywhere = instrument.measured in ("point", "pose")
+    everywhere = not instrument.kind.local
     for seat in settings.seats:
         for group in [names] if everywhere else [[name] for name in names]:
             places = [targets[name] for name in group]
@@ -98,28 +98,25 @@ class _Draw:
         robot = self.arm.robot
         q = controller_to_joints(robot, rng.uniform(*self.limits, (_BATCH, robot.joints)))
         shares = rng.uniform(size=_BATCH)
-        if self.instrument.measured in ("length", "socket"):
+        if self.instrument.kind.local:
             q = self._brought(q, shares)
         return q[self._acceptable(q)]
 
     def _brought(self, q: Array, shares: Array) -> Array:
         """Poses with the target within the range of rod, wire or socket; shares : (N,) of it."""
-        point, seat, instrument = self.targets[0].position, self.seat.position, self.instrument
-        rod = self.arm.target(q, point) - seat
-        distance = np.linalg.norm(rod, axis=1)
+        point, seat, instrument = self.targets[0].position, self.seat, self.instrument
         margin = _INSIDE * (instrument.upper - instrument.lower)
-        short, long = instrument.lower + margin, instrument.upper - margin
-        if instrument.measured == "socket":
-            short = long = 0.0
-        inside = (distance >= short) & (distance <= long)
-        length = np.where(inside, distance, short + shares * (long - short))
+        rod = (self.arm.target(q, point) - seat.position) @ seat.rotation
+        brought = instrument.kind.brought(
+            rod, shares, instrument.lower + margin, instrument.upper - margin
+        )
         lower, upper = self.limits
         q, reached = reach_points(
             self.arm.robot,
             self.arm.chain,
             point=point,
             q=q,
-            wanted=seat + rod * (length / np.maximum(distance, 1e-9))[:, None],
+            wanted=seat.position + brought @ seat.rotation.T,
             lower=lower,
             upper=upper,
             position=lambda angles: self.arm.target(angles, point),
@@ -136,7 +133,7 @@ class _Draw:
             good &= place[:, 2] > settings.lowest_m
             rod = place - self.seat.position
             distance = np.maximum(np.linalg.norm(rod, axis=1), 1e-9)
-            if self.instrument.measured != "socket":
+            if self.instrument.kind.sighted:
                 good &= (distance > self.instrument.lower) & (distance < self.instrument.upper)
                 good &= rod[:, 2] / distance >= np.sin(np.deg2rad(settings.elevation_min_deg))
             down = flange.tip[2] - place[:, 2]

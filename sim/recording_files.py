@@ -16,7 +16,6 @@ from cell.arrays import Array
 from cell.dialect import Dialect, load_dialect
 from cell.files import portable_name, write_whole, write_yaml
 from cell.instrument import Instrument
-from cell.poses import Measured
 from cell.recording import TrackerFile
 from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
@@ -32,13 +31,6 @@ if TYPE_CHECKING:
 _DC_FILETIME = 125_911_584_000_000_000  # [100 ns] from 1601 to 2000
 SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row
 TABLE = "poses.csv"
-# columns of each kind of instrument
-_COLUMNS: dict[Measured, tuple[str, ...]] = {
-    "length": ("length [mm]",),
-    "point": ("x [mm]", "y [mm]", "z [mm]"),
-    "pose": ("x [mm]", "y [mm]", "z [mm]", "rx [rad]", "ry [rad]", "rz [rad]"),
-    "socket": (),
-}
 
 
 def truth_path(folder: Path) -> Path:
@@ -256,14 +248,17 @@ def write_poses(
 
     relative_to : folder of the scenario; descriptions of one's own that it names are copied.
     """
-    names = _COLUMNS[simulation.instrument.measured]
+    kind = simulation.instrument.kind
+    shown = {"m": "mm", "rad": "rad"}
+    names = tuple(f"{n} [{shown[u]}]" for n, u in zip(kind.names, kind.units, strict=True))
     axes = [f"A{k + 1} [deg]" for k in range(simulation.robot.joints)]
     points = [f"{point.name}_{axis} [mm]" for point in settings.poses.reference for axis in "xyz"]
     table: dict[str, object] = {"files": [TABLE], "joints": {"columns": axes, "unit": "deg"}}
     if names:
-        values: dict[str, object] = {"columns": list(names), "unit": "mm"}
-        if simulation.instrument.measured == "pose":
-            values |= {"rotation": "rotvec", "angle_unit": "rad"}
+        values: dict[str, object] = {"columns": list(names)}
+        values |= {"unit": "mm"} if "m" in kind.units else {}
+        values |= {"rotation": "rotvec"} if kind.target_turns else {}
+        values |= {"angle_unit": "rad"} if "rad" in kind.units else {}
         table["values"] = values
     if points:
         table["reference"] = {"columns": points}

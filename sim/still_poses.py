@@ -39,14 +39,14 @@ PlantKind = Literal["mujoco", "kinematic"]
 
 
 @dataclass(frozen=True, eq=False)
-class PoseRows:
+class SimulatedRows:
     """The rows of a table in the order of time."""
 
     time: Array  # (N,) [s]
     seat: tuple[str, ...]
     target: tuple[str, ...]
     axes: Array  # (N, J) [rad] as the controller shows them
-    values: Array  # (N, M) [m, rad], M as in cell.poses.COLUMNS
+    values: Array  # (N, M) [m, rad], M as the kind's `columns`
     reference: Array  # (N, K, 3) [m] reference points; NaN where they were not read
 
 
@@ -56,7 +56,7 @@ class PoseSimulation:
 
     robot: Robot
     instrument: Instrument
-    rows: PoseRows
+    rows: SimulatedRows
     truth: PoseTruth
     plant: str  # what held the robot, and why, in a sentence
 
@@ -73,7 +73,7 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
     instrument = load_instrument(settings.cell.instrument, relative_to=relative_to)
     arm = true_arm(robot, errors, seed)
     kind, sentence = _plant(settings, robot, instrument)
-    if stated.reference and instrument.measured not in ("point", "pose"):
+    if stated.reference and instrument.kind.names[:3] != ("x", "y", "z"):
         raise InputError(
             f"poses.reference: {instrument.name} measures a {instrument.measured}, and reads no "
             "reference points. Leave it out, or take a tracker."
@@ -107,7 +107,7 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
     return PoseSimulation(
         robot=robot,
         instrument=instrument,
-        rows=PoseRows(
+        rows=SimulatedRows(
             time=((order + later / len(targets)) * stated.dwell_s)[rows],
             seat=tuple(names[:, 0].tolist()),
             target=tuple(names[:, 1].tolist()),
@@ -201,7 +201,7 @@ class _Measurement:
         ends = np.cumsum([len(stand.q) for stand in stands])
         for stand, fault in zip(stands, np.split(wrong, ends[:-1]), strict=True):
             seat, q, sag, target = self._seat(stand), stand.q, None, self.targets[stand.target]
-            if instrument.measured == "socket":
+            if not instrument.kind.columns:
                 play = scale * instrument.sigma_length * noise.standard_normal((len(q), 3))
                 q = self._put_into(q, target, seat[0].T + play + fault)
             if self.kind == "mujoco":
@@ -218,7 +218,9 @@ class _Measurement:
             exact = reading(self.arm, q, target, seat, sag)
             read = measured(instrument, exact, scale=scale, rng=noise)
             width = min(3, read.shape[1])
-            read[:, :width] += fault[:, :width]
+            angles = [unit == "rad" for unit in instrument.kind.units[:width]]
+            distance = np.linalg.norm(exact.rod, axis=0)[:, None]
+            read[:, :width] += np.where(angles, fault[:, :width] / distance, fault[:, :width])
             shown.append(q)
             values.append(read)
         span = None

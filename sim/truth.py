@@ -25,7 +25,7 @@ from sim.errors.plant_errors import ThermalGrowth
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.logging.clocks import RowCounts, WanderCurve
 from sim.logging.load_logs import DrawnLoads, TrackerTruth
-from sim.plant.effects import RIGID_ROD, Masses, PlantEffects, Ripple
+from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple
 from sim.true_robot import TrueArm
 
 Vector = tuple[float, ...]
@@ -76,11 +76,11 @@ class PlantTruth(Strict):
     thermal_growth: ThermalGrowth | None = None  # its parameters are those at the start
 
     @property
-    def masses(self) -> Masses | None:
+    def masses(self) -> MassDistribution | None:
         """Masses and centres of all bodies; None where they are those of the files."""
         if not self.bodies:
             return None
-        return Masses(
+        return MassDistribution(
             names=tuple(self.bodies),
             mass=np.array([body.mass_kg for body in self.bodies.values()]),
             centre=np.array([body.com_m for body in self.bodies.values()]),

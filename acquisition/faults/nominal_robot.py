@@ -13,7 +13,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.robot_angles import Reading
+from acquisition.faults.robot_angles import AngleReading
 from acquisition.faults.table_angles import fits
 from acquisition.measured_values import rotation
 from acquisition.report import Finding
@@ -175,7 +175,7 @@ def _off_nominal(
 
 
 def refuse_radians(
-    robot: Robot, rows: PoseRows, reading: Reading, logged: Array, values: Array
+    robot: Robot, rows: PoseRows, reading: AngleReading, logged: Array, values: Array
 ) -> None:
     """Raises LogError if logged angles (N, J), read as degrees, are radians by all that shows.
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acquisition.faults.damaged_values import with_damaged
 from acquisition.faults.jumps import find_jumps
-from acquisition.faults.robot_angles import Reading, RobotAngles, excess, moves
+from acquisition.faults.robot_angles import AngleReading, RobotAngles, excess, moves
 from acquisition.flags import usable
 from acquisition.table.table import Table
 from cell.arrays import Array
@@ -34,7 +34,7 @@ OUTLIER_ROWS = 5  # in a median over so many, two are outvoted
 # Of the rows: a bad number makes one or two rows too fast or too far, a wrong unit makes many.
 _MANY = 0.01
 _READINGS = tuple(
-    Reading(kind, unit) for kind in ("motors", "axes", "joints") for unit in ("rad", "deg")
+    AngleReading(kind, unit) for kind in ("motors", "axes", "joints") for unit in ("rad", "deg")
 )
 
 
@@ -142,7 +142,7 @@ def _exchanged_columns(angles: RobotAngles) -> list[str]:
 
 def _other_reading(angles: RobotAngles) -> str:
     reading, others = angles.reading, _others_that_fit(angles)
-    degrees = Reading(reading.kind, "deg")
+    degrees = AngleReading(reading.kind, "deg")
     if reading.unit == "rad" and degrees not in others:
         joints = degrees.joints(angles.robot, angles.logged)
         if _fits(angles, joints_to_axes(angles.robot, joints)):
@@ -164,14 +164,14 @@ def _other_reading(angles: RobotAngles) -> str:
     return f"{_either(others)} where {reading} are declared? {stay}{robot_question}"
 
 
-def _either(readings: list[Reading]) -> str:
+def _either(readings: list[AngleReading]) -> str:
     text = " or ".join(map(str, readings))
     return text[0].upper() + text[1:]
 
 
-def _others_that_fit(angles: RobotAngles) -> list[Reading]:
+def _others_that_fit(angles: RobotAngles) -> list[AngleReading]:
     """Other readings with which the robot moves within its limits; rad before degrees."""
-    fitting: list[Reading] = []
+    fitting: list[AngleReading] = []
     for reading in _READINGS:
         joints = reading.joints(angles.robot, angles.logged)
         within = moves(joints) and _fits(angles, joints_to_axes(angles.robot, joints))

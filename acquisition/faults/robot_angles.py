@@ -36,7 +36,7 @@ _BLOCK = 4096  # rows at a time, as in cell.robot_angles
 
 
 @dataclass(frozen=True)
-class Reading:
+class AngleReading:
     """The kind and unit for which the numbers of a robot's log are taken."""
 
     kind: AngleKind
@@ -83,7 +83,7 @@ class RobotAngles:
     robot: Robot
     t: Array  # (N,) [s]
     joints: Array  # (N, J) [rad] of the DH model
-    reading: Reading
+    reading: AngleReading
 
     @property
     def logged(self) -> Array:
@@ -121,7 +121,7 @@ class RobotAngles:
 
 
 def pop_angles_inplace(
-    robot: Robot, table: Table, t: Array, columns: tuple[str, ...], reading: Reading
+    robot: Robot, table: Table, t: Array, columns: tuple[str, ...], reading: AngleReading
 ) -> RobotAngles:
     """The angles of a table whose rows were taken at t (N,) [s].
 

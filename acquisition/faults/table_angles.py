@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from acquisition.faults.other_angles import FAR
-from acquisition.faults.robot_angles import Reading, excess
+from acquisition.faults.robot_angles import AngleReading, excess
 from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
@@ -37,7 +37,7 @@ _SAME = 3.0e-4
 
 
 def refuse_other_unit(
-    robot: Robot, declared: JointColumns, reading: Reading, rows: PoseRows, logged: Array
+    robot: Robot, declared: JointColumns, reading: AngleReading, rows: PoseRows, logged: Array
 ) -> None:
     """Raises LogError if logged angles (N, J) cannot be the robot's in the declared unit.
 
@@ -61,10 +61,10 @@ def refuse_other_unit(
     others = [
         words
         for words, other in (
-            ("`unit: deg`", Reading(reading.kind, "deg")),
-            ("`unit: rad`", Reading(reading.kind, "rad")),
-            ("`angles: joints`", Reading("joints", unit)),
-            ("`angles: axes`", Reading("axes", unit)),
+            ("`unit: deg`", AngleReading(reading.kind, "deg")),
+            ("`unit: rad`", AngleReading(reading.kind, "rad")),
+            ("`angles: joints`", AngleReading("joints", unit)),
+            ("`angles: axes`", AngleReading("axes", unit)),
         )
         if other != reading and fits(robot, other, angles)
     ]
@@ -82,13 +82,13 @@ def refuse_other_unit(
     )
 
 
-def fits(robot: Robot, reading: Reading, logged: Array) -> bool:
+def fits(robot: Robot, reading: AngleReading, logged: Array) -> bool:
     """Whether logged angles (N, J), read so, keep every axis about within its limits."""
     return not (excess(robot, joints_to_axes(robot, reading.joints(robot, logged))) > FAR).any()
 
 
 def angle_findings(
-    robot: Robot, rows: PoseRows, reading: Reading, logged: Array
+    robot: Robot, rows: PoseRows, reading: AngleReading, logged: Array
 ) -> tuple[Finding, ...]:
     """Findings about logged angles (N, J).
 

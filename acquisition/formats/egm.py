@@ -51,7 +51,7 @@ class EgmFeedback:
 
 
 @dataclass(frozen=True)
-class Frames:
+class EgmFrames:
     """The messages of a file, and what of it could not be used."""
 
     messages: list[bytes]
@@ -98,7 +98,7 @@ def _decoded(message: bytes) -> EgmFeedback:
 _remembered = lru_cache(maxsize=REMEMBERED)(_decoded)
 
 
-def read_frames(raw: bytes) -> Frames:
+def read_frames(raw: bytes) -> EgmFrames:
     """The messages of a file, in order.
 
     A frame whose sum is wrong is left out; an incomplete one ends the file.
@@ -119,7 +119,7 @@ def read_frames(raw: bytes) -> Frames:
     messages, numbers, damaged = list[bytes](), list[int](), list[int]()
     at, end = len(FILE_START), len(raw.rstrip(b"\0"))
     while at < len(raw):
-        torn = Frames(messages, numbers, damaged, (at, len(raw) - 1))
+        torn = EgmFrames(messages, numbers, damaged, (at, len(raw) - 1))
         if end <= at or len(raw) - at < FRAME.size:  # NUL to the end, or half a frame's head
             return torn
         length, checksum = FRAME.unpack_from(raw, at)
@@ -138,7 +138,7 @@ def read_frames(raw: bytes) -> Frames:
         else:
             damaged.append(number)
         at += FRAME.size + length
-    return Frames(messages, numbers, damaged)
+    return EgmFrames(messages, numbers, damaged)
 
 
 def _time_ns(parts: dict[int, bytes]) -> int | None:

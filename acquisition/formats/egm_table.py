@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.formats.columns import DAMAGED_LIMIT, one_file, wanted_columns
-from acquisition.formats.egm import EgmFeedback, Frames, decode, read_frames
+from acquisition.formats.egm import EgmFeedback, EgmFrames, decode, read_frames
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
@@ -63,7 +63,7 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     return replace(table, columns=columns), form
 
 
-def _frame_findings(frames: Frames, raw: bytes, file: str) -> list[Finding]:
+def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
     """Findings about a torn end and damaged messages.
 
     Raises LogError if there are too many, or no message is left.
@@ -98,7 +98,7 @@ def _frame_findings(frames: Frames, raw: bytes, file: str) -> list[Finding]:
     return findings
 
 
-def _feedback(frames: Frames, file: str) -> list[EgmFeedback]:
+def _feedback(frames: EgmFrames, file: str) -> list[EgmFeedback]:
     feedback = []
     for message, number in zip(frames.messages, frames.numbers, strict=True):
         try:

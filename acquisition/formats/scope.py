@@ -19,8 +19,8 @@ from acquisition.formats.scope_export import (
     INTEGER,
     SAMPLE_TIME,
     SEPARATORS,
+    ChannelGroup,
     Export,
-    Group,
     read_export,
 )
 from acquisition.report import Finding, finding
@@ -217,7 +217,7 @@ def _times(export: Export, cells: list[str], rows: NDArray[np.int64]) -> NDArray
 
 
 def _grid_findings(
-    export: Export, group: Group, time_ns: NDArray[np.int64], line: NDArray[np.int64]
+    export: Export, group: ChannelGroup, time_ns: NDArray[np.int64], line: NDArray[np.int64]
 ) -> list[Finding]:
     """A finding about times (N,) [ns] at lines (N,) that are off the declared sample time."""
     if SAMPLE_TIME not in export.meta:

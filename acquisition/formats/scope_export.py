@@ -46,7 +46,7 @@ _MAY_DIFFER = {SAMPLE_TIME, "SymbolComment"}
 
 
 @dataclass(frozen=True)
-class Group:
+class ChannelGroup:
     """A time column and the channels that follow it."""
 
     start: int  # position of the time column
@@ -63,7 +63,7 @@ class Export:
     start: int  # FILETIME
     end: int
     meta: dict[str, list[str]]  # key to one field a column; only rows that have one for each
-    groups: list[Group]
+    groups: list[ChannelGroup]
     decimal: str  # comma or point
     rows: list[list[str]]
     number: NDArray[np.int64]  # (N,) line number of each row
@@ -163,7 +163,7 @@ def _filetime(preamble: list[str], key: str, separator: str, file: str) -> int:
 
 def _metadata(
     lines: list[str], separator: str, location: str
-) -> tuple[dict[str, list[str]], list[Group]]:
+) -> tuple[dict[str, list[str]], list[ChannelGroup]]:
     """Metadata by key, and the groups of columns, on which all lines must agree."""
     names = lines[0].split(separator)
     width = len(names) - (names[-1] == "")
@@ -194,7 +194,9 @@ def _metadata(
                 f"{location}: the lines `Data-Type` and {key!r} do not agree on which columns are "
                 "times. The file is damaged. Export it again."
             )
-    groups = [Group(start, stop) for start, stop in zip(starts, [*starts[1:], width], strict=True)]
+    groups = [
+        ChannelGroup(start, stop) for start, stop in zip(starts, [*starts[1:], width], strict=True)
+    ]
     if any(group.stop - group.start < 2 for group in groups):
         raise LogError(f"{location}: a time column without a channel. Export it again.")
     return meta, groups

@@ -13,7 +13,7 @@ from ballbar.plan.beam import CALCULATIONS
 from cell.geometry import ParameterTable
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
-from ident.estimator.dependencies import thesis_parameters
+from ident.estimator.thesis_names import thesis_parameters
 
 Scalar = str | int | float | bool | None
 Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the selected runs

@@ -11,58 +11,63 @@ from ballbar.commands.options import AsJson, Out, Overrides, say_json
 from ballbar.terminal import err, out, silence
 from planning.questions import CHANGES, ENCODERS
 
-WHAT_IF = (*CHANGES, ENCODERS)
+Request = Annotated[
+    Path,
+    typer.Argument(
+        help="Planning request, such as scenarios/plans/irb2400.yaml for a ball-bar or "
+        "scenarios/plans/irb2400_tracker.yaml for still poses.",
+        metavar="REQUEST",
+    ),
+]
+Seconds = Annotated[
+    float,
+    typer.Option(
+        help="Longest duration of the search; 0 takes the first feasible trajectory.", min=0.0
+    ),
+]
+PathFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--path",
+        help="Evaluate, check and export this path file instead of a search.",
+        metavar="FILE",
+    ),
+]
+Position = Annotated[
+    str | None,
+    typer.Option(help="Base position of the ball-bar [m], with --path.", metavar="X,Y,Z"),
+]
+WhatIf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--what-if",
+        help="Print the expected TCP error for other values of one of "
+        f"{', '.join((*CHANGES, ENCODERS))}; may be repeated.",
+        metavar="KEY=A,B",
+    ),
+]
+After = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--after",
+        help="A result of this robot's recordings (calibration.yaml or its folder): plan what "
+        "adds most to it. May be repeated.",
+        metavar="RESULT",
+    ),
+]
 
 commands = typer.Typer()
 
 
 @commands.command(epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
 def plan(
-    request: Annotated[
-        Path,
-        typer.Argument(
-            help="Planning request, such as scenarios/plans/irb2400.yaml for a ball-bar or "
-            "scenarios/plans/irb2400_tracker.yaml for still poses.",
-            metavar="REQUEST",
-        ),
-    ],
+    request: Request,
     out_dir: Out = None,
-    seconds: Annotated[
-        float,
-        typer.Option(
-            help="Longest duration of the search; 0 takes the first feasible trajectory.", min=0.0
-        ),
-    ] = 110.0,
-    path: Annotated[
-        Path | None,
-        typer.Option(
-            "--path",
-            help="Evaluate, check and export this path file instead of a search.",
-            metavar="FILE",
-        ),
-    ] = None,
-    position: Annotated[
-        str | None,
-        typer.Option(help="Base position of the ball-bar [m], with --path.", metavar="X,Y,Z"),
-    ] = None,
-    what_if: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--what-if",
-            help="Print the expected TCP error for other values of one of "
-            f"{', '.join(WHAT_IF)}; may be repeated.",
-            metavar="KEY=A,B",
-        ),
-    ] = None,
-    after: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--after",
-            help="A result of this robot's recordings (calibration.yaml or its folder): plan what "
-            "adds most to it. May be repeated.",
-            metavar="RESULT",
-        ),
-    ] = None,
+    seconds: Seconds = 110.0,
+    path: PathFile = None,
+    position: Position = None,
+    what_if: WhatIf = None,
+    after: After = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:

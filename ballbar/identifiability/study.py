@@ -30,13 +30,12 @@ from ident.estimator.dependencies import (
     Group,
     Selection,
     Spectrum,
-    extra_parameters,
     groups,
     select,
     significant,
     spectrum,
-    thesis_parameters,
 )
+from ident.estimator.thesis_names import extra_parameters, thesis_parameters
 from ident.estimator.whitening import covariance, whitening
 from ident.thesis.costs import cost_named
 from ident.thesis.names import ENCODERS_NEEDED

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from ballbar.identifiability.study import Influences, Study
 from cell.geometry import parameter_named
-from ident.estimator.dependencies import Dependency, shortened
+from ident.estimator.dependencies import Dependency
+from ident.estimator.thesis_names import shortened
 from ident.thesis.names import ML
 
 LEGEND = """\

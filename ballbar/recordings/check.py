@@ -239,15 +239,15 @@ def _pose_data(read: PoseImport) -> dict[str, Any]:
 def _group_line(group: PoseGroup) -> str:
     """One group: seat, target, number of poses, ranges and median sigma."""
     lower, upper = group.values.min(axis=0), group.values.max(axis=0)
-    names = ("length",) if group.measured == "length" else ("x", "y", "z")
     ranges = ", ".join(
         f"{name} {low * MM:.4g} to {high * MM:.4g}"
-        for name, low, high in zip(names, lower, upper, strict=False)
+        for name, low, high in zip(group.kind.names[:3], lower, upper, strict=False)
     )
+    unit = "mrad" if group.kind.units[:1] == ("rad",) else "mm"
     sigma = np.median(group.sigma[:, :3], axis=0).max() * MM
     poses = f"seat {group.seat}, target {group.target}: {_count(group.size, 'pose')}"
-    spread = f"; {ranges} mm" if ranges else ""
-    return f"{poses}, {group.measured}{spread}; sigma {sigma:.3g} mm"
+    spread = f"; {ranges} {unit}" if ranges else ""
+    return f"{poses}, {group.measured}{spread}; sigma {sigma:.3g} {unit}"
 
 
 def _count(number: int, noun: str) -> str:

@@ -30,8 +30,8 @@ from cell.descriptions import Robot
 from cell.geometry import nominal_chain
 from cell.poses import PoseGroup, PoseTable
 from cell.rigid_fit import nominal_frames, rigid_fit
-from ident.moved_seats import LARGEST
 from ident.start.placements import PoseStartError, start_of_poses
+from ident.table_steps import LARGEST
 
 # [m] in the target's frame: points that stand for a whole pose, the first one for its position.
 _MARKS = 0.1 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

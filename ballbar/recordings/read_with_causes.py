@@ -27,7 +27,7 @@ from cell.load import load_cell, load_measured_cell
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.causes import Causes, suspects
-from ident.estimator.samples import overlap
+from ident.estimator.sample_times import overlap
 from ident.recording_fit import Logs, smoothed
 from ident.start.automatic import length_hypotheses
 

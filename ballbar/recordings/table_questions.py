@@ -14,7 +14,7 @@ from typing import Any, TypeVar, get_args
 
 from acquisition.declared_columns import AXES_OF
 from acquisition.faults.nominal_robot import orientations
-from acquisition.faults.robot_angles import Reading
+from acquisition.faults.robot_angles import AngleReading
 from acquisition.formats.table_file import FileKind, pose_text
 from acquisition.pose_rows import pose_stamps
 from acquisition.table.quantities import read_rows
@@ -159,7 +159,7 @@ def _values(
     columns = table.named_columns(answers.values, question, seen, counts)
     names = [str(column) for column in columns]
     logged = table.values(joints["columns"] or [f"rax_{k + 1}" for k in range(robot.joints)])
-    q = Reading("axes", joints["unit"]).joints(robot, logged)
+    q = AngleReading("axes", joints["unit"]).joints(robot, logged)
     values: dict[str, Any] = {"columns": columns}
     certain, proposal = stated_unit(names[:3]), None
     if certain not in METRES:

@@ -32,7 +32,7 @@ from sim.live.delivery import Pace
 from sim.live.device_logs import GrowingRecording, Logs, device_logs
 from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
-from sim.logging.load_logs import BallbarLog, DeviceLogs, RobotLog
+from sim.logging.load_logs import BallbarLogger, DeviceLogs, RobotLogger
 
 if TYPE_CHECKING:  # pyads is an extra
     from sim.live.plc import Plc
@@ -46,7 +46,7 @@ MIDWAY = 0.5  # of a path, where a fault begins if the robot moves there
 
 
 @dataclass(frozen=True)
-class Cause:
+class InjectedFault:
     """A fault, and where it begins."""
 
     name: str  # a key of FAULTS
@@ -64,7 +64,7 @@ class LivePath:
     alarms: tuple[Alarm, ...]  # raised: [s] that the devices had delivered when it was shown
     states: tuple[Data, ...]  # what was identified meanwhile, an entry for each update
     last: Data | None  # what was identified of the whole recording, once it had ended
-    cause: Cause | None = None
+    cause: InjectedFault | None = None
 
     @property
     def noticed(self) -> Alarm | None:
@@ -85,7 +85,7 @@ class _Follower:
     """Looks at what a process identifies beside a recording."""
 
     beside: WatchBeside | None
-    cause: Cause | None
+    cause: InjectedFault | None
     pace: Pace
     seen: float = 0.0  # [s] that had been delivered at the latest update
     states: list[Data] = field(default_factory=list)
@@ -146,8 +146,8 @@ def as_recorded(scenario: Scenario) -> Scenario:
         return scenario.model_copy(update={"logs": logs})
     logged = scenario.logs
     logs = DeviceLogs(
-        robot=RobotLog(dialect="abb-motor", rate_hz=logged.robot.rate_hz),
-        ballbar=BallbarLog(task_s=logged.ballbar.task_s),
+        robot=RobotLogger(dialect="abb-motor", rate_hz=logged.robot.rate_hz),
+        ballbar=BallbarLogger(task_s=logged.ballbar.task_s),
         torque=logged.torque,
     )
     encoders = scenario.encoders.model_copy(update={"directions": "unknown"})
@@ -194,16 +194,16 @@ def record_live(
     return _recorded(logs, folder, named, cause, speed, identify=identify)
 
 
-def _inject(logs: Logs, fault: str | None, scenario: Scenario) -> Cause | None:
+def _inject(logs: Logs, fault: str | None, scenario: Scenario) -> InjectedFault | None:
     if fault is None:
         return None
     rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
     began = moving_at(logs, MIDWAY * scenario.path.duration_s)
-    return Cause(fault, began, FAULTS[fault](logs, began, rng))
+    return InjectedFault(fault, began, FAULTS[fault](logs, began, rng))
 
 
 def _grown(
-    growing: GrowingRecording, cause: Cause | None, speed: float, *, identify: bool
+    growing: GrowingRecording, cause: InjectedFault | None, speed: float, *, identify: bool
 ) -> LivePath:
     """Files that grow, watched by a process of its own."""
     beside = WatchBeside(growing.folder, accuracy=None, duration=None) if identify else None
@@ -229,7 +229,7 @@ def _recorded(
     logs: Logs,
     folder: Path,
     scenario: Scenario,
-    cause: Cause | None,
+    cause: InjectedFault | None,
     speed: float,
     *,
     identify: bool,

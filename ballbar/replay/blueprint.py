@@ -51,7 +51,7 @@ _ROD = ((FORCE, "Rod force, tension positive [N]"), (STRAIN, "Axial elongation o
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What the views of one recording depend on."""
+    """Name, root, curves and size of a recording, on which its views depend."""
 
     name: str  # title of its tab
     root: str

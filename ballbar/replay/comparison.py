@@ -146,7 +146,7 @@ def _log_styles(stream: rr.RecordingStream, run: _Run) -> None:
 
 def _layout(runs: Sequence[_Run]) -> rrb.Blueprint:
     """Cells and notes of both runs side by side, their curves over each other."""
-    whole = whole_range(max(run.duration for run in runs))
+    time_range = whole_range(max(run.duration for run in runs))
     cells = [
         cell_view(root, f"{run.letter}: {run.title}{root.removeprefix(f'/{run.letter}')}")
         for run in runs
@@ -162,7 +162,7 @@ def _layout(runs: Sequence[_Run]) -> rrb.Blueprint:
                     origin="/",
                     contents=[f"{path}/**" for path in paths],
                     name=title,
-                    axis_x=rrb.TimeAxis(view_range=whole),
+                    axis_x=rrb.TimeAxis(view_range=time_range),
                     plot_legend=rrb.Corner2D.RightTop,
                 )
             )

@@ -1,4 +1,4 @@
-"""What lies where in a replay file: entity paths and timelines.
+"""Entity paths and timelines of a replay file.
 
 Entities of a recording stand below its root, which is empty for a single recording and `/NAME`
 where several were fitted together. What the recordings share, `/notes` and `/parameters`, has no

@@ -140,8 +140,8 @@ def _recording_rows(estimate: RecordingEstimate) -> Rows:
     rows = [("samples; equations each", f"{estimate.samples}; {estimate.whitened.shape[0]}")]
     for when, residuals in (("before", estimate.before), ("after", estimate.after)):
         position, angle = rms_norm(residuals.position) * UM, rms_norm(residuals.angle) * URAD
-        turned = f", {angle:.1f} urad" if estimate.encoders or estimate.clock is None else ""
-        rows.append((f"loop-closure residual {when}, RMS", f"{position:.1f} um{turned}"))
+        angle_text = f", {angle:.1f} urad" if estimate.encoders or estimate.clock is None else ""
+        rows.append((f"loop-closure residual {when}, RMS", f"{position:.1f} um{angle_text}"))
     if estimate.clock is not None:
         clock, (offset_sigma, skew_sigma) = estimate.clock, estimate.clock_sigma
         offset = f"{clock.offset * MS:.4f} ± {offset_sigma * MS:.4f} ms"
@@ -177,12 +177,12 @@ def _parameter(
     parameter, (large, small) = parameter_named(name), units_of(name)
     nominal, value = estimate.nominal[name] * MM, estimate.geometry[name] * MM
     encoder_offset = (parameter.side, parameter.kind) == ("bar", "theta")
-    known = "", ""  # of the base position and encoder offsets the catalogue says nothing
+    catalogue = "", ""  # of the base position and encoder offsets the catalogue says nothing
     if parameter.kind != "origin" and not encoder_offset:
-        known = f"{nominal:.3f} {large}", f"{value - nominal:+.4f} {large}"
+        catalogue = f"{nominal:.3f} {large}", f"{value - nominal:+.4f} {large}"
     error = f"{errors[name] * UM:+.2f} {small}" if name in errors else ""
     sigma = f"{estimate.sigma[name] * UM:.2f} {small}"
-    return name, known[0], f"{value:.4f} {large}", known[1], sigma, error
+    return name, catalogue[0], f"{value:.4f} {large}", catalogue[1], sigma, error
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

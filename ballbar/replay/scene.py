@@ -42,7 +42,7 @@ _INSIDE = 0.985  # of the radius: the path stays in sight
 
 
 def log_shapes(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
-    """What does not change: the bodies' shapes, the poses of the two that stand, the sphere."""
+    """Shapes of all bodies, poses of the two that stand, and the sphere: they do not change."""
     bodies = cell_bodies(cell, geometry)
     for (entity, frames, row), body in zip(_moving(motion), bodies, strict=True):
         log_body(stream, entity, body)
@@ -190,7 +190,7 @@ def log_truth(stream: Branch, truth: TrueTool, t: Array, geometry: Geometry) -> 
 
 
 def log_legend(stream: Branch | rr.RecordingStream, lines: Sequence[str]) -> None:
-    """What the arrows mean, as a page beside the scene: legible in every theme, and never on it."""
+    """Meaning of the arrows, as a page beside the scene: legible in every theme, never on it."""
     page = rr.TextDocument("  \n".join(lines), media_type=rr.MediaType.MARKDOWN)
     stream.log(LEGEND, page, static=True)
 

@@ -66,7 +66,9 @@ def _link(chain: Chain, row: int, widest: float) -> Body:
     axis = np.array([0.0, np.sin(chain.alpha[row]), np.cos(chain.alpha[row])])
     corner = -chain.a[row] * X
     joint = corner - chain.d[row] * axis
-    half = (1.15 if row else 0.0) * width * axis  # the first joint turns on the base
+    half = 1.15 * width * axis
+    if row == 0:  # it turns on the base, above which its tube begins
+        joint = joint + np.clip(chain.d[0], -0.8 * width, 0.8 * width) * axis
     tubes = [
         Bar(begin, end, 0.8 * width, PAINT, capped=True)
         for begin, end in ((joint, corner), (corner, np.zeros(3)))

@@ -131,14 +131,14 @@ def _part(data: RunData, fitted: FittedRecording) -> _Part:
 
 def _shown(data: RunData, parts: Sequence[_Part]) -> list[Shown]:
     robot = data.identification.robot.cell.robot
-    reach, shown = float(np.abs(robot.d).sum() + np.abs(robot.a).sum()), []
+    reach, views = float(np.abs(robot.d).sum() + np.abs(robot.a).sum()), []
     for part in parts:
         x, y, _ = part.fitted.estimate.geometry.origin
         plots = {
             entity: float(np.abs(series.values).max(initial=0.0))
             for entity, series in part.series.items()
         }
-        shown.append(
+        views.append(
             Shown(
                 name=part.name,
                 root=part.root,
@@ -148,7 +148,7 @@ def _shown(data: RunData, parts: Sequence[_Part]) -> list[Shown]:
                 reach=reach,
             )
         )
-    return shown
+    return views
 
 
 def _page(text: str) -> rr.TextDocument:

@@ -75,7 +75,7 @@ def _surface(bar: Bar) -> Array:
 
 
 def _painted(quads: Array, colours: Array, path: Array) -> Markup:
-    """quads : (T, 4, 3) [m], corners by right, up and towards the eye. path : (N, 3) likewise.
+    """quads : (T, 4, 3) [m], corners by right, up and towards the eye. path : (N, 3) as they.
 
     colours : (T, 3) from 0 to 255.
     """

@@ -68,7 +68,7 @@ def start_rows(start: Start) -> list[tuple[str, str, str]]:
 
 
 def direction_sentences(estimate: RecordingEstimate) -> list[str]:
-    """What was found about the directions of the encoders; those of b2 and b4 are a gauge."""
+    """Directions of the encoders as identified; those of b2 and b4 are a gauge."""
     directions = dict(zip(estimate.encoders, estimate.directions, strict=True))
     gauge = [joint for joint in directions if joint in (2, 4)]
     seen = {joint: sign for joint, sign in directions.items() if joint not in gauge}

@@ -69,12 +69,12 @@ def _tables(correction: CorrectionEstimate) -> list[CorrectionTable]:
     """One table for each unit."""
     tables = []
     for unit in dict.fromkeys(c.unit for c in correction.coefficients):
-        factor, shown = _UNITS[unit]
+        factor, shown_unit = _UNITS[unit]
         named = _condensed([c for c in correction.coefficients if c.unit == unit])
         decimals = decimals_for([c.sigma * factor for _, c in named], digits=1)
         rows = [_row(name, c, factor, decimals) for name, c in named]
         title = capitalised(correction.sentence)
-        tables.append(CorrectionTable(title, shown, _INVERSE.get(unit, ""), rows))
+        tables.append(CorrectionTable(title, shown_unit, _INVERSE.get(unit, ""), rows))
     return tables
 
 

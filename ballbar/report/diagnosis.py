@@ -52,7 +52,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Steps:
-    """What would help most next."""
+    """Predicted next steps, and the one that would help most."""
 
     advice: str = ""  # one sentence; empty where nothing was predicted
     present: str = ""  # predicted of what was recorded
@@ -212,7 +212,7 @@ def _words(step: NextStep) -> str:
 
 
 def _step_row(step: NextStep, present: TcpUncertainty) -> tuple[str, ...]:
-    """What could be done, the uncertainty then with the scale and without it, and the change."""
+    """A step, the uncertainty after it with the scale and without, and its change."""
     sigmas = step.predicted.sigma, step.predicted.without_scale
     return (_words(step), *map(_mm, sigmas), _percent(-_gain(step, present)))
 

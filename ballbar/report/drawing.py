@@ -60,7 +60,7 @@ class Axis:
 
 
 class Named(Protocol):
-    """What a legend shows of a curve."""
+    """A curve as a legend shows it."""
 
     @property
     def name(self) -> str: ...

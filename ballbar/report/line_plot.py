@@ -192,8 +192,8 @@ def _plot(plot: Plot, x: Axis, y: Axis, *, numbered: bool) -> Iterator[str]:
 def _curve(x_axis: Axis, y_axis: Axis, curve: Curve) -> str:
     x, y = x_axis.at(curve.x), y_axis.at(curve.y)
     left, right, top, bottom = x_axis.begin, x_axis.end, y_axis.end, y_axis.begin
-    shown = np.flatnonzero((x[1:] >= left) & (x[:-1] <= right))  # with the ends beyond the plot
-    rows = slice(shown[0], shown[-1] + 2) if shown.size else slice(0)
+    visible = np.flatnonzero((x[1:] >= left) & (x[:-1] <= right))  # with the ends beyond the plot
+    rows = slice(visible[0], visible[-1] + 2) if visible.size else slice(0)
     x, y = np.clip(x[rows], left, right), np.clip(y[rows], top, bottom)
     style = f'fill="none" stroke="{curve.colour}" stroke-width="{curve.width:g}"'
     if curve.dashed:

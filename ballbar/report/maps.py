@@ -50,7 +50,7 @@ EQUATOR = float(np.sqrt(2.0))  # of the projection of a unit sphere
 SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale them
 _ACROSS = 15  # cells across a map of the workspace, about 0.13 m each for the IRB 2400
 _ON_SPHERE = 22  # cells across the projection of the sphere
-_TICK, _MARKS = 0.5, 5.0  # [m] between marks, or a multiple of it; marks of an axis, at most
+_MARKS = 4  # between the ends of an axis of the workspace, about
 _LABELLED = 40  # names that stay readable on an axis of half a page
 _NAMES = 250.0  # [pt] height of all names together, 8 pt each at most
 
@@ -130,7 +130,7 @@ def workspace_map(
         (x_low, x_high), (y_low, y_high) = ends[:, 0].tolist(), ends[:, column].tolist()
         x = Axis(x_low, x_high, begin, begin + across)
         y = Axis(y_low, y_high, bottom, bottom - scale * (y_high - y_low))
-        parts += frame(x, y, _marks(x_low, x_high), _marks(y_low, y_high))
+        parts += frame(x, y, x.ticks(_MARKS), y.ticks(_MARKS))
         parts += cells.drawn(x, y, colours, top, unit)
         for sphere in spheres:
             centre = x.at(sphere.centre[0]).item(), y.at(sphere.centre[column]).item()
@@ -146,13 +146,6 @@ def workspace_map(
         place = begin - left + 10.0, 0.5 * (y.begin + y.end)
         parts.append(words(place, f"{'xyz'[column]} [m]", "middle", turned=True))
     return figure(parts, bottom + BOTTOM)
-
-
-def _marks(low: float, high: float) -> dict[float, str]:
-    """Marks of an axis of the workspace."""
-    step = _TICK * max(1.0, np.ceil((high - low) / _TICK / _MARKS))
-    values = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
-    return {float(v): f"{v + 0.0:.1f}".replace("-", "\u2212") for v in values}
 
 
 def _base(x: Axis, y: Axis) -> str:

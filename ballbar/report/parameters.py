@@ -92,9 +92,9 @@ def not_requested(robot: RobotEstimate) -> list[str]:
 
 def taken_as_nominal(estimate: RecordingEstimate) -> list[str]:
     """Names of a recording's own parameters that it does not determine."""
-    own = [f"btheta{joint}" for joint in estimate.encoders]
-    own += [p.name for p in estimate.geometry.table.parameters if p.side == "base"]
-    return [name for name in own if name not in estimate.sigma]
+    names = [f"btheta{joint}" for joint in estimate.encoders]
+    names += [p.name for p in estimate.geometry.table.parameters if p.side == "base"]
+    return [name for name in names if name not in estimate.sigma]
 
 
 def parameter_count(result: Identification) -> int:

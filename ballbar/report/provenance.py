@@ -87,14 +87,18 @@ def input_files(recording: Recording, folder: Path) -> list[InputFile]:
     Raises OSError when one of them is gone.
     """
     file = recording.description
-    own = [
+    descriptions = [
         name
         for name in (file.robot, file.measured_by, file.plate)
         if name.endswith(".yaml") and not _is_absolute(name)
     ]
     return [
         hashed(folder, name)
-        for name in ("recording.yaml", *(source.file for source in recording.report.files), *own)
+        for name in (
+            "recording.yaml",
+            *(source.file for source in recording.report.files),
+            *descriptions,
+        )
     ]
 
 

@@ -56,10 +56,10 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
     passed = marks(fitted, motion)
     if estimate.tension is not None:
         force_figure = figures.tension_over_time(estimate.after.t, estimate.tension, clock=clock)
-    own = ("Seat" if instrument else "Offsets and base pose") if groups else ""
+    placement = ("Seat" if instrument else "Offsets and base pose") if groups else ""
     links = {
         f"residuals-{n}": "Residuals",
-        f"own-{n}": own,
+        f"own-{n}": placement,
         f"clock-{n}": "Clock",
         f"tracker-{n}": "Tracker" if estimate.tracker else "",
         f"tension-{n}": "Force" if force else "",
@@ -148,7 +148,7 @@ def _noise_rows(fitted: FittedRecording) -> list[tuple[str, str, str]]:
 
 
 def overview_cells(fitted: FittedRecording) -> tuple[str, ...]:
-    """What OVERVIEW names of a recording, each with its unit."""
+    """Values of a recording by the names of OVERVIEW, each with its unit."""
     estimate, (offset_sigma, skew_sigma) = fitted.estimate, fitted.estimate.clock_sigma
     offset, skew = MISSING, MISSING
     if (clock := estimate.clock) is not None:

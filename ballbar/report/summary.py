@@ -14,18 +14,14 @@ from ballbar.report.tcp_view import TcpView
 from ballbar.result.run_data import PoseRun, Run, RunData
 from ballbar.units import MM, MS, UM, URAD
 from cell.clock import UNSEEN_OFFSET
+from cell.instruments import kinds
 from cell.number_text import duration_text
 from ident.result import Identification
 from ident.verdict import Status
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css
-QUANTITIES = {
-    "length": "distances",
-    "point": "points",
-    "pose": "whole poses",
-    "socket": "touched sockets",
-}  # that tables of still poses hold
+QUANTITIES = {kind.name: kind.noun for kind in kinds().values()}  # of tables of still poses
 
 
 @dataclass(frozen=True)
@@ -39,7 +35,7 @@ class Tile:
 
 @dataclass(frozen=True)
 class Summary:
-    """What stands before the first section."""
+    """Verdict and key figures, before the first section."""
 
     subtitle: str
     band: str  # class of the verdict's band: "good", "care" or "bad"
@@ -145,7 +141,7 @@ def _what_to_do(data: RunData) -> str:
 
 def _confidence(result: Identification) -> str:
     """How sure the figures are, and what they leave out."""
-    tcp, left = result.robot.tcp, left_at_nominal(result.robot)
+    tcp, at_nominal = result.robot.tcp, left_at_nominal(result.robot)
     mean, worst = (millimetres(2.0 * size) for size in (tcp.sigma.mean(), tcp.sigma.max()))
     without = millimetres(2.0 * tcp.without_scale.mean())
     sentence = (
@@ -154,9 +150,9 @@ def _confidence(result: Identification) -> str:
         f"assumptions below; without the scale, which no recording shows, within {without} at an "
         "average pose."
     )
-    if not left:
+    if not at_nominal:
         return sentence
-    names = listed([name for name, *_ in left])
+    names = listed([name for name, *_ in at_nominal])
     return f"{sentence} Not determined here and kept at the catalogue's values: {names}."
 
 
@@ -170,7 +166,7 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
         angle.append(significant(rms_norm(errors) * URAD))
     sensed = result.robot.cell.ballbar.stroke is not None
     equations = max(estimate.whitened.shape[0] for estimate in estimates)
-    each = f"{equations} equation{'s' * (equations > 1)} each"
+    equations_text = f"{equations} equation{'s' * (equations > 1)} each"
     samples = " + ".join(str(estimate.samples) for estimate in estimates)
     poor = "" if result.fit.converged else ", not converged"
     return (
@@ -182,7 +178,7 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
             "of the length" if sensed else f"angle {' → '.join(angle)} µrad",
         ),
         Tile("Iterations", f"{result.fit.iterations}", f"from the automatic start{poor}"),
-        Tile("Samples", samples, f"{each}, {_unknowns(result)}"),
+        Tile("Samples", samples, f"{equations_text}, {_unknowns(result)}"),
     )
 
 

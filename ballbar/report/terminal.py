@@ -1,4 +1,4 @@
-"""What the command line says of an identification: sentences first, then a few lines of numbers."""
+"""Words of the command line on an identification: sentences first, then a few lines of numbers."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from ident.tracker import TrackerCheck
 
 
 def tracker_section(check: TrackerCheck | None) -> dict[str, object] | None:
-    """What is shown of a tracker's points beside a recording; None where there is nothing."""
+    """Distances of a tracker's points as the page shows them; None where there are none."""
     if check is None:
         return None
     nominal, identified = check.nominal, check.identified

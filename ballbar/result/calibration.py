@@ -1,7 +1,8 @@
 """A result as read back from calibration.yaml: what it says of the robot, whatever measured it.
 
-Logs tell a robot with the offset plate and a ball-bar, still poses a robot up to its flange with
-the targets that it carried. What one of them does not tell is refused in words.
+Recordings of a ball-bar identify the robot with the offset plate and the ball-bar, still poses
+identify it up to its flange with the targets that it carried. A question that a result cannot
+answer is refused with the reason.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ from cell.placement import Placement
 from cell.strict_yaml import YamlDocument, check_schema, load_yaml, parse_model
 from ident.corrections import as_in_result
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
+from ident.estimator.build_unknowns import arm_parameters
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.unknowns import arm_parameters
 from ident.identify_poses import JointErrors
 from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, unloaded_robot
 from ident.robot.identified_arm import IdentifiedArm

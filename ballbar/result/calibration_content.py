@@ -43,7 +43,7 @@ from cell.schema import Strict
 from cell.statistics import rms
 from ident.corrections.base import Coefficient
 from ident.estimator.fit import Fit
-from ident.estimator.unknowns import belongs_to_recording, shared_names
+from ident.estimator.priors import belongs_to_recording, shared_names
 from ident.result import PlacementEstimate, TableEstimate
 
 KNOWN = 0.5  # information gain below which a parameter stands at its prior

@@ -55,7 +55,7 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
 from ident.corrections.unit_weights import unit_weights
-from ident.estimator.unknowns import belongs_to_recording, shared_names
+from ident.estimator.priors import belongs_to_recording, shared_names
 
 SCHEMA: Final = "ballbar-calibration/2"
 

@@ -23,7 +23,7 @@ from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, mirrored, nominal_chain, parameter_named, parameter_table
 from cell.statistics import rms
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.pose_result import PoseIdentification
 from ident.result import Identification

@@ -45,7 +45,7 @@ class PlanData(Strict):
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class Factor:
     """One factor of the product of points."""
 
     section: str  # of the sweep file: together, vary, draw
@@ -107,18 +107,18 @@ class Plan:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @cached_property
-    def axes(self) -> tuple[Axis, ...]:
+    def axes(self) -> tuple[Factor, ...]:
         data, axes = self.data, []
         if data.together:
-            axes.append(Axis("together", data.together))
+            axes.append(Factor("together", data.together))
         for key, values in data.vary.items():
-            axes.append(Axis("vary", [{key: value} for value in values]))
+            axes.append(Factor("vary", [{key: value} for value in values]))
         if data.draw:
             variates, count = {}, data.draws or 0
             for key, draw in data.draw.items():  # each from a stream of its own
                 rng = stream(data.seed, f"sweep {key}")
                 variates[key] = rng.standard_normal(count) if draw.normal else rng.random(count)
-            axes.append(Axis("draw", Draws(variates, data.draw)))
+            axes.append(Factor("draw", Draws(variates, data.draw)))
         return tuple(axes)
 
     @property

@@ -46,7 +46,7 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS, Geometry
 from cell.statistics import rms
-from ident.estimator.dependencies import ENCODER_OFFSETS
+from ident.estimator.thesis_names import ENCODER_OFFSETS
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
 from ident.thesis.cost_fit import fit_cost

@@ -26,7 +26,6 @@ import numpy as np
 from acquisition.recording import Recording
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
-from ballbar.sphere_coverage import coverage
 from ballbar.watch.alarms import (
     SEEN_TWICE,
     FindingAlarms,
@@ -35,20 +34,18 @@ from ballbar.watch.alarms import (
     since_first,
     standing,
 )
+from ballbar.watch.estimate import complete_estimate, estimate_of, seconds_of
 from ballbar.watch.state import Alarm, Estimate, WatchState
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
-from cell.geometry import robot_frames
 from cell.load import load_cell, load_measured_cell
 from cell.robot_angles import joints_to_axes
-from cell.statistics import rms
 from ident.causes import suspects
-from ident.identify import identify_together, kinematic_result
+from ident.identify import kinematic_result
 from ident.options import FitOptions
 from ident.prediction import Prediction, part_of, predict
 from ident.recording_fit import Logs, RecordingFit, fit_recording
-from ident.result import Identification
 from ident.robot.tcp_uncertainty import scale_error
 from ident.start.automatic import Hypothesis
 from ident.verdict import Status
@@ -68,7 +65,6 @@ PATIENCE = 6  # updates without files that are being written again, up to which 
 NO_FIT = (FailureError, ValueError)
 AGREES = 2.0  # residual of held-out rows over what is expected, up to which a fit is confirmed
 SAME_MODEL = 3.0  # times chi-square: a fit of all rows that leaves no more has only more to tell
-COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
 
 
 class Watch:
@@ -121,7 +117,7 @@ class Watch:
             return self._refused(str(error), patience=SEEN_TWICE)
         self._unread = 0
         logs = logs_of(self._folder.name, recording)
-        seconds, encoders = _seconds(logs), logs.ballbar.joints if logs.ballbar else ()
+        seconds, encoders = seconds_of(logs), logs.ballbar.joints if logs.ballbar else ()
         if seconds < self._state.seconds - HELD_OUT or self._encoders not in (None, encoders):
             self._begin()
         self._encoders = encoders
@@ -260,7 +256,7 @@ class Watch:
         result = kinematic_result(cell, fitted, FitOptions(model="dh", accuracy=self._accuracy))
         self._fitted, self._fitted_until = fitted, until
         if self._estimate is None or self._estimate.model == "dh" or result.verdict.acceptable:
-            self._estimate = _estimate(result, fitted.logs, until)
+            self._estimate = estimate_of(result, fitted.logs, until)
 
     def _ask_complete(self, cell: Cell, logs: Logs, until: float) -> None:
         """Hands the recording over to be fitted by the complete model, if it is time."""
@@ -310,45 +306,7 @@ class Watch:
         return self._state
 
 
-def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimate:
-    """The estimate of the model that the data support. Raises StartError as an identification."""
-    result = identify_together(cell, [logs], options=FitOptions(accuracy=accuracy))
-    return _estimate(result, logs, _seconds(logs))
-
-
-def _estimate(result: Identification, logs: Logs, until: float) -> Estimate:
-    (recording,) = result.recordings
-    noise = {f"q{k}": float(x) for k, x in enumerate(recording.noise.joint, start=1)}
-    noise |= {f"b{j}": float(recording.noise.encoder[j - 1]) for j in recording.encoders}
-    if recording.noise.length:
-        noise["length"] = recording.noise.length
-    clock, step = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
-    tool = robot_frames(recording.geometry, logs.robot.q[::step]).tip.T
-    covered = coverage(logs.robot.t[::step], tool, recording.geometry.origin)
-    return Estimate(
-        until=until,
-        model=result.model,
-        status=str(result.verdict.status),
-        sentence=result.verdict.sentence,
-        tcp_sigma=rms(result.robot.tcp_sigma),
-        without_scale=rms(result.robot.tcp.without_scale),
-        white=result.robot.tcp_white,
-        widened=result.robot.tcp_widened,
-        acceptable=result.verdict.acceptable,
-        clock=None if clock is None else (clock.offset, clock.skew),
-        clock_sigma=recording.clock_sigma,
-        noise=noise,
-        sphere=float(covered.share[-1]),
-    )
-
-
 def _cell(folder: Path, recording: Recording) -> Cell:
     named = recording.description
     load = load_measured_cell if named.ballbar is None else load_cell
     return load(named.robot, named.measured_by, named.plate, relative_to=folder)
-
-
-def _seconds(logs: Logs) -> float:
-    """[s] that both logs hold, each from its first row."""
-    instrument = logs.ballbar or logs.length or logs.robot
-    return float(min(logs.robot.t[-1], instrument.t[-1]))

@@ -16,8 +16,8 @@ _NO_KINDS = {"base"}  # modules of this folder
 def kinds() -> dict[str, Kind]:
     """Every kind of instrument by its name."""
     modules = sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name not in _NO_KINDS)
-    found = (importlib.import_module(f"{__name__}.{name}").KIND for name in modules)
-    return {kind.name: cast(Kind, kind) for kind in found}
+    every_kind = (importlib.import_module(f"{__name__}.{name}").KIND for name in modules)
+    return {kind.name: cast(Kind, kind) for kind in every_kind}
 
 
 def kind_named(name: str) -> Kind:

@@ -1,4 +1,4 @@
-"""What an instrument senses of a target: the behaviour that every kind of instrument has.
+"""How an instrument measures a target: the behaviour that every kind of instrument has.
 
 Each kind is one module of this folder, found by its name, and one or more descriptions
 (cell/instruments/*.yaml). It says where the target is by its values, how that point moves with each
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class Sight:
     """Where an instrument has N targets, robot base frame.
 
-    Components that it does not sense are those of the predicted target.
+    Components that it does not measure are set to those of the predicted target.
     """
 
     point: Array  # (3, N) [m]
@@ -38,7 +38,20 @@ class Sight:
     @property
     def directions(self) -> Array:
         """(D, 3, N) unit vectors along which the point is sensed, perpendicular to each other."""
-        return np.asarray(self.per_value / np.linalg.norm(self.per_value, axis=1, keepdims=True))
+        return np.asarray(self.per_value / self._size[:, None])
+
+    def position_sigma(self, sigma: Array) -> Array:
+        """(N, D) [m] standard deviation of the point along each direction.
+
+        sigma : (N, K) [m, rad] of the values, those of the point first.
+        """
+        return np.asarray(self._size.T * sigma[:, : len(self.per_value)])
+
+    @property
+    def _size(self) -> Array:
+        """(D, N) how far the point moves per unit of each value."""
+        size = np.linalg.norm(self.per_value, axis=1)
+        return np.asarray(np.maximum(size, np.finfo(float).tiny))
 
     @property
     def free(self) -> Array:
@@ -57,20 +70,40 @@ class Sight:
         return np.concatenate(parts)
 
 
+@dataclass(frozen=True, eq=False)
+class TrueStand:
+    """N targets as they truly stand, in the frame of the seat."""
+
+    rod: Array  # (3, N) [m] from the seat to the target
+    distance: Array  # (N,) [m] length of the rod
+    rotation: Array  # (3, 3, N) orientation of the target
+
+
 class Kind(ABC):
     """A kind of instrument."""
 
     name: ClassVar[str]  # as tables and results call what it measures
     # joints from the floor to the target that such an instrument has, sensed ones marked with *
     chains: ClassVar[tuple[tuple[str, ...], ...]]
-    columns: ClassVar[int]  # values of one pose
-    directions: ClassVar[int]  # of the target's position that it senses
+    noun: ClassVar[str]  # what it measures, in the plural, for reports
+    names: ClassVar[tuple[str, ...]]  # of the values of one pose
+    units: ClassVar[tuple[str, ...]]  # of each value, m or rad
+    directions: ClassVar[int]  # measured directions of the target's position
     seat_turns: ClassVar[bool] = True  # whether the orientation of its seat matters
     target_turns: ClassVar[bool] = False  # whether that of the target does
+    judged: ClassVar[str] = "position"  # what of a target's place its errors are of
+    seat_fixed: ClassVar[bool] = True  # whether a turning seat is known in all six directions
     # whether the values are lengths or coordinates, which the scale of the instrument stretches
     scales: ClassVar[bool] = True
-    # whether it sees the robot from its seat alone, so that it says little of other places
+    # whether the robot has to be brought to it, so that it says little of other places
     local: ClassVar[bool] = False
+    # whether something reaches from the seat to the target: a rod, a wire, a line of sight
+    sighted: ClassVar[bool] = True
+
+    @property
+    def columns(self) -> int:
+        """Number of values of one pose."""
+        return len(self.units)
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other)
@@ -91,12 +124,11 @@ class Kind(ABC):
         """
 
     @abstractmethod
-    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+    def measure(self, stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
         """(N, M) [m, rad] values of targets as they stand.
 
-        rod : (3, N) [m] from the seat to the target, seat frame. rotation : (3, 3, N) of the
-        target there. noise : (6, N) in the instrument's standard deviations: along the line of
-        sight, twice across it, and about three axes.
+        noise : (6, N) in the instrument's standard deviations: along the line of sight, twice
+        across it, and about three axes.
         """
 
     @abstractmethod
@@ -104,6 +136,23 @@ class Kind(ABC):
         """(N, K) [m, rad] standard deviation of values (N, M), or where there are none of the
         target's place.
         """
+
+    def seat_of(self, values: Array, points: Array) -> Placement | None:
+        """Where the seat is about, by values (N, M) of known points (N, 3) [m], base frame.
+
+        None for kinds whose seats a linear problem of their own finds (ident.start.placements).
+        """
+        del values, points
+        return None
+
+    def brought(self, rod: Array, shares: Array, least: float, most: float) -> Array:
+        """(N, 3) [m] nearby places at which it can measure a target, seat frame.
+
+        rod : (N, 3) [m] where the targets are. shares : (N,) random, 0 to 1. least, most : [m] of
+        its range.
+        """
+        del shares, least, most
+        return rod
 
 
 def across(along: Array) -> Array:
@@ -119,14 +168,13 @@ def seat_axes(seat: Placement, count: int) -> Array:
     return np.repeat(seat.rotation.T[:, :, None], count, axis=2)
 
 
-def position_in_seat(rod: Array, noise: Array, instrument: Instrument) -> Array:
+def position_in_seat(stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
     """(3, N) [m] measured position by a length and two angles; arguments as of `Kind.measure`."""
-    distance = np.linalg.norm(rod, axis=0)
-    sight = rod / distance
-    sideways = instrument.sigma_direction * distance
+    sight = stand.rod / stand.distance
+    sideways = instrument.sigma_direction * stand.distance
     first, second = across(sight)
-    shift = instrument.sigma_length * noise[0] * sight
-    return np.asarray(rod + shift + sideways * (noise[1] * first + noise[2] * second))
+    along = instrument.sigma_length * noise[0]
+    return np.asarray(stand.rod + along * sight + sideways * (noise[1] * first + noise[2] * second))
 
 
 def position_sigma(values: Array, instrument: Instrument) -> Array:
@@ -136,7 +184,7 @@ def position_sigma(values: Array, instrument: Instrument) -> Array:
     return np.repeat(each[:, None], 3, axis=1)
 
 
-def turned(rotation: Array, noise: Array, instrument: Instrument) -> Array:
+def turned(stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
     """(3, 3, N) measured orientation of a target; arguments as of `Kind.measure`."""
     turn = matrix_from_rotvec(instrument.sigma_rotation * noise[3:])
-    return np.asarray(np.einsum("ijn,jkn->ikn", turn, rotation))
+    return np.asarray(np.einsum("ijn,jkn->ikn", turn, stand.rotation))

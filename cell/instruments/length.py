@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight
+from cell.instruments.base import Kind, Sight, TrueStand
 from cell.placement import Placement
 
 if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Length(Kind):
+class SensedLength(Kind):
     """The distance of the target from the seat's origin."""
 
     name = "length"
     chains = (("universal", "prismatic*", "ball"), ("ball", "prismatic*", "ball"))
-    columns, directions = 1, 1
+    noun = "distances"
+    names, units = ("length",), ("m",)
+    directions = 1
+    judged = "distance"
     seat_turns = False
     local = True
 
@@ -29,15 +32,21 @@ class Length(Kind):
         along = rod / np.maximum(np.linalg.norm(rod, axis=0), np.finfo(float).tiny)
         return Sight(seat.origin[:, None] + values[:, 0] * along, along[None])
 
-    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+    def measure(self, stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
         """(N, 1) [m]"""
-        del rotation
-        length = np.linalg.norm(rod, axis=0) + instrument.sigma_length * noise[0]
+        length = stand.distance + instrument.sigma_length * noise[0]
         return np.asarray(length[:, None])
 
     def sigma(self, values: Array, instrument: Instrument) -> Array:
         """(N, 1) [m]"""
         return np.full((len(values), 1), instrument.sigma_length)
 
+    def brought(self, rod: Array, shares: Array, least: float, most: float) -> Array:
+        """Where they are, or where the rod is within its range."""
+        distance = np.linalg.norm(rod, axis=1)
+        inside = (distance >= least) & (distance <= most)
+        length = np.where(inside, distance, least + shares * (most - least))
+        return np.asarray(rod * (length / np.maximum(distance, 1e-9))[:, None])
 
-KIND = Length()
+
+KIND = SensedLength()

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, position_in_seat, position_sigma, seat_axes
+from cell.instruments.base import (
+    Kind,
+    Sight,
+    TrueStand,
+    position_in_seat,
+    position_sigma,
+    seat_axes,
+)
 from cell.placement import Placement
 
 if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Point(Kind):
+class SensedPoint(Kind):
     """Three coordinates [m] in the seat's frame."""
 
     name = "point"
@@ -22,7 +29,10 @@ class Point(Kind):
         ("revolute*", "revolute*", "prismatic*", "ball"),
         ("prismatic*", "prismatic*", "prismatic*", "ball"),
     )
-    columns, directions = 3, 3
+    noun = "points"
+    names: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    units: ClassVar[tuple[str, ...]] = ("m", "m", "m")
+    directions = 3
 
     def sight(self, values: Array, seat: Placement, predicted: Array) -> Sight:
         """The point in the robot's base frame."""
@@ -30,14 +40,13 @@ class Point(Kind):
         point = seat.rotation @ values[:, :3].T + seat.origin[:, None]
         return Sight(point, seat_axes(seat, len(values)))
 
-    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+    def measure(self, stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
         """(N, 3) [m]"""
-        del rotation
-        return np.asarray(position_in_seat(rod, noise, instrument).T)
+        return np.asarray(position_in_seat(stand, noise, instrument).T)
 
     def sigma(self, values: Array, instrument: Instrument) -> Array:
         """(N, 3) [m]"""
         return position_sigma(values, instrument)
 
 
-KIND = Point()
+KIND = SensedPoint()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Sight, position_in_seat, position_sigma, turned
-from cell.instruments.point import Point
+from cell.instruments.base import Sight, TrueStand, position_in_seat, position_sigma, turned
+from cell.instruments.point import SensedPoint
 from cell.placement import Placement
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Pose(Point):
+class SensedPose(SensedPoint):
     """Three coordinates [m] and a rotation vector [rad] in the seat's frame."""
 
     name = "pose"
@@ -25,7 +25,9 @@ class Pose(Point):
         ("revolute*", "revolute*", "prismatic*", "ball*"),
         ("prismatic*", "prismatic*", "prismatic*", "ball*"),
     )
-    columns = 6
+    noun = "whole poses"
+    names = ("x", "y", "z", "rx", "ry", "rz")
+    units = ("m", "m", "m", "rad", "rad", "rad")
     target_turns = True
 
     def sight(self, values: Array, seat: Placement, predicted: Array) -> Sight:
@@ -33,10 +35,10 @@ class Pose(Point):
         rotation = np.einsum("ij,jkn->ikn", seat.rotation, matrix_from_rotvec(values[:, 3:].T))
         return replace(super().sight(values, seat, predicted), rotation=rotation)
 
-    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+    def measure(self, stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
         """(N, 6) [m, rad]"""
-        turns = rotvec_from_matrix(turned(rotation, noise, instrument))
-        return np.hstack((position_in_seat(rod, noise, instrument).T, turns.T))
+        turns = rotvec_from_matrix(turned(stand, noise, instrument))
+        return np.hstack((position_in_seat(stand, noise, instrument).T, turns.T))
 
     def sigma(self, values: Array, instrument: Instrument) -> Array:
         """(N, 6) [m, rad]"""
@@ -44,4 +46,4 @@ class Pose(Point):
         return np.hstack((position_sigma(values, instrument), turns))
 
 
-KIND = Pose()
+KIND = SensedPose()

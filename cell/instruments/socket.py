@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, seat_axes
+from cell.instruments.base import Kind, Sight, TrueStand, seat_axes
 from cell.placement import Placement
 
 if TYPE_CHECKING:
     from cell.instrument import Instrument
 
 
-class Socket(Kind):
+class SocketSeat(Kind):
     """No value: the target stands at the seat's origin, within the socket's play."""
 
     name = "socket"
     chains = (("ball",),)
-    columns, directions = 0, 3
+    noun = "touched sockets"
+    names: ClassVar[tuple[str, ...]] = ()
+    units: ClassVar[tuple[str, ...]] = ()
+    directions = 3
     seat_turns = False
     local = True
+    sighted = False
     scales = False
 
     def sight(self, values: Array, seat: Placement, predicted: Array) -> Sight:
@@ -30,14 +34,19 @@ class Socket(Kind):
         n = predicted.shape[1]
         return Sight(np.repeat(seat.origin[:, None], n, axis=1), seat_axes(seat, n))
 
-    def measure(self, rod: Array, rotation: Array, noise: Array, instrument: Instrument) -> Array:
+    def measure(self, stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
         """(N, 0)"""
-        del rotation, noise, instrument
-        return np.zeros((rod.shape[1], 0))
+        del noise, instrument
+        return np.zeros((stand.distance.size, 0))
 
     def sigma(self, values: Array, instrument: Instrument) -> Array:
         """(N, 3) [m] play along each axis"""
         return np.full((len(values), 3), instrument.sigma_length)
 
+    def brought(self, rod: Array, shares: Array, least: float, most: float) -> Array:
+        """The socket."""
+        del shares, least, most
+        return np.zeros_like(rod)
 
-KIND = Socket()
+
+KIND = SocketSeat()

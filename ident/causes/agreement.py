@@ -29,7 +29,7 @@ GIMBALS = {1: (1, 2), 5: (5, 4)}  # turning and tilting joint, by the turning on
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class LoggedMotion:
     """Both logs on even steps of their own clocks."""
 
     step: float  # [s]
@@ -46,7 +46,7 @@ class Motion:
         """(Nb,) [rad] readings of a joint's encoder."""
         return np.asarray(self.readings[:, self.encoders.index(joint)])
 
-    def reversed(self) -> Motion:
+    def reversed(self) -> LoggedMotion:
         """The ball-bar's log played backwards: the same motion, but of no robot."""
         return replace(self, readings=self.readings[::-1])
 
@@ -65,12 +65,12 @@ class ToolPath:
 
 def motion_of(
     t: Array, q: Array, t_bar: Array, readings: Array, encoders: tuple[int, ...]
-) -> Motion:
+) -> LoggedMotion:
     """Both logs on even steps: t (Nr,) [s], q (Nr, J) [rad]; t_bar (Nb,) [s], readings (Nb, E)."""
     longest = max(np.ptp(t), np.ptp(t_bar)) if encoders else np.ptp(t)
     step = float(np.clip(longest / ROWS, STEP, LONGEST_STEP))
     bar = _even(t_bar, readings, step) if encoders else np.zeros((0, 0))
-    return Motion(step, _even(t, q, step), bar, encoders)
+    return LoggedMotion(step, _even(t, q, step), bar, encoders)
 
 
 def tool_path(nominal: Geometry, q: Array) -> ToolPath:
@@ -123,7 +123,7 @@ def left(gimbals: Sequence[Gimbal]) -> float:
     return min(1.0, float(np.exp(-min(gimbal.refined(best) for gimbal in gimbals))))
 
 
-def left_of(motion: Motion, path: ToolPath) -> float:
+def left_of(motion: LoggedMotion, path: ToolPath) -> float:
     """The unexplained share of the motion with the encoders as declared."""
     return left(
         [

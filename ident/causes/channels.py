@@ -23,11 +23,11 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections.base import BAR
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.fit import Fit
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Evaluation, Model, gearing
 from ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
-from ident.estimator.unknowns import kinematic_unknowns
 from ident.recording_fit import RecordingFit, nominal_robot_fit
 
 DECISIVE = 3.0  # times less than without the channel's error

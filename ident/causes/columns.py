@@ -17,7 +17,15 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.geometry import Geometry
-from ident.causes.agreement import SPHERE_ROWS, Gimbal, Motion, ToolPath, left, left_of, tool_path
+from ident.causes.agreement import (
+    SPHERE_ROWS,
+    Gimbal,
+    LoggedMotion,
+    ToolPath,
+    left,
+    left_of,
+    tool_path,
+)
 from ident.causes.robot_log import other_angles
 from ident.start.speed_scan import scan_speeds
 
@@ -34,7 +42,7 @@ MOVES = 0.1  # [rad] a path for calibration turns some joint by more
 
 
 @dataclass(frozen=True)
-class Reading:
+class ColumnReading:
     """One way to read the columns, and what it leaves unexplained."""
 
     cause: str  # what would be wrong with the files
@@ -44,7 +52,7 @@ class Reading:
     remark: str = ""  # to the evidence
 
 
-def encoder_orders(motion: Motion, path: ToolPath) -> list[Reading]:
+def encoder_orders(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
     """Every other order of the encoder columns."""
     directions = {i: path.directions[i] for i, _ in motion.gimbals}
     if len(motion.encoders) == 2:  # of which gimbal they are, may be wrong too
@@ -67,7 +75,7 @@ def encoder_orders(motion: Motion, path: ToolPath) -> list[Reading]:
     return readings
 
 
-def _ordered(held: dict[int, int], share: float, rms: float) -> Reading:
+def _ordered(held: dict[int, int], share: float, rms: float) -> ColumnReading:
     """held : column that holds a joint's readings, by joint."""
     moved = {joint: column for joint, column in held.items() if joint != column}
     if len(moved) == 2 and set(moved) == set(moved.values()):
@@ -76,17 +84,17 @@ def _ordered(held: dict[int, int], share: float, rms: float) -> Reading:
     else:
         pairs = (f"b{joint} in that of b{column}" for joint, column in sorted(moved.items()))
         cause = f"the encoder columns are in another order: {', '.join(pairs)}"
-    return Reading(cause, "Correct `column` of these encoders in recording.yaml", share, rms)
+    return ColumnReading(cause, "Correct `column` of these encoders in recording.yaml", share, rms)
 
 
 def _of_other_gimbal(
-    motion: Motion, gimbals: dict[tuple[int, int, int], Gimbal], rms: float
-) -> Iterator[Reading]:
+    motion: LoggedMotion, gimbals: dict[tuple[int, int, int], Gimbal], rms: float
+) -> Iterator[ColumnReading]:
     (i, j) = motion.gimbals[0]
     other = (5, 4) if i == 1 else (1, 2)
     for a, b in ((i, j), (j, i)):
         names = f"those of b{other[0]} and b{other[1]}"
-        yield Reading(
+        yield ColumnReading(
             f"the encoders b{a} and b{b} are {names}",
             "Name them so in recording.yaml",
             left([gimbals[a, b, other[0]]]),
@@ -94,7 +102,7 @@ def _of_other_gimbal(
         )
 
 
-def encoder_scales(motion: Motion, path: ToolPath) -> list[Reading]:
+def encoder_scales(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
     """The encoders with line counts by which they turn as far as the robot's pose says; or none."""
     wrong = _wrong_scales(_ratios(motion, path))
     if not wrong:
@@ -109,7 +117,7 @@ def encoder_scales(motion: Motion, path: ToolPath) -> list[Reading]:
         if share > most:
             return []
     return [
-        Reading(
+        ColumnReading(
             f"the line count of encoder {names} is wrong",
             f"Multiply `lines` in recording.yaml ({', '.join(factors)}), or correct `bits`, which "
             "count as powers of two",
@@ -146,7 +154,7 @@ def _powers_of_two(wrong: dict[int, float]) -> bool:
     return bool((whole != 0.0).all() and np.abs(doublings - whole).max() <= NEARLY)
 
 
-def _ratios(motion: Motion, path: ToolPath) -> dict[int, float]:
+def _ratios(motion: LoggedMotion, path: ToolPath) -> dict[int, float]:
     """Angle of an encoder over that of the robot's pose, by joint; nothing where no lag fits."""
     joints = [joint for pair in motion.gimbals for joint in pair]
     poses = np.stack([a for i, _ in motion.gimbals for a in _angles(path.directions[i])], axis=1)
@@ -178,8 +186,8 @@ def _speeds(angles: Array) -> Array:
 
 
 def robot_columns(
-    robot: Robot, nominal: Geometry, motion: Motion, declared: float
-) -> list[Reading]:
+    robot: Robot, nominal: Geometry, motion: LoggedMotion, declared: float
+) -> list[ColumnReading]:
     """The robot's log with each mistake of ident.causes.robot_log corrected.
 
     declared : [m] rms distance of the tool from its sphere as logged. Only what does not leave it
@@ -202,5 +210,5 @@ def robot_columns(
         path = tool_path(nominal, mistake.joints(motion.q))
         share = left_of(motion, path) if motion.gimbals else path.rms / nominal["bd3"]
         remedy = "Correct the columns of the robot's log, or its dialect"
-        readings.append(Reading(mistake.cause, remedy, share, path.rms))
+        readings.append(ColumnReading(mistake.cause, remedy, share, path.rms))
     return readings

@@ -26,9 +26,16 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, parameter_named
 from cell.number_text import significant_text
 from cell.robot_angles import joints_to_axes, joints_to_motors
-from ident.causes.agreement import SPHERE_ROWS, Motion, ToolPath, left_of, motion_of, tool_path
+from ident.causes.agreement import (
+    SPHERE_ROWS,
+    LoggedMotion,
+    ToolPath,
+    left_of,
+    motion_of,
+    tool_path,
+)
 from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
-from ident.causes.columns import Reading, encoder_orders, encoder_scales, robot_columns
+from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.lengths import single_lengths
 from ident.causes.robot_log import PLURAL
 from ident.estimator.fit import Fit
@@ -136,7 +143,7 @@ def suspects(cell: Cell, logs: Logs) -> list[Suspect]:
     return []
 
 
-def _motion(logs: Logs) -> Motion:
+def _motion(logs: Logs) -> LoggedMotion:
     robot, ballbar = logs.robot, logs.ballbar
     if ballbar is None:
         return motion_of(robot.t, robot.q, np.zeros(0), np.zeros((0, 0)), ())
@@ -144,8 +151,8 @@ def _motion(logs: Logs) -> Motion:
 
 
 def _readings(
-    cell: Cell, nominal: Geometry, motion: Motion, path: ToolPath, share: float
-) -> list[Reading]:
+    cell: Cell, nominal: Geometry, motion: LoggedMotion, path: ToolPath, share: float
+) -> list[ColumnReading]:
     """The readings that explain the recording, best first."""
     if motion.gimbals:
         if share <= AGREES:
@@ -163,7 +170,7 @@ def _readings(
     return [r for r in good if r.left <= COMPARABLE * good[0].left]
 
 
-def _of_reading(reading: Reading, share: float, rms: float, encoders: bool) -> Suspect:
+def _of_reading(reading: ColumnReading, share: float, rms: float, encoders: bool) -> Suspect:
     sphere = (
         f"the tool's path by the robot is {reading.rms * 1e3:.1f} mm rms off a sphere, as declared "
         f"{rms * 1e3:.1f} mm"
@@ -182,7 +189,7 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %"
 
 
-def _still_encoders(motion: Motion) -> Iterator[Suspect]:
+def _still_encoders(motion: LoggedMotion) -> Iterator[Suspect]:
     for joint, angles in zip(motion.encoders, motion.readings.T, strict=True):
         if np.ptp(angles) > STILL:
             continue
@@ -197,7 +204,7 @@ def _still_encoders(motion: Motion) -> Iterator[Suspect]:
             )
 
 
-def _still_axes(cell: Cell, motion: Motion, rms: float) -> Iterator[Suspect]:
+def _still_axes(cell: Cell, motion: LoggedMotion, rms: float) -> Iterator[Suspect]:
     """rms : [m] of the tool's path from its sphere."""
     columns = {
         "axis": joints_to_axes(cell.robot, motion.q),
@@ -342,7 +349,7 @@ def _duration(logs: Logs) -> Iterator[Suspect]:
         )
 
 
-def _other_runs(motion: Motion, path: ToolPath, share: float) -> Iterator[Suspect]:
+def _other_runs(motion: LoggedMotion, path: ToolPath, share: float) -> Iterator[Suspect]:
     if not motion.gimbals or path.rms > OFF_SPHERE or share < UNRELATED:
         return
     chance = left_of(motion.reversed(), path)

@@ -19,7 +19,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.clock import Clock
-from ident.estimator.samples import MARGIN
+from ident.estimator.sample_times import MARGIN
 from ident.estimator.time_blocks import block_numbers
 from ident.estimator.uncertainty import inflation_factors
 from ident.signals.smooth_log import SmoothLog

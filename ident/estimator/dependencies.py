@@ -21,14 +21,19 @@ selected one by x_i mm|mrad.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.geometry import BAR_ROWS, Geometry, ParameterTable, parameter_named
+from cell.geometry import Geometry, ParameterTable, parameter_named
+from ident.estimator.thesis_names import (
+    extra_parameters,
+    joined_names,
+    order_of_the_thesis,
+    thesis_parameters,
+)
 
 # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4
 # (docs/identifiability.md)
@@ -37,39 +42,6 @@ SCALE_PARTNERS = (
     3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
 )
 SIGNIFICANT = 0.05  # mm|mrad for an error of 1 mm|mrad, thesis sec. 3.3
-
-
-ENCODER_OFFSETS = tuple(f"btheta{row + 1}" for row in range(BAR_ROWS))
-BAR_PARAMETERS = tuple(
-    name
-    for name in (f"b{kind}{row + 1}" for kind in ("a", "d", "alpha") for row in range(BAR_ROWS))
-    if name != "bd3"
-)
-_TILT = ("otx", "oty")
-
-
-def thesis_parameters(table: ParameterTable) -> tuple[str, ...]:
-    """The parameters of the thesis in the order of sec. 3.3; 47 for six axes."""
-    return (*ENCODER_OFFSETS, "ox", "oy", "oz", *table.robot, "bd3", *BAR_PARAMETERS)
-
-
-def extra_parameters(table: ParameterTable) -> tuple[str, ...]:
-    """What the thesis has not: after all others."""
-    return (*table.hayati, *_TILT)
-
-
-def _written(table: ParameterTable) -> Callable[[str], int]:
-    """Key that sorts names as the thesis writes them."""
-    origin = ("ox", "oy", "oz")
-    return (
-        *table.robot,
-        *table.hayati,
-        *origin,
-        *_TILT,
-        "bd3",
-        *BAR_PARAMETERS,
-        *ENCODER_OFFSETS,
-    ).index
 
 
 @dataclass(frozen=True)
@@ -102,7 +74,7 @@ class Group:
     vectors: tuple[Dependency, ...]  # the null vectors behind it
 
     def __str__(self) -> str:
-        return " | ".join(_sum(names) for names in self.members)
+        return " | ".join(joined_names(names) for names in self.members)
 
 
 @dataclass(frozen=True)
@@ -169,7 +141,7 @@ def select(
     for k in (k for k in moving if k not in walk.selected):
         before = walk.before(k)
         terms = _combination(columns, lengths, names, before, k, walk.basis[: len(before)])
-        partners = {name: terms[name] for name in sorted(terms, key=_written(table))}
+        partners = {name: terms[name] for name in sorted(terms, key=order_of_the_thesis(table))}
         scale = _scale_without(names[k], [names[i] for i in before], dependent, nominal)
         dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
     return Selection(
@@ -222,7 +194,7 @@ def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Gro
     left out; it is written against the plate, the length that is known.
     """
     vectors = select(columns, names, nominal, known=()).dependent
-    plate, written = nominal.table.plate, _written(nominal.table)
+    plate, written = nominal.table.plate, order_of_the_thesis(nominal.table)
     shared: dict[str, list[Dependency]] = {}
     entries = []
     for vector in vectors:
@@ -272,33 +244,6 @@ def significant(moves: Mapping[str, float], threshold: float = SIGNIFICANT) -> d
         for name, x in sorted(moves.items(), key=lambda item: -abs(item[1]))
         if abs(x) > threshold
     }
-
-
-def shortened(names: Iterable[str]) -> list[str]:
-    """Neighbours of one kind written together: `ba1, ba2, ba3, bd1, bd2` as `ba1-3`, `bd1,2`."""
-    return [
-        stem + _run([name[-1] for name in items])
-        for stem, items in groupby(names, key=lambda name: name[:-1])
-    ]
-
-
-def _sum(names: Iterable[str]) -> str:
-    """Names that move together; only the origin's coordinates are written as one (thesis)."""
-    parts = [
-        shortened(items) if of_origin else list(items)
-        for of_origin, items in groupby(names, key=lambda name: name[:-1] == "o")
-    ]
-    return " + ".join(name for items in parts for name in items)
-
-
-def _run(indices: Sequence[str]) -> str:
-    numbers = [ord(i) for i in indices]
-    consecutive = (
-        len(numbers) > 2
-        and indices[0].isdigit()
-        and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-    )
-    return f"{indices[0]}-{indices[-1]}" if consecutive else ",".join(indices)
 
 
 def _lengths_of(columns: Array, names: Sequence[str]) -> Array:

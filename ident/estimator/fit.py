@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import Geometry
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
 from ident.estimator.iteration import Iteration, IterationCallback
 from ident.estimator.model import Evaluation, Model, joints_as_logged
@@ -32,7 +33,6 @@ from ident.estimator.normal_equations import (
     whole_jacobian,
 )
 from ident.estimator.samples import Samples
-from ident.estimator.unknowns import kinematic_unknowns
 from ident.estimator.whitening import Whitening
 from ident.signals.step_fault import StepFault
 
@@ -199,7 +199,15 @@ def fit(
             on_iteration(_iteration(model, equations))
 
     minimum = minimise(
-        WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after, robust),
+        WhitenedLoopClosure(
+            model=model,
+            x=x,
+            ballbars=ballbars,
+            excess=excess,
+            keep_blocks=reuse_below > 0.0,
+            freeze_after=freeze_after,
+            robust=robust,
+        ),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,

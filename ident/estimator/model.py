@@ -31,7 +31,8 @@ from ident.corrections.base import (
 )
 from ident.estimator.closure import Closure, parameter_jacobian
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import ArmMotion, Observations, Samples, StillPoses
+from ident.estimator.observations import ArmMotion, Observations, StillPoses
+from ident.estimator.samples import Samples
 from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import Whitening, covariance, whitening
@@ -130,6 +131,11 @@ class Evaluation:
             raise TypeError("no target was observed")
         return self.closure
 
+    @property
+    def position_sigma(self) -> Array:
+        """(N, D) [m] declared standard deviation of still poses along each direction sensed."""
+        return self.target_closure.sight.position_sigma(self.still.sigma)
+
     @cached_property
     def channel_speed(self) -> Array:
         """(J, N) [rad/s] speed of the robot's channels."""
@@ -153,7 +159,7 @@ class Evaluation:
 
     @property
     def unmeasured_columns(self) -> Array:
-        """(m, 6, N) change of the loop-closure error for a unit of what nothing senses [m, rad]."""
+        """(m, 6, N) change of the loop-closure error for a unit of each unmeasured direction."""
         return self.samples.free_columns(self.closure, self.columns)
 
     def noise_columns(self, excess: ExcessNoise, uncertain: Array | float = 0.0) -> Array:

@@ -1,11 +1,11 @@
-"""Loop closure at a target: what an instrument senses of it against where the robot puts it.
+"""Loop closure at a target: its position by an instrument against its position by the robot.
 
 The target on the flange is reached through the robot, R(q), and through the instrument from its
 seat. As for the double ball-bar (ident.estimator.closure) the residual is what the instrument
-measures minus what the robot predicts, six signed numbers in base coordinates, and what the
-instrument does not sense is eliminated afterwards by `ident.estimator.whitening`. Components that
-are not sensed take the predicted value: the loop is closed as far as it can be. No direction
-becomes singular, as that of joints in their place would (cell.instruments.base).
+measures minus what the robot predicts, six signed numbers in base coordinates, and directions in
+which the instrument does not measure are eliminated afterwards by `ident.estimator.whitening`.
+Components that are not sensed take the predicted value: the loop is closed as far as it can be. No
+direction becomes singular, as that of joints in their place would (cell.instruments.base).
 """
 
 from __future__ import annotations

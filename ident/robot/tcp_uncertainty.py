@@ -24,7 +24,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import nominal_geometry, robot_frames
 from cell.statistics import rms
-from ident.estimator.unknowns import scale_sigma
+from ident.estimator.priors import scale_sigma
 from ident.robot.accuracy import TcpError, accuracy_grid, aligned_columns
 
 SCALE = "scale"  # name of the direction

@@ -49,7 +49,7 @@ STRIKE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Outliers:
+class LogOutliers:
     """Values of a log that no motion explains; their rows were left out."""
 
     times: Array  # (K,) [s] on the log's clock
@@ -71,7 +71,7 @@ class SmoothLog:
     knot_spacing: float  # [s]
     gaps: Array  # (G, 2) [s] stretches without rows, where the spline says nothing
     stamps: Array  # (N,) [s] of all rows
-    outliers: Outliers
+    outliers: LogOutliers
     steps: tuple[LogStep, ...]  # steps that were taken out
     stamp_noise: float = 0.0  # [s] standard deviation of the stamps, beyond `noise`
 
@@ -125,7 +125,10 @@ def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
     noise : (C,) [rad] standard deviation of one row; zeros for exact angles.
     """
     spline = make_interp_spline(t, angles, k=DEGREE)
-    period, none = float(t[1] - t[0]), Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
+    period, none = (
+        float(t[1] - t[0]),
+        LogOutliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size),
+    )
     return SmoothLog(
         spline=spline,
         speed=spline.derivative(),
@@ -199,7 +202,7 @@ def smooth_log(
         knot_spacing=spacing,
         gaps=np.unique(np.concatenate((missing, bridged)), axis=0),
         stamps=t,
-        outliers=Outliers(logged[outlier_rows], channels, t.size - remaining.size, t.size),
+        outliers=LogOutliers(logged[outlier_rows], channels, t.size - remaining.size, t.size),
         steps=steps,
         stamp_noise=float(lost) * scatter,
     )

@@ -31,12 +31,13 @@ from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.gauss_newton import SingularError
 from ident.estimator.iteration import IterationCallback
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import overlap, sample_times, samples_of
-from ident.estimator.unknowns import fixed_names
+from ident.estimator.priors import fixed_names
+from ident.estimator.sample_times import overlap, sample_times
+from ident.estimator.samples import samples_of
 from ident.signals.smooth_log import SmoothLog
-from ident.start.lag_scan import Branch, Pair, PairScan, best_lags, scan_lags, subsample
+from ident.start.lag_scan import OffsetBranch, Pair, PairScan, best_lags, scan_lags, subsample
 from ident.start.length_scan import best_lengths
-from ident.start.sphere import Sphere, sphere_candidates
+from ident.start.sphere import FittedSphere, sphere_candidates
 
 SCAN_STEP = 0.02  # [s] of the lags; more where a log is so long that its grid has SCAN_ROWS
 SCAN_ROWS = 200_000  # 67 minutes
@@ -177,7 +178,7 @@ def _aligned(
     ballbar: SmoothLog,
     encoders: tuple[int, ...],
     nominal: Geometry,
-    sphere: Sphere,
+    sphere: FittedSphere,
 ) -> Iterator[tuple[float, Iterator[Hypothesis]]]:
     """The score of each of the best lags about one sphere, and the hypotheses that have it."""
 
@@ -241,7 +242,7 @@ def length_hypotheses(
             yield Hypothesis(Clock(offset, 0.0), (), geometry, float(scan.scan.score[index]))
 
 
-def _readings(turning: int, tilting: int, branch: Branch) -> dict[int, tuple[int, float]]:
+def _readings(turning: int, tilting: int, branch: OffsetBranch) -> dict[int, tuple[int, float]]:
     """Direction and offset [rad] of the two encoders of a gimbal."""
     return {turning: (branch.sign, branch.turning_offset), tilting: (1, branch.tilting_offset)}
 
@@ -351,7 +352,7 @@ def _differ(a: Candidate, b: Candidate) -> bool:
     return later > SAME_OFFSET or apart > SAME_ORIGIN
 
 
-def _with_base(nominal: Geometry, sphere: Sphere, offsets: dict[str, float]) -> Geometry:
+def _with_base(nominal: Geometry, sphere: FittedSphere, offsets: dict[str, float]) -> Geometry:
     ox, oy, oz = (float(c) for c in sphere.centre)
     return nominal.replaced({"ox": ox, "oy": oy, "oz": oz} | offsets)
 

@@ -40,7 +40,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Branch:
+class OffsetBranch:
     """One way to read a pair: sign and offsets, and what it leaves unexplained."""
 
     sign: int  # of the turning encoder
@@ -104,7 +104,7 @@ class PairScan:
     def _variance(self, gain: Array) -> Array:
         return np.asarray(np.maximum(0.0, 2.0 * (1.0 - gain / self.overlap)))
 
-    def branches(self, index: int) -> list[Branch]:
+    def branches(self, index: int) -> list[OffsetBranch]:
         """All readings of the pair at one lag whose variance is near the best, best first."""
         branches = []
         for sign, correlations in self._correlations.items():
@@ -115,7 +115,7 @@ class PairScan:
                 mean = np.cos(offset) * at_lag.a1 + np.sin(offset) * at_lag.a2
                 explained = float(at_lag.gain(offset)[0]) / float(self.overlap[index])
                 variance = max(0.0, 2.0 * (1.0 - explained))
-                branches.append(Branch(sign, float(np.angle(mean)[0]), offset, variance))
+                branches.append(OffsetBranch(sign, float(np.angle(mean)[0]), offset, variance))
         branches.sort(key=lambda branch: branch.variance)
         floor = DIRECTION_SIGMA**2
         return [

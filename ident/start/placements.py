@@ -23,11 +23,13 @@ from cell.errors import FailureError
 from cell.geometry import Geometry
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
+from ident.estimator.build_unknowns import bare_flange, still_unknowns
 from ident.estimator.model import still_model
 from ident.estimator.robust_fit import fit_robustly
-from ident.estimator.unknowns import PlacedPoses, bare_flange, still_unknowns
+from ident.estimator.unknowns import PlacedPoses
 from ident.signals.rounding import rounding_noise
 
+_LINEAR = ("length", "point", "pose", "socket")  # kinds with a linear problem of their own
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out
 _GROSS = 10.0  # medians of the distance beyond which a pose does not count in a fit of few poses
@@ -65,6 +67,10 @@ def start_of_poses(table: PoseTable, chain: Chain) -> PlacedPoses:
                 else:
                     placed, place = (_sockets if kinds[0] == "socket" else _points)(poses)
                 seats = placed | seats
+        for kind in dict.fromkeys(g.kind for g in groups if g.kind.name not in _LINEAR):
+            own = [g for g in groups if g.kind == kind]
+            placed, place = _sighted(own, _gathered(own, chain), place)
+            seats = placed | seats
         assert place is not None  # every target stands in a group
         whole = [g for g in groups if g.measured == "pose"]
         turn = _target_rotation(_gathered(whole, chain), seats) if whole else np.eye(3)
@@ -156,6 +162,49 @@ def _lengths(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placemen
         name: Placement(np.eye(3), best.x[3 * j : 3 * j + 3]) for j, name in enumerate(poses.names)
     }
     return seats_placed, Placement(np.eye(3), best.x[3 * s :])
+
+
+def _sighted(
+    groups: Sequence[PoseGroup], poses: _Poses, known: Placement | None
+) -> tuple[dict[str, Placement], Placement]:
+    """Of kinds that tell their seat by points: the best refinement from a trial target."""
+    kind, s = groups[0].kind, len(poses.names)
+    trials = np.vstack((np.zeros((1, 3)), _TRIAL * np.eye(3), -_TRIAL * np.eye(3)))
+    chosen = [poses.seat == j for j in range(s)]
+
+    def placed(x: Array, begun: Sequence[Placement]) -> list[Placement]:
+        parts = x[: 6 * s].reshape(s, 6)
+        return [b.moved(part, about_own_axes=False) for b, part in zip(begun, parts, strict=True)]
+
+    def residual(x: Array, begun: Sequence[Placement]) -> Array:
+        points = poses.origin + poses.rotation @ x[6 * s :]
+        out = []
+        for seat, own in zip(placed(x, begun), chosen, strict=True):
+            sight = kind.sight(poses.values[own], seat, points[own].T)
+            error = sight.point - points[own].T
+            out.append((sight.directions * error).sum(axis=1).ravel())
+        return np.concatenate(out)
+
+    best, cost, target = list[Placement](), np.inf, np.zeros(3)
+    for trial in (*(trials if known is None else known.origin[None]), None):
+        # once more from the best: where a wrong target hid it, a seat may stand the other way round
+        begin = target if trial is None else trial
+        points = poses.origin + poses.rotation @ begin
+        begun = [kind.seat_of(poses.values[own], points[own]) for own in chosen]
+        first = [place for place in begun if place is not None]
+        if len(first) < s:
+            raise PoseStartError(f"instruments of kind {kind.name} state no start of their seats")
+        fitted = least_squares(
+            residual,
+            np.concatenate((np.zeros(6 * s), begin)),
+            loss="soft_l1",
+            f_scale=2e-3,
+            max_nfev=60,
+            args=(first,),
+        )
+        if fitted.cost < cost:
+            best, cost, target = placed(fitted.x, first), fitted.cost, fitted.x[6 * s :]
+    return dict(zip(poses.names, best, strict=True)), Placement(np.eye(3), target)
 
 
 def _trilaterated(point: Array, length: Array) -> Array:

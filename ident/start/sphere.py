@@ -23,7 +23,7 @@ _SETTLED = 1e-7  # [m] step; a ten thousandth of what the robot leaves of the sp
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere:
+class FittedSphere:
     """A sphere about the ball-bar."""
 
     centre: Array  # (3,) [m]
@@ -31,7 +31,7 @@ class Sphere:
     cost: float  # chi-square with FIT_SIGMA and the radius prior
 
 
-def sphere_candidates(points: Array, radius: float) -> list[Sphere]:
+def sphere_candidates(points: Array, radius: float) -> list[FittedSphere]:
     """Centres from which points (N, 3) [m] are about `radius` [m] away, best first: at most two.
 
     Raises ValueError when the points hardly move: nothing can be learnt from them.
@@ -71,7 +71,7 @@ def _algebraic_centre(points: Array) -> Array:
     return np.asarray(middle + solution[:3])
 
 
-def _refined(points: Array, centre: Array, nominal: float) -> Sphere:
+def _refined(points: Array, centre: Array, nominal: float) -> FittedSphere:
     """Gauss-Newton by normal equations, of least norm where a circle leaves the centre open."""
     radius, towards = nominal, np.ones((len(points), 4))
     prior = (FIT_SIGMA / RADIUS_SIGMA) ** 2
@@ -91,4 +91,4 @@ def _refined(points: Array, centre: Array, nominal: float) -> Sphere:
     cost = float(
         (((distance - radius) / FIT_SIGMA) ** 2).sum() + ((radius - nominal) / RADIUS_SIGMA) ** 2
     )
-    return Sphere(centre, float(radius), cost)
+    return FittedSphere(centre, float(radius), cost)

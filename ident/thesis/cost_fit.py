@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, parameter_named, robot_frames
 from ident.estimator.closure import Closure
-from ident.estimator.dependencies import BAR_PARAMETERS, select, thesis_parameters
+from ident.estimator.dependencies import select
 from ident.estimator.gauss_newton import Marquardt, Stop, minimise
+from ident.estimator.thesis_names import BAR_PARAMETERS, thesis_parameters
 from ident.thesis.costs import ROD, Cost
 from ident.thesis.names import PRINTED_STOP, CostName, ParameterSet
 

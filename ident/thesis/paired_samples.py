@@ -19,7 +19,8 @@ from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import MARGIN, samples_of
+from ident.estimator.sample_times import MARGIN
+from ident.estimator.samples import samples_of
 from ident.estimator.variance_components import rod_deviation
 from ident.recording_fit import ROD_SIGMA_START, identifiable_parameters
 from ident.signals.smooth_log import SmoothLog, interpolating_log

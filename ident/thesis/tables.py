@@ -7,7 +7,7 @@ sim.errors.static_errors.THESIS_3_1.
 
 from __future__ import annotations
 
-from ident.estimator.dependencies import BAR_PARAMETERS, ENCODER_OFFSETS
+from ident.estimator.thesis_names import BAR_PARAMETERS, ENCODER_OFFSETS
 
 THESIS_COSTS = {
     "length": "C_l",

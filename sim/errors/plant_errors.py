@@ -144,7 +144,7 @@ class BodyMasses(Strict):
     """Standard deviation of each coordinate of the centres of mass."""
 
 
-class Payload(Strict):
+class UndeclaredLoad(Strict):
     """Something is mounted on the offset plate that no file states: hoses, cables, an adapter.
     Mass and place are drawn.
     """
@@ -186,6 +186,6 @@ class PlantErrors(Strict):
     base_compliance: BaseCompliance | None = None
     masses: BodyMasses | None = None
     """Requires masses in the robot's file."""
-    payload: Payload | None = None
+    payload: UndeclaredLoad | None = None
     """Requires masses in the robot's file."""
     thermal_growth: ThermalGrowth | None = None

@@ -28,7 +28,7 @@ from cell.clock import Clock
 from cell.dialect import ABB_PERIOD
 from cell.schema import Strict
 from sim.errors.clock_errors import LEAD, ClockWander
-from sim.logging.load_logs import BallbarLog
+from sim.logging.load_logs import BallbarLogger
 from sim.settings import ClockSettings
 from sim.streams import stream
 
@@ -86,7 +86,7 @@ def log_times(
     *,
     seed: int,
     period: float = ABB_PERIOD,
-    task: float = BallbarLog().task_s,
+    task: float = BallbarLogger().task_s,
     rate: float | None = None,
 ) -> LogTimes:
     """Times of the rows of both logs of a run of `duration` seconds of true time.

@@ -80,7 +80,7 @@ def _dialect_of(source: SourceName) -> AfterValidator:
     return AfterValidator(check)
 
 
-class RobotLog(Strict):
+class RobotLogger(Strict):
     """How the robot's controller logs its angles."""
 
     dialect: Annotated[str, _dialect_of("robot")] | None = None
@@ -90,7 +90,7 @@ class RobotLog(Strict):
     """Rows per second; by default those that the dialect's file states."""
 
 
-class BallbarLog(Strict):
+class BallbarLogger(Strict):
     """How the ball-bar's encoders are logged: a PLC writes a row every two tasks."""
 
     dialect: Annotated[str, _dialect_of("ballbar")] = "twincat-plc"
@@ -149,8 +149,8 @@ class LoadLogs(Strict):
 class DeviceLogs(LoadLogs):
     """The form of the logs, and what is logged in addition to angles."""
 
-    robot: RobotLog = RobotLog()
-    ballbar: BallbarLog = BallbarLog()
+    robot: RobotLogger = RobotLogger()
+    ballbar: BallbarLogger = BallbarLogger()
     tracker: OpticalTracker | None = None
 
 

@@ -39,7 +39,7 @@ class Ripple:
 
 
 @dataclass(frozen=True, eq=False)
-class Masses:
+class MassDistribution:
     """Mass and centre of every body; centres in the frames of the description files."""
 
     names: tuple[str, ...]
@@ -80,7 +80,7 @@ class PlantEffects:
     bar_friction: float = 0.0  # [N m]
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
     base_stiffness: float | None = None  # [N/m]; None: rigid
-    masses: Masses | None = None  # None: those of the files
+    masses: MassDistribution | None = None  # None: those of the files
     growth: ThermalGrowth | None = None  # of the links; None: their lengths are constant
     force_sensor: bool = False  # whether the flange's force and torque are measured
 
@@ -190,7 +190,7 @@ def _default(stated: float | None, usual: float) -> float:
     return usual if stated is None else stated
 
 
-def _masses(errors: PlantErrors, cell: Cell, seed: int) -> Masses | None:
+def _masses(errors: PlantErrors, cell: Cell, seed: int) -> MassDistribution | None:
     """The masses and centres of the files with drawn deviations, and a drawn payload."""
     if errors.masses is None and errors.payload is None:
         return None
@@ -212,10 +212,10 @@ def _masses(errors: PlantErrors, cell: Cell, seed: int) -> Masses | None:
     return masses
 
 
-def stated_masses(cell: Cell) -> Masses:
+def stated_masses(cell: Cell) -> MassDistribution:
     """The masses and centres of the files."""
     bodies = _bodies(cell)
-    return Masses(
+    return MassDistribution(
         names=(
             *(f"link{i + 1}" for i in range(cell.robot.joints)),
             "plate",

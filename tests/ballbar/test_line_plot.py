@@ -40,7 +40,7 @@ def numbers(text: str) -> list[float]:
 
 
 def read(svg: str) -> list[Read]:
-    """As templates/hover.js does."""
+    """Curves of a figure as templates/hover.js reads them."""
     out = []
     for plot in re.findall(r'<g class="plot".*?</g>', svg, flags=re.DOTALL):
         keys = {k: re.search(rf'data-{k}="([^"]*)"', plot) for k in ("x", "y", "log", "box")}

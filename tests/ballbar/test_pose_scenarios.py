@@ -27,6 +27,8 @@ NAMES = (
     "ur10e_tracker_reference",
     "panda_sockets",
     "irb120_length",
+    "ur10e_theodolites",
+    "ur10e_plates",
     "irb2400_qc20w",
 )
 
@@ -50,7 +52,7 @@ def identified(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES[:4])
+@pytest.mark.parametrize("name", NAMES[:6])
 def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path: Path) -> None:
     """The limits stand in the scenarios, half again to three times what was measured."""
     code, out, err = ballbar("run", name, "--out", tmp_path / "out")

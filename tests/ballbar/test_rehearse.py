@@ -17,7 +17,7 @@ from acquisition.recording import read_recording
 from ballbar.rehearsal import files, second_path, targets
 from ballbar.rehearsal.day import Rehearsal, Stage
 from ballbar.rehearsal.files import OUTPUTS, chain, rehearse_into
-from ballbar.rehearsal.live import Cause, LivePath, as_recorded, check_fault, record_live
+from ballbar.rehearsal.live import InjectedFault, LivePath, as_recorded, check_fault, record_live
 from ballbar.rehearsal.page import rehearsal_page
 from ballbar.rehearsal.second_path import plan_second_path, request_data
 from ballbar.rehearsal.targets import HeldTargets, correctable
@@ -93,7 +93,7 @@ def test_the_chain_is_plain_data_and_a_missed_limit_makes_it_unacceptable() -> N
 
 def test_an_alarm_counts_as_noticed_once_the_fault_has_begun() -> None:
     alarms = tuple(Alarm(f"kind{t:.0f}", "sentence", t) for t in (30.0, 61.0, 62.0))
-    slip = Cause("slip", 60.0, 60.0)
+    slip = InjectedFault("slip", 60.0, 60.0)
     path = LivePath(Path(), 70.0, lost=0, alarms=alarms, states=(), last=None, cause=slip)
     assert path.noticed == alarms[1]
     assert replace(path, alarms=alarms[:1]).noticed is None

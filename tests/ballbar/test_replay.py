@@ -40,7 +40,7 @@ NS = 1e9
 
 @pytest.fixture(scope="module", autouse=True)
 def _strict_rerun():
-    """By default rerun only warns about bad data."""
+    """Bad data is an error; rerun only warns about it by default."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -55,7 +55,7 @@ def run(tmp_path_factory) -> RunData:
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory) -> RunData:
-    """As from a real cell: two encoders, and nobody knows the truth."""
+    """A run as from a real cell: two encoders, and nobody knows the truth."""
     return replace(
         simulated_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)),
         simulation=None,
@@ -197,7 +197,7 @@ def test_a_real_recording_needs_no_truth(real, tmp_path):
 
 @pytest.mark.slow
 def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
-    """And where the ball-bar's log says nothing, before it began, likewise."""
+    """And where the ball-bar's log says nothing, before it began, it follows too."""
     (fitted,) = real.recordings
     motion = cell_motion(fitted)
     # starting values of an ideal ball-bar, mm

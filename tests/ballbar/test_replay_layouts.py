@@ -1,4 +1,4 @@
-"""What a replay shows beside the moving cell, and what the viewer draws of it.
+"""Views of a replay beside the moving cell, and what the viewer draws of it.
 
 Events, coverage, parameters, comparison.
 """

@@ -36,9 +36,10 @@ from cell.load import load_cell
 from cell.payload import payload_of, with_payload
 from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ident.corrections import CORRECTIONS
+from ident.estimator.build_unknowns import arm_parameters
 from ident.estimator.fit import fit_kinematics
 from ident.estimator.identifiability import candidates
-from ident.estimator.unknowns import arm_parameters, belongs_to_recording
+from ident.estimator.priors import belongs_to_recording
 from ident.identify import kinematic_result, result_of
 from ident.loads.payload import PayloadEstimate
 from ident.options import FitOptions

@@ -13,7 +13,7 @@ from cell.descriptions import Robot
 from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseGroup, PoseTable
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 
 TARGET = np.array([0.05, -0.03, 0.12])  # [m] of the reflector in the flange's frame
 SEAT_TURN = np.array([0.2, -0.1, 0.7])  # [rad]

@@ -18,7 +18,7 @@ from cell.robot_angles import controller_to_joints
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 from ident.loads.at_rest import angles_at_rest
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm

@@ -14,7 +14,7 @@ from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.corrections.unit_weights import unit_weights
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 
 RANGE = 2.0  # [rad] over which every joint is said to be fitted
 ORDER = 17  # of the joint error of joint 2

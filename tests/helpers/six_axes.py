@@ -2,8 +2,8 @@
 
 from cell.geometry import parameter_table
 from cell.load import load_robot
-from ident.estimator.dependencies import extra_parameters, thesis_parameters
-from ident.estimator.unknowns import fixed_names, shared_names
+from ident.estimator.priors import fixed_names, shared_names
+from ident.estimator.thesis_names import extra_parameters, thesis_parameters
 
 TABLE = parameter_table(load_robot("irb2400"))
 PARAMETERS, NAMES, INDEX = TABLE.parameters, TABLE.names, TABLE.index

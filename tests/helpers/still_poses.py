@@ -12,13 +12,15 @@ from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
 from cell.geometry import nominal_chain
-from cell.load import load_robot
+from cell.instruments import kind_named
+from cell.instruments.base import TrueStand
+from cell.load import instrument_names, load_instrument, load_robot
 from cell.placement import Placement, target_frames
 from cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
-from ident.estimator.unknowns import arm_parameters
+from ident.estimator.build_unknowns import arm_parameters
 from ident.loads.at_rest import angles_at_rest
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
@@ -108,7 +110,25 @@ def table_of(
             away = np.linalg.norm(true.positions(q) - seat, axis=1)[:, None]
             away = away + rng.normal(0.0, noise, away.shape)
             groups.append(group("length", f"seat {k}", q, away, np.full(away.shape, noise)))
+    if not groups:
+        for k, turn in enumerate((0.0, 1.0, 2.0)):
+            rotation = Rotation.from_euler("zx", [turn, 0.4]).as_matrix()
+            seat = Placement(rotation, np.array([1.6 - turn, -1.1, 0.3]))
+            groups.append(group(measured, f"seat {k}", q, *_seen(true, measured, q, seat, noise)))
     return PoseTable(true.name, robot, tuple(groups))
+
+
+def _seen(
+    true: TrueRobot, measured: Measured, q: Array, seat: Placement, noise: float
+) -> tuple[Array, Array]:
+    """(N, M) values of any kind of instrument without noise, and their stated sigma."""
+    kind, frames = kind_named(measured), true.frames(q, TARGET)
+    rod = seat.rotation.T @ (frames.tip - seat.origin[:, None])
+    turns = np.einsum("ji,jkn->ikn", seat.rotation, frames.rotation())
+    stand = TrueStand(rod, np.linalg.norm(rod, axis=0), turns)
+    name = next(n for n in instrument_names() if load_instrument(n).kind == kind)
+    values = kind.measure(stand, np.zeros((6, len(q))), load_instrument(name))
+    return values, np.full(values.shape, noise)
 
 
 def socket_table(true: TrueRobot, *, count: int = 24, noise: float = 3e-5) -> PoseTable:

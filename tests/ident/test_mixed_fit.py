@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.mixed_fit import SIGMA, still_points
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
@@ -19,6 +18,7 @@ from ident.options import FitOptions
 from ident.recording_fit import Logs
 from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
+from tests.helpers.tracker_points import SIGMA, still_points
 
 KINEMATICS = FitOptions(model="dh")
 Run = tuple[Cell, Logs, Truth]

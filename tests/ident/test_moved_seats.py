@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ from cell.arrays import Array
 from cell.errors import InputError
 from cell.placement import Placement
 from cell.poses import Measured, PoseTable
+from ident.estimator.fit import Fit
 from ident.held_out_poses import held_out_poses
 from ident.identify_poses import PoseOptions, identify_poses
-from ident.moved_seats import instants, renamed
+from ident.moved_seats import confirms
+from ident.table_steps import Step, instants, renamed
 from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot
 
 PLAIN = PoseOptions(search=False)
@@ -182,3 +186,28 @@ def test_the_steps_of_a_result_rename_the_rows_behind_them_alone() -> None:
     assert {group.seat: len(group.q) for group in table.groups} == pytest.approx(
         {"hall": COUNT - 60, found[0].other: 60}, abs=1
     )
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "size", "out", "confirmed"),
+    [
+        (2e-4, 5e-5, 1.0e-3, 1.0e-3, True),
+        (2e-4, 2e-4, 1.0e-3, 1.0e-3, False),  # the model leaves as much with it
+        (2e-4, 5e-5, 1.0e-3, 3.0e-3, False),  # it depends on what else is fitted
+        (2e-4, 5e-5, 1.2e-4, 1.2e-4, False),  # a base drifts by as much within hours
+        (2e-3, 5e-4, 6.0e-3, 2.0e-2, True),  # of one so large the first size says little
+        (2e-4, 1.9e-4, 2.5e-4, 2.5e-4, False),  # less than one and a half of what is left
+    ],
+)
+def test_a_step_is_confirmed_by_the_fit_that_has_it(
+    before: float, after: float, size: float, out: float, *, confirmed: bool
+) -> None:
+    def fit_with(position: float) -> Fit:
+        return cast("Fit", SimpleNamespace(excess=SimpleNamespace(position=position)))
+
+    first = Step(
+        kind="seat", name="hall", other="hall from row 9", file="table.csv", row=9, before=False,
+        sides={}, shift=np.array([size, 0.0, 0.0]), score=50.0,
+    )  # fmt: skip
+    second = replace(first, shift=np.array([out, 0.0, 0.0]))
+    assert confirms(fit_with(before), fit_with(after), first, second) is confirmed

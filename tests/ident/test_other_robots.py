@@ -13,7 +13,7 @@ from cell.errors import InputError
 from cell.geometry import Geometry, robot_frames
 from cell.logs import RobotLog
 from ident.corrections.unit_weights import unit_weights
-from ident.estimator.unknowns import fixed_names
+from ident.estimator.priors import fixed_names
 from ident.identify import identify
 from ident.loads.at_rest import angles_at_rest
 from ident.options import FitOptions

@@ -15,7 +15,7 @@ from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
 from ident.remarks import joint_error_remark, log_remarks, recording_remarks, wrong_ratios
 from ident.result import CoefficientEstimate, CorrectionEstimate
-from ident.signals.smooth_log import Outliers
+from ident.signals.smooth_log import LogOutliers
 from ident.signals.step_fault import StepFault
 from ident.signals.steps import LogStep
 from tests.helpers.synthetic_recording import recording
@@ -26,8 +26,8 @@ def samples() -> Samples:
     return recording()
 
 
-def out(channels: list[int], times: list[float], rows: int) -> Outliers:
-    return Outliers(np.array(times), np.array(channels, dtype=np.intp), rows, 60_000)
+def out(channels: list[int], times: list[float], rows: int) -> LogOutliers:
+    return LogOutliers(np.array(times), np.array(channels, dtype=np.intp), rows, 60_000)
 
 
 def test_nothing_is_said_of_clean_logs(samples: Samples) -> None:

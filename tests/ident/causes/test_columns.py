@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.causes.agreement import Motion, motion_of, tool_path
+from ident.causes.agreement import LoggedMotion, motion_of, tool_path
 from ident.causes.columns import encoder_orders, encoder_scales, robot_columns
 from ident.causes.suspects import EXPLAINS
 from tests.helpers.synthetic_recording import CELL, NOMINAL, minute
@@ -16,7 +16,7 @@ ENCODERS = (1, 2, 4, 5)
 PATH = minute(0.05)
 
 
-def motion(scale: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)) -> Motion:
+def motion(scale: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)) -> LoggedMotion:
     bar = PATH.b[:, [0, 1, 3, 4]] * np.array(scale)
     return motion_of(PATH.t, PATH.q, PATH.t, bar, ENCODERS)
 

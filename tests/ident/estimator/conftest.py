@@ -9,10 +9,10 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from ident.corrections import correction_named, supported_corrections
+from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
 from ident.estimator.fit import Fit, fit
 from ident.estimator.model import Model, gearing
 from ident.estimator.samples import Samples
-from ident.estimator.unknowns import RecordingStart, complete_unknowns
 from ident.loads.gear_loads import mass_model
 from ident.loads.logged_tension import tension_splines
 from tests.helpers.complete_model import EXCESS, CompleteModel

@@ -7,7 +7,7 @@ import pytest
 
 from cell.clock import Clock
 from ident.estimator.clock_fit import fit_clock
-from ident.estimator.samples import MARGIN
+from ident.estimator.sample_times import MARGIN
 from ident.signals.smooth_log import interpolating_log
 from tests.helpers.two_recorders import wandering
 

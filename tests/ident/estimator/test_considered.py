@@ -13,12 +13,12 @@ from cell.geometry import Geometry
 from cell.payload import with_deviations
 from ident.corrections import correction_named
 from ident.estimator import considered
+from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
 from ident.estimator.considered import considered_shifts, held_shifts
 from ident.estimator.fit import Fit, fit, fit_kinematics
 from ident.estimator.model import Model, gearing
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.uncertainty import uncertainty
-from ident.estimator.unknowns import RecordingStart, complete_unknowns
 from ident.loads.gear_loads import loads, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance

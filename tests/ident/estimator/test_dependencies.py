@@ -12,11 +12,11 @@ from ident.estimator.dependencies import (
     influence,
     orthogonalised,
     select,
-    shortened,
     significant,
     spectrum,
     zero_jacobian,
 )
+from ident.estimator.thesis_names import shortened
 from tests.helpers.six_axes import EXTRA_PARAMETERS, INDEX, PLATE, THESIS_PARAMETERS
 
 ROUNDING = 1e-9  # of columns of size 1

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cell.geometry import Geometry
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
-from ident.estimator.unknowns import kinematic_unknowns
 from sim.errors.static_errors import THESIS_3_1
 from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, minute, recording

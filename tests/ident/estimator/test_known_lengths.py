@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
+from ident.estimator.build_unknowns import complete_unknowns
 from ident.estimator.known_lengths import KNOWN, KnownLengths, known_lengths
-from ident.estimator.unknowns import Unknowns, complete_unknowns
+from ident.estimator.unknowns import Unknowns
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 ROD = 5e-6  # [m]

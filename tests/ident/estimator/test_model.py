@@ -10,6 +10,7 @@ import pytest
 from cell.arrays import Array
 from cell.geometry import Parameter
 from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
+from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.closure import close_loop, parameter_jacobian
 from ident.estimator.model import (
     LOADS_CLOCK,
@@ -21,7 +22,6 @@ from ident.estimator.model import (
 )
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
-from ident.estimator.unknowns import kinematic_unknowns
 from ident.estimator.whitening import FLOOR_SIGMA
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording

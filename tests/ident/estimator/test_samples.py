@@ -11,16 +11,15 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import robot_frames
 from ident.estimator.closure import close_loop
-from ident.estimator.samples import (
+from ident.estimator.sample_times import (
     DWELL_KEPT,
     MARGIN,
     STRETCH,
-    Samples,
     close_times,
     overlap,
     sample_times,
-    samples_of,
 )
+from ident.estimator.samples import Samples, samples_of
 from ident.signals.smooth_log import smooth_log
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, recording
 

@@ -10,6 +10,7 @@ import pytest
 from cell.arrays import Array
 from cell.clock import Clock
 from ident.corrections.base import BAR, State
+from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
 from ident.estimator.fit import Fit, fit
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.samples import Samples
@@ -23,7 +24,7 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.unknowns import RecordingStart, Unknowns, complete_unknowns
+from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import no_loads
 from ident.signals.smooth_log import SmoothLog
 from ident.signals.step_fault import StepFault

@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.clock import Clock
 from cell.geometry import robot_geometry
-from cell.instruments import kind_named
+from cell.instruments import kind_named, kinds
 from cell.poses import PoseTable
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.cross_validation import position_rows
+from ident.estimator.build_unknowns import arm_parameters, still_unknowns
 from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
+from ident.estimator.observations import StillPoses
 from ident.estimator.target_closure import close_on_target
-from ident.estimator.unknowns import arm_parameters, still_unknowns
 from ident.estimator.whitening import Whitening
 from ident.start.placements import start_of_poses
 from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
@@ -35,7 +37,7 @@ def model_of(table: PoseTable) -> Model:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("measured", ["length", "point", "pose", "socket"])
+@pytest.mark.parametrize("measured", list(kinds()))
 def test_jacobian_is_the_difference_of_the_whitened_residual(measured: str) -> None:
     """All unknowns, at a value away from the start; the weights are held."""
     true = true_robot("ur5")
@@ -102,6 +104,22 @@ def test_parameters_that_seats_and_targets_can_take_over_stay_nominal() -> None:
     assert not any(name.startswith("rbeta") for name in panda)
     assert "ra7" not in panda
     assert "ra6" in panda
+
+
+def test_a_still_pose_has_no_speed_no_clock_and_no_ball_bar() -> None:
+    """So no unknown of a recording moves it, and its corrections see a robot at rest."""
+    robot = true_robot("ur5")
+    model = model_of(table_of(robot))
+    poses, x = StillPoses(model.poses.groups[0], np.zeros(6)), model.unknowns.mean
+    assert poses.clock(model.unknowns, x, 0) == Clock(0.0, 0.0)
+    at = poses.robot_times(model.unknowns, x, 0)
+    assert not at.any()
+    assert not poses.joint_speed(at).any()
+    motion = poses.arm_motion(at)
+    assert (motion.q == poses.group.q).all()
+    for rate in (motion.speed, motion.acceleration, motion.logged_speed):
+        assert not rate.any()
+    assert not poses.bar_angles(robot_geometry(robot.robot), poses.group.q, motion.q).any()
 
 
 def test_rounded_angles_count_less() -> None:

@@ -10,15 +10,9 @@ from hypothesis import strategies as st
 from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.corrections import CORRECTIONS
-from ident.estimator.unknowns import (
-    MAX_OFFSET_STEP,
-    MAX_SKEW,
-    RecordingStart,
-    Unknowns,
-    belongs_to_recording,
-    complete_unknowns,
-    kinematic_unknowns,
-)
+from ident.estimator.build_unknowns import RecordingStart, complete_unknowns, kinematic_unknowns
+from ident.estimator.priors import belongs_to_recording
+from ident.estimator.unknowns import MAX_OFFSET_STEP, MAX_SKEW, Unknowns
 from sim.errors.plant_errors import BaseCompliance
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BallbarAxes
 from tests.helpers.six_axes import INDEX, NAMES, SHARED

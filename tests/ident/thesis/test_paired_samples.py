@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.geometry import Geometry
-from ident.estimator.samples import MARGIN
+from ident.estimator.sample_times import MARGIN
 from ident.thesis.paired_samples import NOISE_FLOOR, fit_samples, noise_of, through_samples
 from sim.path import ReferencePath
 from tests.helpers.six_axes import NAMES

@@ -1,0 +1,81 @@
+"""Every kind of instrument: what it measures of a target leads back to where the target stands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.instruments import kinds
+from cell.instruments.base import Kind, TrueStand
+from cell.load import instrument_names, load_instrument
+from cell.placement import Placement
+from cell.rotation import matrix_from_rotvec
+
+SEAT = Placement(
+    matrix_from_rotvec(np.array([[0.3], [-0.2], [1.9]]))[:, :, 0], np.array([2.0, -1, 0.4])
+)
+RNG = np.random.default_rng(34)
+POINTS = np.array([0.4, 0.2, 0.9]) + 0.5 * RNG.uniform(-1.0, 1.0, (40, 3))
+NO_NOISE = np.zeros((6, len(POINTS)))
+
+
+def instrument_of(kind: Kind) -> str:
+    """The name of a shipped instrument of this kind."""
+    return next(name for name in instrument_names() if load_instrument(name).kind == kind)
+
+
+def stands() -> TrueStand:
+    """The points as targets, seen from the seat."""
+    rod = SEAT.rotation.T @ (POINTS - SEAT.origin).T
+    turns = matrix_from_rotvec(RNG.uniform(-1.0, 1.0, (3, len(POINTS))))
+    return TrueStand(rod, np.linalg.norm(rod, axis=0), turns)
+
+
+@pytest.mark.parametrize("kind", kinds().values(), ids=lambda kind: kind.name)
+def test_the_values_of_a_target_put_it_where_it_stands(kind: Kind) -> None:
+    """Also from a prediction that is off: along the directions that the kind senses."""
+    instrument = load_instrument(instrument_of(kind))
+    values = kind.measure(stands(), NO_NOISE, instrument)
+    assert values.shape == (len(POINTS), kind.columns)
+    assert len(kind.names) == len(kind.units) == kind.columns
+    if kind.name == "socket":
+        assert np.allclose(kind.sight(values, SEAT, POINTS.T).point, SEAT.origin[:, None])
+        return
+    assert np.allclose(kind.sight(values, SEAT, POINTS.T).point, POINTS.T, atol=1e-12)
+    off = POINTS.T + 1e-5 * RNG.standard_normal(POINTS.T.shape)
+    sight = kind.sight(values, SEAT, off)
+    along = (sight.directions * (sight.point - POINTS.T)).sum(axis=1)
+    assert np.abs(along).max() < 1e-9
+    assert len(sight.directions) == kind.directions
+    assert len(sight.free) == 6 - kind.equations
+
+
+@pytest.mark.parametrize("kind", kinds().values(), ids=lambda kind: kind.name)
+def test_a_point_moves_with_each_value_as_stated(kind: Kind) -> None:
+    """By differences of the values, along the directions that are sensed."""
+    instrument = load_instrument(instrument_of(kind))
+    values = kind.measure(stands(), NO_NOISE, instrument)
+    sight = kind.sight(values, SEAT, POINTS.T)
+    for k in range(min(kind.columns, kind.directions)):
+        step = 1e-6 * np.eye(kind.columns)[k]
+        ahead, back = (kind.sight(values + s, SEAT, POINTS.T).point for s in (step, -step))
+        assert np.allclose((ahead - back) / 2e-6, sight.per_value[k], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["bearing", "plane"])
+def test_the_seat_follows_from_known_points(name: str) -> None:
+    """Of a plane its normal and height; where on it the seat is, it does not show."""
+    kind = kinds()[name]
+    spread = stands()
+    if name == "plane":  # within the travel of its gauge
+        spread.rod[2] = RNG.uniform(0.0, 0.01, len(POINTS))
+    points = (SEAT.rotation @ spread.rod).T + SEAT.origin
+    stood = TrueStand(spread.rod, np.linalg.norm(spread.rod, axis=0), spread.rotation)
+    values = kind.measure(stood, NO_NOISE, load_instrument(instrument_of(kind)))
+    seat = kind.seat_of(values, points)
+    assert seat is not None
+    assert np.allclose(seat.rotation[:, 2], SEAT.rotation[:, 2], atol=1e-6)
+    assert (seat.origin - SEAT.origin) @ SEAT.rotation[:, 2] == pytest.approx(0.0, abs=1e-6)
+    if name == "bearing":
+        assert np.allclose(seat.rotation, SEAT.rotation, atol=1e-6)
+        assert np.allclose(seat.origin, SEAT.origin, atol=1e-6)
