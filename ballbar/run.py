@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ballbar.outputs import Progress, write_outputs
-from ballbar.result.compare import identification_against_truth, poses_against_truth
-from ballbar.result.limits import plant_limits, result_limits, tcp_limits
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import PoseRun, RunData
 from ballbar.result.run_recordings import identify_pose_folders, identify_recordings
@@ -24,6 +22,8 @@ from ballbar.scenario import (
     write_scenario,
 )
 from ballbar.trial.nominal_path import recorded_log
+from ballbar.truth.compare import identification_against_truth, poses_against_truth
+from ballbar.truth.limits import plant_limits, result_limits, tcp_limits
 from cell.errors import InputError
 from cell.extended_yaml import files_of
 from cell.files import DESCRIPTIONS, claimed_folder

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.recording import Recording, read_recording
-from ballbar.result.compare import identification_against_truth
+from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import kinematic_settings, study_parser
 from cell.errors import InputError
 from cell.inverse import UnreachableError

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.compare import identification_against_truth
+from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import STUDIES, study_parser, write_table
 from cell.descriptions import Cell
 from ident.identify import identify_together

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ballbar.result.compare import identification_against_truth
+from ballbar.truth.compare import identification_against_truth
 from cell.descriptions import Cell
 from cell.files import write_whole
 from cell.load import load_robot

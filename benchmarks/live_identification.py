@@ -41,9 +41,9 @@ from typing import Any
 
 import numpy as np
 
-from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.truth.compare import identification_against_truth
 from ballbar.watch.watch import Watch
 from benchmarks.study import study_parser, write_table
 from cell.load import load_robot

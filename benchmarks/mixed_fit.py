@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.compare import identification_against_truth
+from ballbar.truth.compare import identification_against_truth
 from cell.files import write_whole
 from ident.identify import identify_together
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of

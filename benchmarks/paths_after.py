@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario
+from ballbar.truth.compare import identification_against_truth
 from benchmarks.planned_paths import middle_path
 from benchmarks.study import STUDIES, in_words, study_parser, write_table
 from cell.descriptions import Cell

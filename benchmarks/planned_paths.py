@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import in_words, study_parser, write_table
 from cell.files import write_yaml
 from cell.geometry import BAR_ROWS

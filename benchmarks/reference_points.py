@@ -25,8 +25,8 @@ import numpy as np
 
 from acquisition.pose_tables import read_poses
 from acquisition.reference_fit import fit_with_knocks
-from ballbar.result.compare import poses_against_truth
 from ballbar.scenario import PoseScenario, load_any_scenario
+from ballbar.truth.compare import poses_against_truth
 from cell.statistics import rms
 from ident.identify_poses import identify_poses
 from sim.recording_files import write_poses

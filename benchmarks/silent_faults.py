@@ -38,8 +38,8 @@ import numpy as np
 from acquisition.recording import Recording, read_recording
 from ballbar import identify_recordings
 from ballbar.identify_settings import IdentifySettings
-from ballbar.result.compare import reference_of
-from ballbar.result.true_robot import true_tool
+from ballbar.truth.compare import reference_of
+from ballbar.truth.true_robot import true_tool
 from benchmarks.study import STUDIES, study_parser, write_table
 from cell.errors import FailureError, InputError
 from ident.result import Identification
@@ -261,7 +261,7 @@ class Machine:
 
     def error(self, result: Identification, motor: int = 0, factor: float = 1.0) -> float:
         """[m] mean tool error; motor : from 1, whose log is `factor` times its angle."""
-        robot = result.robot.unloaded()
+        robot = result.robot.identified_robot()
         if isinstance(self.truth, IndependentTruth):
             q, truth = accuracy_box(cell_files()), replace(self.truth, scaled=(motor, factor))
             return float(aligned_distance(robot.tool(q), truth.tool(q)).mean())

@@ -2,7 +2,7 @@
 
 The corrections are taken to the logged joint angles, once: what gears, bearings and structure do
 at rest under the weight of arm and plate. What remains are DH rows up to the bare flange, as an
-`IdentifiedArm` has them, so still poses are held against it as against a robot that still poses
+`IdentifiedRobot` has them, so still poses are held against it as against a robot that still poses
 identified.
 """
 
@@ -21,56 +21,50 @@ from cell.poses import PoseTable
 from ident.estimator.build_unknowns import bare_flange
 from ident.least_sizes import WANDER_ZERO
 from ident.result import Machine
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.pose_covariance import PoseCovariance
 
 FLAT = 1e-3  # of the largest singular value, below which joints do not move the flange
 
 
 def arm_at_rest(
     machine: Machine, targets: Mapping[str, Placement], observed: float
-) -> IdentifiedArm:
+) -> IdentifiedRobot:
     """The machine up to its flange, with the first of its targets, or else the end of its tool.
 
     observed : [m] error along each axis of the still poses that it was identified from; 0 where
         there were none. The standard deviation of a pose is at least what the machine states of
         its tool, and what the zeros of its axes wander by.
     """
-    robot, bare = machine.robot.cell.robot, _bare(machine.robot).robot
+    robot, bare = machine.robot.cell.robot, _bare(machine.robot)
     flange, tool = (
         forward(chain, np.zeros((1, robot.joints))).poses()[0]
-        for chain in (bare, machine.robot.geometry.robot)
+        for chain in (bare.robot, machine.robot.geometry.robot)
     )
     end = np.linalg.solve(flange, tool)
-    anywhere = np.full(robot.joints, np.inf)
-    arm = IdentifiedArm(
-        robot=robot,
-        chain=bare,
-        corrections=(),
-        values=np.zeros(0),
-        target=next(iter(targets.values()), Placement(end[:3, :3], end[:3, 3])),
+    place = next(iter(targets.values()), Placement(end[:3, :3], end[:3, 3]))
+    stated = PoseCovariance(
         seat=Placement(np.eye(3), np.zeros(3)),
         seat_turns=False,
-        parameters=(),
-        covariance=np.zeros((6, 6)),
+        parameters=np.zeros(0, dtype=np.intp),
+        values=np.zeros((6, 6)),
         discrepancy=observed,
         factor=1.0,
-        lower=-anywhere,
-        upper=anywhere,
     )
+    arm = IdentifiedRobot(robot, bare, target=place, stated=stated)
     moves = joint_screws(arm.frames(arm.workspace()))[: robot.joints, :3]
     wander = WANDER_ZERO**2 * float((moves**2).sum(axis=(0, 1)).mean())
-    stated = float(np.sqrt((machine.tcp_sigma**2 + wander) / 3.0))
-    return replace(arm, discrepancy=max(observed, stated))
+    least = float(np.sqrt((machine.tcp_sigma**2 + wander) / 3.0))
+    return replace(arm, stated=replace(stated, discrepancy=max(observed, least)))
 
 
-def table_at_rest(robot: UnloadedRobot, table: PoseTable) -> PoseTable:
+def table_at_rest(robot: IdentifiedRobot, table: PoseTable) -> PoseTable:
     """Still poses with the joint angles of the bare DH rows in place of those that were logged."""
     groups = (replace(group, q=_bare_angles(robot, group.q)) for group in table.groups)
     return replace(table, groups=tuple(groups))
 
 
-def _bare_angles(robot: UnloadedRobot, q: Array) -> Array:
+def _bare_angles(robot: IdentifiedRobot, q: Array) -> Array:
     """(N, J) [rad] at which the DH rows alone stand as the robot does at logged angles q (N, J)."""
     joints, motion = robot.deflected(q)
     if not motion.any():
@@ -80,7 +74,7 @@ def _bare_angles(robot: UnloadedRobot, q: Array) -> Array:
     return np.asarray(joints + np.einsum("njc,cn->nj", inverse, motion))
 
 
-def _bare(robot: UnloadedRobot) -> Geometry:
+def _bare(robot: IdentifiedRobot) -> Geometry:
     """The geometry with the bare flange as the robot's last row."""
     rows, values = bare_flange(robot.cell.robot)
     changed = robot.geometry.values.copy()

@@ -21,8 +21,8 @@ from cell.files import require_writable
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.rehearsal.day import Stage
     from ballbar.replay.live import LiveRun
-    from ballbar.result.limits import Limit
     from ballbar.scenario import PoseScenario
+    from ballbar.truth.limits import Limit
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
 
@@ -64,8 +64,9 @@ def run(
         second_process(*REPLAY_MODULES) as begin,
     ):
         from ballbar.commands.result_json import run_data
-        from ballbar.report.terminal import say_comparison, say_identification, say_plant
+        from ballbar.report.terminal import say_comparison, say_identification
         from ballbar.run import run_scenario
+        from ballbar.truth.limits import plant_sentence
 
         data = run_scenario(
             settings,
@@ -80,7 +81,7 @@ def run(
         say_json(run_data(data, folder))
     say_identification(out, data)
     if data.simulation is not None:
-        say_plant(out, data.simulation)
+        out.print(plant_sentence(data.simulation.truth))
     if data.comparison is not None:
         say_comparison(out, data.comparison)
     _say_limits(data.limits)
@@ -142,17 +143,16 @@ def simulate(
     The truth is written beside the recording's folder, not into it. Exits with 1 when a limit of
     the plant under `accept` is not met.
     """
-    from ballbar.commands.result_json import simulation_data
-    from ballbar.report.terminal import say_plant
-    from ballbar.result.limits import plant_limits
+    from ballbar.commands.bench_json import simulation_data
     from ballbar.run import simulate_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
+    from ballbar.truth.limits import plant_limits, plant_sentence
     from sim.recording_files import truth_path
 
     settings = load_any_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
     if isinstance(settings, PoseScenario):
-        from ballbar.commands.result_json import pose_simulation_data
+        from ballbar.commands.bench_json import pose_simulation_data
         from ballbar.run import simulate_pose_scenario
 
         with progress_bar() as progress:
@@ -167,7 +167,7 @@ def simulate(
     limits = plant_limits(simulation.truth, settings.accept)
     if as_json:
         say_json(simulation_data(simulation, limits, folder))
-    say_plant(out, simulation)
+    out.print(plant_sentence(simulation.truth))
     _say_limits(limits)
     out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
     raise typer.Exit(0 if all(limit.met for limit in limits) else 1)
@@ -267,7 +267,7 @@ def sweep(
     same command goes on where it stopped. Exits with 1 when every run failed, with 130 when it was
     stopped.
     """
-    from ballbar.commands.result_json import sweep_data
+    from ballbar.commands.bench_json import sweep_data
     from ballbar.sweep.check import load_sweep
     from ballbar.sweep.run import run_sweep
     from ballbar.sweep.show import run_bar, say_outcome
@@ -323,7 +323,7 @@ def claims(
     """
     from ballbar.claims.run import judge_all, topics
     from ballbar.claims.show import say_verdicts, write_page
-    from ballbar.commands.result_json import claims_data
+    from ballbar.commands.bench_json import claims_data
     from ballbar.sweep.show import run_bar
     from ballbar.sweep.workers import process_pool
 

@@ -35,7 +35,7 @@ app = typer.Typer(
 
 def _print_version(requested: bool) -> None:
     if requested:
-        from ballbar.sweep.version import code_version
+        from ballbar.code_version import code_version
 
         typer.echo(f"ballbar {code_version()}")
         raise typer.Exit

@@ -35,8 +35,8 @@ COMMANDS = {
     },
     RESULT: {
         "replay": "result",
-        "compare": "result",
-        "verify": "result",
+        "compare": "comparison",
+        "verify": "comparison",
         "export": "result",
         "correct": "result",
     },

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import yaml
 
 from ballbar.result.calibration import Calibration
@@ -15,13 +13,9 @@ from ballbar.result.names import OUTPUTS
 from ballbar.result.run_data import PoseRun, RunData
 
 if TYPE_CHECKING:  # a command imports only what it shows
-    from ballbar.claims.run import Judged
     from ballbar.result.compare import Comparison
-    from ballbar.result.limits import Limit
-    from ballbar.sweep.run import SweepOutcome
     from ident.robot.accuracy import TcpError
     from sim.simulate import Simulation
-    from sim.still_poses import PoseSimulation
 
 
 def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
@@ -49,33 +43,6 @@ def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
         "tcp_error_nominal": _tcp(run.comparison.tcp_nominal),
     }
     return result | {"plant": run.simulation.plant, "comparison": errors, "limits": limits}
-
-
-def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:
-    """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
-    from sim.recording_files import truth_path
-
-    force = simulation.truth.force_N
-    return {
-        "recording": str(folder),
-        "truth": str(truth_path(folder)),
-        "plant": simulation.plant,
-        "force_N": None if force is None else list(force),
-    }
-
-
-def simulation_data(
-    simulation: Simulation, limits: Sequence[Limit], folder: Path
-) -> dict[str, object]:
-    """JSON of `simulate`: recording, truth file, accuracy of the simulated plant, its limits."""
-    from sim.recording_files import truth_path
-
-    return {
-        "recording": str(folder),
-        "truth": str(truth_path(folder)),
-        "plant": plant_data(simulation),
-        "limits": [asdict(limit) for limit in limits],
-    }
 
 
 def plant_data(simulation: Simulation) -> dict[str, object]:
@@ -122,72 +89,6 @@ def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
         "files": sorted(entry.name for entry in folder.iterdir()),
         "plan": content,
     }
-
-
-def sweep_data(outcome: SweepOutcome) -> dict[str, object]:
-    """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
-    from ballbar.sweep.summary import failures_of, grid_points
-
-    folder = outcome.folder
-    data: dict[str, object] = {
-        "finished": outcome.finished,
-        "runs": folder.plan.runs,
-        "done": outcome.done,
-        "folder": str(folder.path),
-    }
-    if not outcome.finished:
-        return data
-    points = [
-        {
-            "values": point.values,
-            "runs": point.runs,
-            "failed": point.failed,
-            "results": {
-                name: {"median": float(np.median(values)), "q95": float(np.quantile(values, 0.95))}
-                for name, values in point.results.items()
-                if values.size
-            },
-        }
-        for point in grid_points(folder.table, folder.plan)
-    ]
-    failures = failures_of(folder.table)
-    return data | {
-        "table": str(folder.table),
-        "csv": str(folder.csv),
-        "failed": failures.count,
-        "commonest_failure": failures.reason or None,
-        "points": points,
-    }
-
-
-def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
-    """JSON of `claims`: every claim with its checks."""
-    return [
-        {
-            "file": str(result.topic.path),
-            "title": result.topic.file.title,
-            "claims": [
-                {
-                    "name": verdict.claim.name,
-                    "source": verdict.claim.source,
-                    "says": verdict.claim.says,
-                    "verdict": verdict.word,
-                    "passed": verdict.passed,
-                    "with": {
-                        parameters: {
-                            "verdict": verdict.comes_out(parameters),
-                            "checks": [asdict(check) for check in outcomes],
-                        }
-                        for parameters, outcomes in verdict.outcomes.items()
-                    },
-                    "guards": [asdict(check) for check in verdict.guards],
-                    "ml": list(verdict.ml),
-                }
-                for verdict in result.verdicts
-            ],
-        }
-        for result in judged
-    ]
 
 
 def _tcp(error: TcpError) -> dict[str, float]:

@@ -18,13 +18,14 @@ from ballbar.outputs import Progress, write_outputs
 from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
 from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
-from ballbar.result.compare import Comparison, identification_against_truth
-from ballbar.result.limits import Limit, corrected_limits, tcp_limits
+from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
+from ballbar.truth.compare import identification_against_truth
+from ballbar.truth.limits import Limit, corrected_limits, tcp_limits
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.errors import FailureError

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import rerun.blueprint as rrb
 
-from ballbar.replay.colours import BACKGROUND
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
@@ -41,6 +40,7 @@ from ballbar.replay.entities import (
     TCP_ERROR,
     TIMELINE,
 )
+from ballbar.report.colours import BACKGROUND
 from cell.arrays import Array
 
 _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right, in front and above; times the reach

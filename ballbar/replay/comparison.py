@@ -17,7 +17,6 @@ from rerun.chunk import Chunk, RrdReader
 
 from ballbar import figure_style
 from ballbar.replay.blueprint import blueprint, cell_view, parameter_view, whole_range
-from ballbar.replay.colours import on_dark, shades
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
@@ -34,6 +33,7 @@ from ballbar.replay.entities import (
     TCP_AFTER,
     TIMELINE,
 )
+from ballbar.report.colours import on_dark, shades
 from cell.errors import InputError
 
 APPLICATION = "ballbar-compare"  # the viewer keeps one layout per application

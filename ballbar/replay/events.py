@@ -16,9 +16,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from acquisition.flags import EXCLUDED
-from ballbar.replay.colours import Colour
 from ballbar.replay.entities import EVENT_LOG, LANES, Branch, at
-from ballbar.replay.motion import GAP_PERIODS, CellMotion, on_robot_clock
+from ballbar.report.colours import Colour
+from ballbar.report.motion import GAP_PERIODS, CellMotion, on_robot_clock
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS
 from cell.arrays import Array

@@ -10,10 +10,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ballbar.replay.entities import CELL, TIMELINE, Branch
-from ballbar.replay.motion import moving_cell, thinning
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
 from ballbar.replay.write import send_replay
+from ballbar.report.motion import moving_cell, thinning
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
 from cell.descriptions import Cell

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 import yaml
 
 from acquisition.report import report_lines
-from ballbar.replay.motion import rms_norm
 from ballbar.replay.parameters import units_of
+from ballbar.report.motion import rms_norm
 from ballbar.report.numbers import with_and_without
 from ballbar.result.compare import Comparison
-from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.truth.limits import Limit
 from ballbar.units import MM, MS, PPM, UM, URAD, US
 from cell.foreign_text import markdown
 from cell.geometry import parameter_named

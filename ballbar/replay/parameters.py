@@ -13,8 +13,8 @@ import numpy as np
 import rerun as rr
 
 from ballbar.replay.blueprint import rounded_up
-from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR
 from ballbar.replay.entities import PARAMETERS
+from ballbar.report.colours import AFTER_COLOUR, BEFORE_COLOUR
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, UM
 from cell.geometry import parameter_named, table_of_names

@@ -10,7 +10,6 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from ballbar import figure_style
-from ballbar.replay.colours import AFTER_COLOUR, BEFORE_COLOUR, STEEL, on_dark
 from ballbar.replay.entities import (
     BAR_BODIES,
     CELL,
@@ -23,8 +22,10 @@ from ballbar.replay.entities import (
     Branch,
     at,
 )
-from ballbar.replay.motion import CellMotion, TrueTool
-from ballbar.replay.shapes import Body, cell_bodies
+from ballbar.replay.true_tool import TrueTool
+from ballbar.report.colours import AFTER_COLOUR, BEFORE_COLOUR, STEEL, on_dark
+from ballbar.report.motion import CellMotion
+from ballbar.report.shapes import Body, cell_bodies
 from ballbar.sphere_coverage import PATCHES, coverage
 from ballbar.units import MM, UM
 from cell.arrays import Array

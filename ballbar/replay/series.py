@@ -13,15 +13,6 @@ import numpy as np
 import rerun as rr
 
 from ballbar import figure_style
-from ballbar.replay.colours import (
-    AFTER_COLOUR,
-    BEFORE_COLOUR,
-    LINES,
-    TRUE_COLOUR,
-    WARNING_COLOUR,
-    Colour,
-    shades,
-)
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
@@ -41,7 +32,17 @@ from ballbar.replay.entities import (
     Branch,
     at,
 )
-from ballbar.replay.motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
+from ballbar.replay.true_tool import TrueTool
+from ballbar.report.colours import (
+    AFTER_COLOUR,
+    BEFORE_COLOUR,
+    LINES,
+    TRUE_COLOUR,
+    WARNING_COLOUR,
+    Colour,
+    shades,
+)
+from ballbar.report.motion import CellMotion, mechanism_angles, on_robot_clock, thinning
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS, UM, URAD, US
 from cell.arrays import Array

@@ -15,10 +15,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ballbar.replay.blueprint import blueprint
-from ballbar.replay.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEEL, Colour
 from ballbar.replay.entities import CELL, LEGEND, NOTES, POSE, Branch
 from ballbar.replay.scene import log_body, log_frame, log_legend, magnification, spaced
-from ballbar.replay.shapes import robot_bodies
+from ballbar.report.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEEL, Colour
+from ballbar.report.shapes import robot_bodies
 from ballbar.result.run_data import PoseRun
 from ballbar.units import MM
 

@@ -22,12 +22,13 @@ import rerun.blueprint as rrb
 from ballbar.replay.blueprint import Shown, layout
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
 from ballbar.replay.events import log_events, recording_events
-from ballbar.replay.motion import CellMotion, TrueTool, cell_motion, true_tool
 from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, recording_series, truth_series
 from ballbar.replay.still_poses import log_still_poses, still_layout
+from ballbar.replay.true_tool import TrueTool, true_tool
+from ballbar.report.motion import CellMotion, cell_motion
 from ballbar.result.run_data import FittedRecording, Run, RunData
 
 # fixed: the viewer keeps one layout per application

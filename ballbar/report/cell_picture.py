@@ -11,9 +11,9 @@ import numpy as np
 from markupsafe import Markup
 
 from ballbar.figure_style import BEFORE
-from ballbar.replay.motion import cell_motion
-from ballbar.replay.shapes import Bar, cell_bodies
 from ballbar.report.drawing import WIDTH, figure
+from ballbar.report.motion import cell_motion
+from ballbar.report.shapes import Bar, cell_bodies
 from ballbar.result.run_data import FittedRecording
 from cell.arrays import Array
 from cell.descriptions import Cell

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballbar.replay.motion import bar_angles_at, logged_joints
+from ballbar.report.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.run_data import FittedRecording, Run, RunData

@@ -11,10 +11,10 @@ from markupsafe import Markup
 
 from acquisition.dwells import find_dwells
 from ballbar.figure_style import AFTER, BEFORE, LINES, PURPLE, QUIET
-from ballbar.replay.marks import Marks
-from ballbar.replay.motion import CellMotion, mechanism_angles, on_robot_clock
 from ballbar.report.drawing import INCH
 from ballbar.report.line_plot import Curve, Plot, draw
+from ballbar.report.marks import Marks
+from ballbar.report.motion import CellMotion, mechanism_angles, on_robot_clock
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MM, MS, URAD
 from cell.arrays import Array

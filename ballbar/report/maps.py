@@ -14,7 +14,6 @@ import numpy as np
 from markupsafe import Markup
 
 from ballbar.figure_style import AFTER, BEFORE, INK
-from ballbar.replay.motion import logged_joints
 from ballbar.report.drawing import (
     BOTTOM,
     INCH,
@@ -35,6 +34,7 @@ from ballbar.report.drawing import (
     shade,
     words,
 )
+from ballbar.report.motion import logged_joints
 from ballbar.report.numbers import length_scale, significant
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import UM, URAD

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from ballbar.replay.marks import mark_sentences, marks
-from ballbar.replay.motion import cell_motion, rms_norm
 from ballbar.report import residual_figures as figures
 from ballbar.report.cell_picture import cell_picture
 from ballbar.report.clock import clock_rows, direction_sentences, start_rows
 from ballbar.report.log_figures import log_figures
 from ballbar.report.maps import sphere_maps
+from ballbar.report.marks import mark_sentences, marks
+from ballbar.report.motion import cell_motion, rms_norm
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ballbar.replay.motion import rms_norm
 from ballbar.report.clock import clock_rows
+from ballbar.report.motion import rms_norm
 from ballbar.report.numbers import MISSING, listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.tcp_view import TcpView

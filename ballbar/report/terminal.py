@@ -13,7 +13,7 @@ from ballbar.report.parameters import parameter_count
 from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
 from ballbar.result.run_data import FittedRecording, Run, RunData
-from ballbar.units import MM, PPM, UM, URAD, US
+from ballbar.units import MM, PPM, US
 from cell.geometry import parameter_named
 from cell.number_text import clock_offset_text, clock_skew_text
 from ident.held_out import HeldOut
@@ -24,7 +24,6 @@ LISTED = 8  # parameters that differ, printed
 if TYPE_CHECKING:  # an identification of recordings does without still poses
     from ident.pose_result import PoseIdentification
     from ident.tracker import TrackerCheck
-    from sim.simulate import Simulation
 
 
 def say_identification(out: Console, run: Run) -> None:
@@ -87,16 +86,6 @@ def _say_poses(out: Console, result: PoseIdentification) -> None:
         f"stated TCP uncertainty: {beside:.4f} mm at the measured poses; extrapolated over the "
         f"whole of the fitted ranges {over:.4f} mm (means, 1 sigma, all axes together; without the "
         "scale of the instrument)"
-    )
-
-
-def say_plant(out: Console, simulation: Simulation) -> None:
-    """Print how well the plant closed its loop, and the force in the rod."""
-    truth = simulation.truth
-    position, angle = truth.closure.position_m * UM, truth.closure.angle_rad * URAD
-    out.print(
-        f"plant: loop closed within {position:.3f} um and {angle:.3f} urad, "
-        f"rod force {truth.rod_force.min_N:.0f} to {truth.rod_force.max_N:.0f} N"
     )
 
 

@@ -1,4 +1,4 @@
-"""An identified robot against the truth, or against another result of the same robot.
+"""An identified robot against another one: parameters, and the error at the tool.
 
 Parameter distance as in thesis sec. 3.4 (mm and mrad mixed), meaningful where the parameters held
 fixed are true; and the TCP error, meaningful always. That of logs is taken over the accuracy grid.
@@ -11,28 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ballbar.result.calibration import Calibration
-from ballbar.result.true_robot import true_tool
 from cell.arrays import Array
-from cell.descriptions import Cell, Robot
+from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import Geometry, mirrored, nominal_chain, parameter_named, parameter_table
+from cell.geometry import Geometry, parameter_named, robot_geometry
 from cell.statistics import rms
-from ident.estimator.build_unknowns import arm_parameters
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
-from ident.pose_result import PoseIdentification
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.unloaded_robot import UnloadedRobot
-
-if TYPE_CHECKING:  # an identification of recordings does without the simulation
-    from sim.truth import PoseTruth, Truth
+from ident.robot.identified import IdentifiedRobot
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs
@@ -76,28 +67,6 @@ def is_notable(name: str, difference: float, z: float) -> bool:
     return abs(z) > NOTABLE and abs(difference) > least
 
 
-def compare_files(result: Path, reference: Path) -> Comparison:
-    """A result against another one, or against the truth that it was simulated from.
-
-    Raises InputError as `compare`, and where one of the files fails.
-    """
-    from sim.truth import load_pose_truth, load_truth  # noqa: PLC0415  as above
-
-    model = Calibration.load(result)
-    if not reference.name.endswith(".truth.yaml"):
-        return compare(model, Calibration.load(reference))
-    if not model.of_logs:
-        return _poses_against_truth(model, load_pose_truth(reference))
-    clock = model.file.logs[0].clock
-    return compare_with_truth(
-        model.unloaded_robot(model.cell()),
-        model.nominal,
-        load_truth(reference),
-        model.file.identified,
-        (clock.offset_s, clock.skew) if clock else None,
-    )
-
-
 def compare(first: Calibration, second: Calibration, target: str | None = None) -> Comparison:
     """Two results of one robot.
 
@@ -116,52 +85,10 @@ def compare(first: Calibration, second: Calibration, target: str | None = None) 
         return _compare_poses(first, second, target)
     cell = first.cell()
     shared = [name for name in first.file.identified if name in second.file.identified]
-    other = second.unloaded_robot(cell)
+    other = second.identified_robot(cell=cell)
     actual = other.tool(accuracy_grid(cell.robot))
-    return _compared(
-        first.unloaded_robot(cell), first.nominal, other.geometry, actual, shared, None
-    )
-
-
-def compare_with_truth(
-    model: UnloadedRobot,
-    nominal: Geometry,
-    truth: Truth,
-    names: Sequence[str],
-    clock: tuple[float, float] | None,
-) -> Comparison:
-    """Model and nominal robot against what the recording was simulated from.
-
-    clock : (offset [s], skew [-]) as identified, or None
-    """
-    reference = reference_of(truth)
-    errors = (clock[0] - truth.clock.offset_s, clock[1] - truth.clock.skew) if clock else None
-    actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
-    return _compared(model, nominal, reference, actual, names, errors)
-
-
-def identification_against_truth(
-    result: Identification, truth: Truth, recording: int = 0
-) -> Comparison:
-    """The result against the truth that one of its recordings was simulated from."""
-    estimate = result.recordings[recording]
-    clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
-    model = replace(result.robot.unloaded(), geometry=estimate.geometry)
-    names = [*result.robot.sigma, *estimate.sigma]
-    return compare_with_truth(model, estimate.nominal, truth, names, clock)
-
-
-def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Comparison:
-    """The first target of a robot from still poses against the truth that they are simulated from.
-
-    The nominal robot has its target fitted to the same poses.
-    """
-    name, arm, before = result.target, result.arm(), result.nominal
-    q = arm.workspace()
-    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
-    bare = replace(_nominal(arm), target=before.model.unknowns.target(before.x, name))
-    return Comparison(
-        {}, position_error(arm.tool(q), actual), position_error(bare.tool(q), actual), target=name
+    return robot_comparison(
+        first.identified_robot(cell=cell), first.nominal, other.geometry, actual, shared, None
     )
 
 
@@ -185,21 +112,26 @@ def compare_kinematics(
 
     clock : errors of (offset [s], skew [-]), if both sides have a clock
     """
-    actual = UnloadedRobot(cell, reference).tool(accuracy_grid(cell.robot))
-    return _compared(UnloadedRobot(cell, model), nominal, reference, actual, names, clock)
+    actual = IdentifiedRobot(cell, reference).tool(accuracy_grid(cell.robot))
+    return robot_comparison(IdentifiedRobot(cell, model), nominal, reference, actual, names, clock)
 
 
-def _compared(
-    model: UnloadedRobot,
+def robot_comparison(
+    model: IdentifiedRobot,
     nominal: Geometry,
     reference: Geometry,
     actual: Array,
     names: Sequence[str],
     clock: tuple[float, float] | None,
 ) -> Comparison:
+    """Model and nominal robot over the accuracy grid.
+
+    actual : (G, 3) [m] where the reference has the tool there. names : parameters to compare.
+    clock : errors of (offset [s], skew [-]), if both sides have a clock
+    """
     grid = accuracy_grid(model.cell.robot)
     offset, skew = clock or (None, None)
-    bare = UnloadedRobot(model.cell, nominal)
+    bare = model.rigid(nominal)
     return Comparison(
         compare_geometry(model.geometry, reference, names),
         position_error(model.tool(grid), actual),
@@ -207,18 +139,6 @@ def _compared(
         offset,
         skew,
     )
-
-
-def reference_of(truth: Truth) -> Geometry:
-    """The true geometry as the declared directions of b2 and b4 describe it.
-
-    Which of the two directions is positive is a gauge: the logs do not tell.
-    """
-    geometry = truth.geometry
-    for joint in (2, 4):
-        if truth.directions.get(f"b{joint}") == -1:
-            geometry = mirrored(geometry, joint)
-    return geometry
 
 
 def compare_geometry(
@@ -250,14 +170,14 @@ def _compare_poses(first: Calibration, second: Calibration, target: str | None) 
         )
     shared = [name for name in first.targets if name in second.targets]
     name = target or (shared or list(first.targets))[0]
-    model = first.arm(name)
-    other = second.arm(name if name in shared else None)
+    model = first.identified_robot(name)
+    other = second.identified_robot(name if name in shared else None)
     if name not in shared:
         other = replace(other, target=model.target)
-    q = _poses_within(lower, upper)
+    q = poses_within(lower, upper)
     spans = np.maximum(np.diff(first.ranges)[:, 0], np.diff(second.ranges)[:, 0])
     return replace(
-        _compared_arm(first, model, q, other.tool(q), _values(second)),
+        target_comparison(first, model, q, other.tool(q), _values(second)),
         both_have_target=name in shared,
         target=name,
         predicted=(first.cross_validated, second.cross_validated),
@@ -265,34 +185,20 @@ def _compare_poses(first: Calibration, second: Calibration, target: str | None) 
     )
 
 
-def _poses_against_truth(result: Calibration, truth: PoseTruth) -> Comparison:
-    name = next(iter(result.targets))
-    if name not in truth.targets:
-        raise InputError(
-            f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
-            "truth file of this table."
-        )
-    arm = result.arm(name)
-    q = _poses_within(arm.lower, arm.upper)
-    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
-    compared = _compared_arm(result, arm, q, actual, _true_values(truth, arm.robot))
-    return replace(compared, target=name, predicted=(result.cross_validated,))
-
-
-def _poses_within(lower: Array, upper: Array) -> Array:
+def poses_within(lower: Array, upper: Array) -> Array:
     """(POSES, J) [rad] the same random shares of ranges for everyone."""
     share = np.random.default_rng(_SEED).random((POSES, lower.size))
     return np.asarray(lower + share * (upper - lower))
 
 
-def _compared_arm(
+def target_comparison(
     result: Calibration,
-    arm: IdentifiedArm,
+    model: IdentifiedRobot,
     q: Array,
     actual: Array,
     reference: Mapping[str, tuple[float, float]],
 ) -> Comparison:
-    """The arm of a result at q (N, J) [rad], where its target actually is at (N, 3) [m].
+    """The robot of a result at q (N, J) [rad], where its target actually is at (N, 3) [m].
 
     reference : value and standard deviation of parameters.
     """
@@ -305,29 +211,13 @@ def _compared_arm(
     order = sorted(z, key=lambda name: -abs(z[name]))
     return Comparison(
         {name: differences[name][0] for name in order},
-        position_error(arm.tool(q), actual),
-        position_error(_nominal(arm).tool(q), actual),
+        position_error(model.tool(q), actual),
+        position_error(model.rigid(robot_geometry(model.robot)).tool(q), actual),
         z={name: z[name] for name in order},
     )
-
-
-def _nominal(arm: IdentifiedArm) -> IdentifiedArm:
-    """The nominal robot with the identified one's target."""
-    return replace(arm, chain=nominal_chain(arm.robot), corrections=(), values=np.zeros(0))
 
 
 def _values(result: Calibration) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of every identified parameter."""
     parameters = result.file.parameters
     return {name: (parameters[name].value, sigma) for name, sigma in result.sigma.items()}
-
-
-def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
-    """True values, sigma 0; of parallel axes the first d has what the others differ by."""
-    nominal, chain = nominal_chain(robot), truth.arm(robot).chain
-    d = chain.d.copy()
-    for name in reversed(parameter_table(robot).hayati[:-1]):
-        row = parameter_named(name).row
-        d[row] += d[row + 1] - nominal.d[row + 1]
-    values = {"d": d, "a": chain.a, "alpha": chain.alpha, "theta": chain.theta, "beta": chain.beta}
-    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in arm_parameters(robot)}

@@ -15,8 +15,8 @@ from ident.pose_result import PoseIdentification
 from ident.result import Identification, RecordingEstimate
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
-    from ballbar.result.limits import Limit
     from ballbar.scenario import Scenario
+    from ballbar.truth.limits import Limit
     from sim.simulate import Simulation
     from sim.still_poses import PoseSimulation
 

@@ -65,7 +65,7 @@ def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification,
         arm = arm_at_rest(machine, targets, _spread_of_groups(calibration.file))
         mean, table = MEAN_LENGTH * arm.discrepancy, table_at_rest(machine.robot, table)
     else:
-        arm, mean = calibration.arm(), calibration.cross_validated
+        arm, mean = calibration.identified_robot(), calibration.cross_validated
     return verify(arm, targets, mean, table), reading_remarks(read.report)
 
 

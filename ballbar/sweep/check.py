@@ -14,11 +14,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from ballbar.code_version import code_version
 from ballbar.scenario import SCENARIOS, Scenario
 from ballbar.sweep.file import Changes, flattened, load_sweep_file
 from ballbar.sweep.files import Files, read_files
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
-from ballbar.sweep.version import code_version
 from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import Value, load_extended, location_of, overlap, with_changes
 from cell.schema_errors import Loc, explain

@@ -17,10 +17,10 @@ from tempfile import TemporaryDirectory, gettempdir
 import numpy as np
 
 from ballbar import PACKAGES
+from ballbar.code_version import code_version
 from ballbar.scenario import Scenario
 from ballbar.sweep.files import Files, scenario_folder, unpack
 from ballbar.sweep.plan import Plan, Run, run_of
-from ballbar.sweep.version import code_version
 from cell.errors import InputError
 from cell.extended_yaml import Value
 from cell.threads import ONE_THREAD

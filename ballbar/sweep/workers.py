@@ -13,8 +13,8 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 
+from ballbar.code_version import DISTRIBUTION
 from ballbar.sweep.chunk import Row, Task, run_chunk, run_chunk_remotely
-from ballbar.sweep.version import DISTRIBUTION
 from cell.errors import InputError
 from cell.processes import process_pool as processes_of
 from cell.processes import stop_signals_blocked

@@ -17,7 +17,7 @@ import numpy as np
 from cell.arrays import Array
 from ident.result import RobotEstimate
 from ident.robot.accuracy import aligned_columns
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 
 _FAMILY = re.compile(r"[a-z]+\d*")  # `ripple1` of `ripple1_40_sin`
 
@@ -63,12 +63,11 @@ def correction_parts(robot: RobotEstimate, grid: Array) -> list[CorrectionPart]:
     return sorted((p for p in parts if p.size > 0.0), key=lambda p: -p.size)
 
 
-def _midway(robot: RobotEstimate) -> UnloadedRobot:
+def _midway(robot: RobotEstimate) -> IdentifiedRobot:
     """The robot between nominal and identified."""
-    identified = robot.unloaded()
-    values = None if identified.values is None else 0.5 * identified.values
+    identified = robot.identified_robot()
     geometry = robot.nominal.with_values(0.5 * (robot.nominal.values + robot.geometry.values))
-    return replace(identified, geometry=geometry, values=values)
+    return replace(identified, geometry=geometry, values=0.5 * identified.values)
 
 
 def _families(names: Sequence[str], sources: Sequence[str]) -> dict[tuple[str, str], list[int]]:

@@ -20,11 +20,11 @@ from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
 from ballbar.result.calibration import load_calibration
-from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
+from ballbar.truth.compare import identification_against_truth
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
 from ident.held_out import HeldOut, LoopClosure, held_out
@@ -158,8 +158,8 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     assert held.sentence == together.said.splitlines()[0]
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
-    predicted = read.unloaded_robot(cell).tool(grid)
-    fitted = machine.identification.robot.unloaded().tool(grid)
+    predicted = read.identified_robot(cell=cell).tool(grid)
+    fitted = machine.identification.robot.identified_robot().tool(grid)
     assert np.abs(predicted - fitted).max() < 1e-12  # YAML holds every digit
 
 

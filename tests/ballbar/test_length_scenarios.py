@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import simulate_scenario
 from ballbar.scenario import SHIPPED, load_scenario
+from ballbar.truth.compare import identification_against_truth
 from ident.result import Identification
 from ident.verdict import Status
 from sim.truth import Truth

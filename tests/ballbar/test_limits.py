@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from ballbar.result.compare import Comparison
-from ballbar.result.limits import Limit, corrected_limits, plant_limits, result_limits, tcp_limits
 from ballbar.scenario import (
     SHIPPED,
     AcceptSettings,
@@ -20,6 +19,7 @@ from ballbar.scenario import (
     load_any_scenario,
     load_scenario,
 )
+from ballbar.truth.limits import Limit, corrected_limits, plant_limits, result_limits, tcp_limits
 from cell.errors import DescriptionError
 from ident.held_out import HeldOut
 from ident.result import Identification

@@ -12,7 +12,7 @@ from ballbar.export.result import Result, load_result
 from ballbar.export.rows import hayati_rows
 from ballbar.export.tables import dh_table, hayati_table
 from ballbar.identify_settings import IdentifySettings
-from ballbar.replay.shapes import cell_bodies
+from ballbar.report.shapes import cell_bodies
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration

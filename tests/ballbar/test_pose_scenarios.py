@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from acquisition.pose_tables import read_poses
-from ballbar.result.compare import poses_against_truth
-from ballbar.result.limits import tcp_limits
 from ballbar.scenario import PoseScenario, load_any_scenario, load_scenario, scenario_file
+from ballbar.truth.compare import poses_against_truth
+from ballbar.truth.limits import tcp_limits
 from cell.errors import DescriptionError
 from cell.poses import PoseTable
 from ident.identify_poses import identify_poses

@@ -21,9 +21,9 @@ from ballbar.rehearsal.live import InjectedFault, LivePath, as_recorded, check_f
 from ballbar.rehearsal.page import rehearsal_page
 from ballbar.rehearsal.second_path import plan_second_path, request_data
 from ballbar.rehearsal.targets import HeldTargets, correctable
-from ballbar.result.limits import corrected_limits
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario, load_scenario, scenario_file
+from ballbar.truth.limits import corrected_limits
 from ballbar.watch.state import Alarm
 from cell.arrays import Array
 from cell.egm_file import FILE_START, frame

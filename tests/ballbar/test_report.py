@@ -21,7 +21,6 @@ from rich.console import Console
 from acquisition.recording import read_recording
 from ballbar.figure_style import BEFORE
 from ballbar.replay.notes import replay_notes
-from ballbar.replay.shapes import PAINT, PLATE_BLUE
 from ballbar.report import page as report_page
 from ballbar.report import tcp_view
 from ballbar.report.cell_picture import cell_picture
@@ -30,11 +29,12 @@ from ballbar.report.maps import EQUATOR, correlation_map, equal_area, tool_direc
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
 from ballbar.report.page import write_report
 from ballbar.report.provenance import without_folders
+from ballbar.report.shapes import PAINT, PLATE_BLUE
 from ballbar.report.terminal import _clock, say_identification
 from ballbar.result.calibration_content import calibration_of
-from ballbar.result.compare import identification_against_truth
-from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.truth.compare import identification_against_truth
+from ballbar.truth.limits import Limit
 from cell.clock import Clock
 from cell.geometry import robot_frames
 from cell.number_text import NOT_DETERMINED

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from ballbar.identify_settings import IdentifySettings
-from ballbar.replay.marks import mark_sentences, marks, stretches
-from ballbar.replay.motion import cell_motion
 from ballbar.report.log_figures import SHIFTS, log_figures, shift_curve
+from ballbar.report.marks import mark_sentences, marks, stretches
+from ballbar.report.motion import cell_motion
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
 from tests.helpers.simulated_recordings import Recorded

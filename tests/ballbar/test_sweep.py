@@ -534,7 +534,7 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
         shutil.copytree(root / package, tmp_path / package)
 
     def version() -> str:
-        program = "from ballbar.sweep.version import code_version; print(code_version())"
+        program = "from ballbar.code_version import code_version; print(code_version())"
         return subprocess.run(
             [sys.executable, "-c", program],
             cwd=tmp_path,

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.code_version import code_version
 from ballbar.commands import cli
-from ballbar.sweep.version import code_version
 from tests.helpers.command_line import SHORT, ballbar, commands
 from tests.helpers.simulated_recordings import SCENARIOS
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from acquisition.recording import read_recording
-from ballbar.result.compare import identification_against_truth
-from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
+from ballbar.truth.compare import identification_against_truth
+from ballbar.truth.limits import Limit
 from ident.identify import identify
 from ident.options import FitOptions
 from sim.recording_files import write_recording

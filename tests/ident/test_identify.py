@@ -12,12 +12,12 @@ import pytest
 from acquisition.recording import read_recording
 from ballbar.identify_settings import IdentifySettings
 from ballbar.result.calibration import load_calibration
-from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
+from ballbar.truth.compare import identification_against_truth
 from cell.clock import Clock
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog

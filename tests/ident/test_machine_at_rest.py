@@ -20,7 +20,7 @@ from ident.machine_at_rest import arm_at_rest, table_at_rest
 from ident.pose_verification import Verification, verify
 from ident.recording_fit import Logs
 from ident.result import Machine
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
 
@@ -35,7 +35,7 @@ def test_bare_rows_at_the_angles_at_rest_stand_as_the_robot_does(
     corrections = tuple(CORRECTIONS[n](cell, ()) for n in ("joint_compliance", "bearing_tilt"))
     coefficients = [c for correction in corrections for c in correction.coefficients]
     values = np.array([c.mean + c.sigma for c in coefficients])
-    robot = UnloadedRobot(cell, nominal, corrections, values)
+    robot = IdentifiedRobot(cell, nominal, corrections, values)
     q = np.array([0.1, 0.2, -0.3, 0.4, 0.8, 0.5]) + 0.2 * np.random.default_rng(1).uniform(
         -1.0, 1.0, (10, 6)
     )

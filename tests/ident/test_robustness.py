@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import load_scenario
+from ballbar.truth.compare import identification_against_truth
 from cell.neighbours import damaged_bursts
 from ident.identify import identify_together
 from ident.options import FitOptions

@@ -13,10 +13,10 @@ from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
 from ballbar.commands.cli import app
-from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import simulate_scenario
 from ballbar.scenario import load_scenario
+from ballbar.truth.compare import identification_against_truth
 from cell.arrays import Array
 from cell.errors import DescriptionError, InputError
 from cell.geometry import robot_frames

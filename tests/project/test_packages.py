@@ -33,6 +33,35 @@ FORBIDDEN = {
     "planning": {"rerun", "matplotlib", "typer", "rich", "pandas"},
     "ballbar": {"mujoco"},
 }
+# Beside the ground floor, which a newcomer has to know, stand two wings: what simulates and
+# studies, and what plans, exports, corrects and shows.
+BENCH = (
+    "sim", "ident.thesis", "ballbar.claims", "ballbar.commands.bench",
+    "ballbar.commands.bench_json", "ballbar.commands.identifiability", "ballbar.commands.shipped",
+    "ballbar.identifiability", "ballbar.json_schemas", "ballbar.rehearsal", "ballbar.run",
+    "ballbar.scenario", "ballbar.sweep", "ballbar.trial", "ballbar.truth",
+)  # fmt: skip
+SHOP = (
+    "planning", "acquisition.live", "ballbar.commands.live", "ballbar.commands.planning",
+    "ballbar.commands.result", "ballbar.commands.robots", "ballbar.compensation",
+    "ballbar.export", "ballbar.plan", "ballbar.record", "ballbar.replay", "ballbar.robot_file",
+    "ballbar.watch",
+)  # fmt: skip
+INTO_THE_WINGS = {  # imports of the ground floor that remain, each for its reason
+    # a result is compared with the truth of its simulation where the user names such a file
+    "ballbar.commands.comparison": {"ballbar.truth"},
+    # names of shipped scenarios are found when a command of the bench is called
+    "ballbar.commands.options": {"ballbar.scenario"},
+    # the settings of a scenario and of `identify` are one file schema
+    "ballbar.identify_settings": {"ident.thesis"},
+    # identify --rerun
+    "ballbar.outputs": {"ballbar.replay"},
+    # what another recording would add is predicted by the planner
+    "ballbar.report.diagnosis": {"planning", "sim"},
+    # types of what a simulated run has beside an identification
+    "ballbar.commands.result_json": {"sim"},
+    "ballbar.result.run_data": {"ballbar.scenario", "ballbar.truth", "sim"},
+}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 DISTRIBUTIONS = {
     "mujoco": "mujoco-core",
@@ -76,6 +105,21 @@ def test_a_package_imports_only_what_lies_below_it(package: str) -> None:
         assert not above, f"{file.relative_to(ROOT)} imports {above}"
         unwanted = names & FORBIDDEN[package]
         assert not unwanted, f"{file.relative_to(ROOT)} imports {unwanted}"
+
+
+def wing_of(name: str) -> str | None:
+    """The part of a wing that a module is in; None on the ground floor."""
+    return next((p for p in (*BENCH, *SHOP) if name == p or name.startswith(f"{p}.")), None)
+
+
+@pytest.mark.slow
+def test_the_ground_floor_imports_neither_bench_nor_shop() -> None:
+    """Also within functions, and for types alone."""
+    doors = {}
+    for name, file in FILES.items():
+        if wing_of(name) is None and (parts := {wing_of(n) for n in full_names(file)} - {None}):
+            doors[name] = parts
+    assert doors == INTO_THE_WINGS
 
 
 @pytest.mark.parametrize("package", ["acquisition", "ident"])

@@ -18,7 +18,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 
-from ballbar.result.true_robot import true_tool
+from ballbar.truth.true_robot import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError

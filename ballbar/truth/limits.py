@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ballbar.result.compare import Comparison
 from ballbar.scenario import AcceptSettings, TcpLimits
-from ballbar.units import MM, PPM, UM, US
+from ballbar.units import MM, PPM, UM, URAD, US
 from cell.arrays import Array
 from cell.number_text import significant_text
 from ident.held_out import HeldOut
@@ -44,6 +44,15 @@ class Limit:
 
 def _counted_or_measured(value: float) -> str:
     return f"{value:.0f}" if value.is_integer() else significant_text(value)
+
+
+def plant_sentence(truth: Truth) -> str:
+    """How well the plant closed its loop, and the force in the rod."""
+    position, angle = truth.closure.position_m * UM, truth.closure.angle_rad * URAD
+    return (
+        f"plant: loop closed within {position:.3f} um and {angle:.3f} urad, "
+        f"rod force {truth.rod_force.min_N:.0f} to {truth.rod_force.max_N:.0f} N"
+    )
 
 
 def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:

@@ -8,8 +8,6 @@ sec. 1, metric).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cell.arrays import Array
@@ -17,9 +15,7 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from ident.loads.at_rest import backlash_flanks
 from ident.loads.gear_loads import mass_model, own_weight
-
-if TYPE_CHECKING:  # an identification of recordings does without the simulation
-    from sim.truth import Truth
+from sim.truth import Truth
 
 
 def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:

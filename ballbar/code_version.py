@@ -1,4 +1,7 @@
-"""The version in every row of a sweep: two rows of one version were computed by the same code."""
+"""The version of the code that `--version` prints and every row of a sweep has.
+
+Two rows of one version were computed by the same code.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ def code_version() -> str:
     of a cluster.
     """
     digest = hashlib.sha256()
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[1]
     for package in PACKAGES:
         for file in sorted(path for path in (root / package).rglob("*") if path.suffix in _CONTENT):
             name = file.relative_to(root).as_posix()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballbar.replay.colours import STEEL, Colour
+from ballbar.report.colours import STEEL, Colour
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Cell

@@ -1,4 +1,4 @@
-"""The motion of the identified cell on the robot's clock, and where the truth differs from it.
+"""The motion of the identified cell on the robot's clock.
 
 Rows of the robot's log, thinned, not smoothed. Ball-bar angles come from the encoders, brought to
 the robot's clock by the identified clock; unmeasured joints, and instants outside the ball-bar's
@@ -8,11 +8,9 @@ log, follow from the robot's pose.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ballbar.result.run_data import FittedRecording
 from cell.arrays import Array
@@ -23,10 +21,6 @@ from cell.logs import BallBarLog, LengthLog
 from cell.statistics import rms
 from ident.estimator.closure import complete_bar_angles, pointing_bar
 from ident.result import RecordingEstimate
-from ident.robot.accuracy import accuracy_grid
-
-if TYPE_CHECKING:
-    from sim.simulate import Simulation
 
 POSE_RATE = 30.0  # [Hz] smooth to the eye; the mechanism moves below 3 Hz
 POSES = 120_000  # of the mechanism, at most: 67 minutes at that rate
@@ -59,17 +53,6 @@ class CellMotion:
         return [*rows, *((self.bar, row) for row in range(len(self.bar.x)))]
 
 
-@dataclass(frozen=True, eq=False)
-class TrueTool:
-    """True tool position, and the errors of two models at the true joint angles, bases aligned."""
-
-    position: Array  # (N, 3) [m] carried into the base frame of the identified robot
-    nominal_error: Array  # (N, 3) [m] nominal robot's tool position minus the true one
-    identified_error: Array  # (N, 3) [m]
-    rod_force: Array  # (N,) [N] tension positive
-    rod_strain: Array  # (N,) [m] axial elongation of the rod
-
-
 def cell_motion(fitted: FittedRecording, rows: NDArray[np.intp] | None = None) -> CellMotion:
     """Robot and ball-bar at rows (N,) of the robot's log; by default those that are shown."""
     log, geometry = fitted.recording.robot_log, fitted.estimate.geometry
@@ -96,37 +79,6 @@ def thinning(t: Array) -> int:
     """Step between the rows of a log, t (N,) [s], that gives about POSE_RATE, or POSES in all."""
     smooth = round(1.0 / (POSE_RATE * float(np.median(np.diff(t)))))
     return max(1, smooth, -(-t.size // POSES))
-
-
-def true_tool(simulation: Simulation, estimate: RecordingEstimate, t: Array) -> TrueTool:
-    """The truth at instants t (N,) [s] of the robot's clock."""
-    times = simulation.times
-    true_time = np.interp(t, times.robot_stamp - times.robot_stamp[0], times.robot_true)
-    q = simulation.motion.shown_at(true_time)
-    truth, grid = simulation.truth.geometry, accuracy_grid(simulation.cell.robot)
-    actual = robot_frames(truth, q).tip.T
-    rotation, shift = base_alignment(estimate.geometry, truth, grid)
-    nominal_rotation, nominal_shift = base_alignment(estimate.nominal, truth, grid)
-    nominal = robot_frames(estimate.nominal, q).tip.T @ nominal_rotation.T + nominal_shift
-    return TrueTool(
-        position=(actual - shift) @ rotation,
-        nominal_error=nominal - actual,
-        identified_error=robot_frames(estimate.geometry, q).tip.T @ rotation.T + shift - actual,
-        rod_force=np.interp(true_time, simulation.motion.t, simulation.motion.rod_force),
-        rod_strain=np.interp(true_time, simulation.motion.t, simulation.motion.rod_stretch),
-    )
-
-
-def base_alignment(model: Geometry, truth: Geometry, grid: Array) -> tuple[Array, Array]:
-    """Rotation (3, 3) and shift (3,) [m] that carry the model's base frame onto the true one.
-
-    The best over joint angles grid (G, 6) [rad]. Without it a gauge would show as an error:
-    parameters held fixed (`rd1`, `rtheta1`) leave the base where it is not.
-    """
-    predicted, actual = robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T
-    centred = actual - actual.mean(axis=0), predicted - predicted.mean(axis=0)
-    rotation = np.asarray(Rotation.align_vectors(*centred)[0].as_matrix())
-    return rotation, actual.mean(axis=0) - rotation @ predicted.mean(axis=0)
 
 
 def on_robot_clock(estimate: RecordingEstimate, t: Array) -> Array:

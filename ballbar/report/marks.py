@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.dwells import find_dwells
-from ballbar.replay.motion import CellMotion, cell_motion
+from ballbar.report.motion import CellMotion, cell_motion
 from ballbar.result.run_data import FittedRecording
 from cell.arrays import Array
 from cell.geometry import Geometry

@@ -1,0 +1,111 @@
+"""Results of the test bench for programs: what `--json` of its commands prints, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:  # a command imports only what it shows
+    from ballbar.claims.run import Judged
+    from ballbar.sweep.run import SweepOutcome
+    from ballbar.truth.limits import Limit
+    from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
+from ballbar.commands.result_json import plant_data
+
+
+def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:
+    """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
+    from sim.recording_files import truth_path
+
+    force = simulation.truth.force_N
+    return {
+        "recording": str(folder),
+        "truth": str(truth_path(folder)),
+        "plant": simulation.plant,
+        "force_N": None if force is None else list(force),
+    }
+
+
+def simulation_data(
+    simulation: Simulation, limits: Sequence[Limit], folder: Path
+) -> dict[str, object]:
+    """JSON of `simulate`: recording, truth file, accuracy of the simulated plant, its limits."""
+    from sim.recording_files import truth_path
+
+    return {
+        "recording": str(folder),
+        "truth": str(truth_path(folder)),
+        "plant": plant_data(simulation),
+        "limits": [asdict(limit) for limit in limits],
+    }
+
+
+def sweep_data(outcome: SweepOutcome) -> dict[str, object]:
+    """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
+    from ballbar.sweep.summary import failures_of, grid_points
+
+    folder = outcome.folder
+    data: dict[str, object] = {
+        "finished": outcome.finished,
+        "runs": folder.plan.runs,
+        "done": outcome.done,
+        "folder": str(folder.path),
+    }
+    if not outcome.finished:
+        return data
+    points = [
+        {
+            "values": point.values,
+            "runs": point.runs,
+            "failed": point.failed,
+            "results": {
+                name: {"median": float(np.median(values)), "q95": float(np.quantile(values, 0.95))}
+                for name, values in point.results.items()
+                if values.size
+            },
+        }
+        for point in grid_points(folder.table, folder.plan)
+    ]
+    failures = failures_of(folder.table)
+    return data | {
+        "table": str(folder.table),
+        "csv": str(folder.csv),
+        "failed": failures.count,
+        "commonest_failure": failures.reason or None,
+        "points": points,
+    }
+
+
+def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
+    """JSON of `claims`: every claim with its checks."""
+    return [
+        {
+            "file": str(result.topic.path),
+            "title": result.topic.file.title,
+            "claims": [
+                {
+                    "name": verdict.claim.name,
+                    "source": verdict.claim.source,
+                    "says": verdict.claim.says,
+                    "verdict": verdict.word,
+                    "passed": verdict.passed,
+                    "with": {
+                        parameters: {
+                            "verdict": verdict.comes_out(parameters),
+                            "checks": [asdict(check) for check in outcomes],
+                        }
+                        for parameters, outcomes in verdict.outcomes.items()
+                    },
+                    "guards": [asdict(check) for check in verdict.guards],
+                    "ml": list(verdict.ml),
+                }
+                for verdict in result.verdicts
+            ],
+        }
+        for result in judged
+    ]

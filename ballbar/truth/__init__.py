@@ -1,0 +1,1 @@
+"""A simulated run against the truth that it was simulated from."""

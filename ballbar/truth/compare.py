@@ -1,0 +1,124 @@
+"""An identified robot against the truth of its simulation, as ballbar.result.compare has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ballbar.result.calibration import Calibration
+from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
+from ballbar.truth.true_robot import true_tool
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.geometry import (
+    Geometry,
+    mirrored,
+    nominal_chain,
+    parameter_named,
+    parameter_table,
+    robot_geometry,
+)
+from ident.estimator.build_unknowns import arm_parameters
+from ident.pose_result import PoseIdentification
+from ident.result import Identification
+from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.identified import IdentifiedRobot
+from sim.truth import PoseTruth, Truth, load_pose_truth, load_truth
+
+
+def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
+    """A stored result against the truth that its recording or table was simulated from.
+
+    Raises InputError where the truth has not the result's target, and where its file fails.
+    """
+    if not model.of_logs:
+        return _poses_against_truth(model, load_pose_truth(truth_file))
+    clock = model.file.logs[0].clock
+    return compare_with_truth(
+        model.identified_robot(),
+        model.nominal,
+        load_truth(truth_file),
+        model.file.identified,
+        (clock.offset_s, clock.skew) if clock else None,
+    )
+
+
+def compare_with_truth(
+    model: IdentifiedRobot,
+    nominal: Geometry,
+    truth: Truth,
+    names: Sequence[str],
+    clock: tuple[float, float] | None,
+) -> Comparison:
+    """Model and nominal robot against what the recording was simulated from.
+
+    clock : (offset [s], skew [-]) as identified, or None
+    """
+    reference = reference_of(truth)
+    errors = (clock[0] - truth.clock.offset_s, clock[1] - truth.clock.skew) if clock else None
+    actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
+    return robot_comparison(model, nominal, reference, actual, names, errors)
+
+
+def identification_against_truth(
+    result: Identification, truth: Truth, recording: int = 0
+) -> Comparison:
+    """The result against the truth that one of its recordings was simulated from."""
+    estimate = result.recordings[recording]
+    clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
+    model = replace(result.robot.identified_robot(), geometry=estimate.geometry)
+    names = [*result.robot.sigma, *estimate.sigma]
+    return compare_with_truth(model, estimate.nominal, truth, names, clock)
+
+
+def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Comparison:
+    """The first target of a robot from still poses against the truth that they are simulated from.
+
+    The nominal robot has its target fitted to the same poses.
+    """
+    name, model, before = result.target, result.identified_robot(), result.nominal
+    q = model.workspace()
+    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
+    target = before.model.unknowns.target(before.x, name)
+    bare = replace(model.rigid(robot_geometry(model.robot)), target=target)
+    return Comparison(
+        {}, position_error(model.tool(q), actual), position_error(bare.tool(q), actual), target=name
+    )
+
+
+def reference_of(truth: Truth) -> Geometry:
+    """The true geometry as the declared directions of b2 and b4 describe it.
+
+    Which of the two directions is positive is a gauge: the logs do not tell.
+    """
+    geometry = truth.geometry
+    for joint in (2, 4):
+        if truth.directions.get(f"b{joint}") == -1:
+            geometry = mirrored(geometry, joint)
+    return geometry
+
+
+def _poses_against_truth(result: Calibration, truth: PoseTruth) -> Comparison:
+    name = next(iter(result.targets))
+    if name not in truth.targets:
+        raise InputError(
+            f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
+            "truth file of this table."
+        )
+    model = result.identified_robot(name)
+    q = poses_within(model.lower, model.upper)
+    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
+    compared = target_comparison(result, model, q, actual, _true_values(truth, model.robot))
+    return replace(compared, target=name, predicted=(result.cross_validated,))
+
+
+def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
+    """True values, sigma 0; of parallel axes the first d has what the others differ by."""
+    nominal, chain = nominal_chain(robot), truth.arm(robot).chain
+    d = chain.d.copy()
+    for name in reversed(parameter_table(robot).hayati[:-1]):
+        row = parameter_named(name).row
+        d[row] += d[row + 1] - nominal.d[row + 1]
+    values = {"d": d, "a": chain.a, "alpha": chain.alpha, "theta": chain.theta, "beta": chain.beta}
+    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in arm_parameters(robot)}
