@@ -25,6 +25,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cell.arrays import Array
+from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
 from cell.descriptions import Cell, Robot
 from cell.geometry import parameter_named, parameter_table
 from ident.causes import Causes
@@ -264,6 +265,8 @@ def verify_recording(
         single=single,
         blind=_blind(ranked, limit, cell.robot),
     )
+    if unseen := _unseen_clock(recording):
+        return replace(outcome, suspect=unseen)
     ambiguous = recording.start.ambiguous
     if outcome.comparable and not ambiguous:
         return outcome
@@ -281,6 +284,24 @@ def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
     if values is not None:
         values = values + [moves.get(name, 0.0) for name in names]
     return replace(machine, robot=replace(robot, geometry=geometry.replaced(moved), values=values))
+
+
+def _unseen_clock(recording: RecordingFit) -> str:
+    """Why a recording of a length does not determine its clock; empty where it does.
+
+    Its fit may then end at another clock, which passes for a change of the machine.
+    """
+    position = recording.fit.model.unknowns.own[0].clock
+    if position is None or not recording.samples.measures_length:
+        return ""
+    offset, skew = np.sqrt(np.diag(recording.fit.covariance))[position]
+    if offset <= UNSEEN_OFFSET and skew <= UNSEEN_SKEW:
+        return ""
+    return (
+        "a length that changes too little to tell its clock (sigma of the offset "
+        f"{offset * 1e3:.0f} ms, of the skew {skew * 1e6:.0f} ppm), so take a path along which it "
+        "changes more"
+    )
 
 
 def _suspect(cell: Cell, logs: Logs, *, ambiguous: bool) -> str:

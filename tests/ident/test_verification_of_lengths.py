@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from ident.result import Machine
 from ident.verification import RecordingVerification, verify_recording
 from sim.true_robot import TrueMachine
 from tests.helpers.drawn_lengths import bar_scenario, drawn_machine, identified, moved, recorded
+from tests.helpers.drawn_robots import SCENARIOS
 from tests.helpers.length_recordings import wire_run
 
 pytestmark = pytest.mark.slow
@@ -99,6 +101,22 @@ def test_two_changes_have_no_single_cause(machine: Machine, truth: TrueMachine) 
     assert not outcome.holds
     assert outcome.named == ()
     assert "tool, zero or scale of the length, gear" in outcome.sentence
+
+
+def test_a_length_that_hardly_changes_is_not_comparable(
+    machine: Machine, truth: TrueMachine, tmp_path: Path
+) -> None:
+    """Its clock ended elsewhere, and an unchanged machine was called changed."""
+    scenario, file = bar_scenario(SEED, 3), tmp_path / "still_rod.yaml"
+    assert scenario.path.file
+    shape, _, _ = (SCENARIOS / scenario.path.file).read_text().partition("rod:")
+    file.write_text(shape)
+    path = scenario.path.model_copy(update={"file": str(file)})
+    scenario = scenario.model_copy(update={"path": path})
+    logs = recorded(truth, scenario, np.random.default_rng([SEED, 3]))
+    outcome = verify_recording(machine, logs)
+    assert (outcome.comparable, outcome.named) == (False, ())
+    assert "perhaps a length that changes too little to tell its clock" in outcome.sentence
 
 
 def test_a_wire_tells_its_scale_from_its_zero() -> None:
