@@ -50,14 +50,12 @@ from ident.robot.accuracy import TcpError as TcpError
 from ident.robot.accuracy import accuracy_grid as accuracy_grid
 from ident.robot.accuracy import position_error as position_error
 from ident.robot.accuracy import tcp_error as tcp_error
-from ident.robot.identified_arm import IdentifiedArm as IdentifiedArm
+from ident.robot.identified import IdentifiedRobot as IdentifiedRobot
+from ident.robot.identified import PositionUncertainty as PositionUncertainty
 from ident.robot.identified_kinematics import IdentifiedKinematics as IdentifiedKinematics
 from ident.robot.identified_kinematics import JointSolutions as JointSolutions
 from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
-from ident.robot.inverse_calibration import corrected_arm_targets as corrected_arm_targets
 from ident.robot.inverse_calibration import corrected_targets as corrected_targets
-from ident.robot.tool_covariance import PositionUncertainty as PositionUncertainty
-from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
 from ident.verification import RecordingVerification as RecordingVerification
 from sim.recording_files import write_recording as write_recording
 from sim.simulate import Simulation as Simulation

@@ -75,7 +75,7 @@ def real_gain(plan: PosePlan, ripple: float) -> float:
 
 def _error(robot: DrawnRobot, poses: Candidates, rng: np.random.Generator) -> float:
     result = identify_poses(robot.measured(poses, rng), PoseOptions(search=False))
-    return robot.error_of(result.arm()).mean
+    return robot.error_of(result.identified_robot()).mean
 
 
 if __name__ == "__main__":

@@ -153,7 +153,8 @@ def lengths(data: Data) -> Iterator[Line]:
         points = norms(identify_poses(fitted), judged)
         by_length = identify_poses(as_lengths(fitted))
         measured = judged.groups[0].values
-        aligned = position_error(by_length.arm().frames(judged.q).tip.T, measured).error * MM
+        tip = by_length.identified_robot().frames(judged.q).tip
+        aligned = position_error(tip.T, measured).error * MM
         ratios.append(float(aligned.mean() / points.mean()))
         errors.append(aligned)
     yield Line("UR10 B", "lengths to three seats, judged as points", shown(errors), "")
@@ -164,7 +165,7 @@ def lengths(data: Data) -> Iterator[Line]:
     table, stated = tables.ur5_grid(data.folder), []
     for seed in range(data.splits):
         fitted, judged = split(table, 300, seed)
-        arm = identify_poses(as_lengths(fitted)).arm()
+        arm = identify_poses(as_lengths(fitted)).identified_robot()
         q = judged.groups[0].q[arm.covered(judged.groups[0].q)]
         measured = judged.groups[0].values[arm.covered(judged.groups[0].q)]
         error = position_error(arm.frames(q).tip.T, measured).error
@@ -216,7 +217,7 @@ def nothing(data: Data) -> Iterator[Line]:
         noise = np.random.default_rng([seed, 7])
         group = as_points(fitted).groups[0]
         seat = result.fit.model.unknowns.seat(result.fit.x, group.seat)
-        exact = (result.arm().frames(group.q).tip.T - seat.origin) @ seat.rotation
+        exact = (result.identified_robot().frames(group.q).tip.T - seat.origin) @ seat.rotation
         values = exact + noise.normal(0.0, 5e-5, exact.shape)
         again = identify_poses(replace(fitted, groups=(replace(group, values=values),)))
         found += len(again.search.orders) if again.search else 0
@@ -231,7 +232,7 @@ def outside(data: Data) -> Iterator[Line]:
         result = identify_poses(drawn(table.part(off < -GAP), 1500, joint))
         judged = drawn(table.part(off > GAP), JUDGED, joint)
         errors = norms(result, judged)
-        arm = result.arm()
+        arm = result.identified_robot()
         told = float(np.isinf(arm.sigma(judged.q)).mean())
         yield Line(
             "UR10 A",
@@ -336,14 +337,13 @@ def with_sites(table: PoseTable, sites: Sequence[str]) -> PoseTable:
 
 def judged_sockets(result: PoseIdentification, table: PoseTable) -> tuple[Array, float]:
     """(N,) [mm] distances to each socket's own point; share within the stated 95 % regions."""
-    arm, layout = result.arm(), result.fit.model.unknowns
+    arm, layout = result.identified_robot(), result.fit.model.unknowns
     known = {name: layout.target(result.fit.x, name) for name in layout.targets}
     fit = placed(arm, table, known)
     errors = np.concatenate([p.closure.error[:3].T for p in fit.equations.points])
     away = np.linalg.norm(errors, axis=1) * MM
-    return away, float(
-        replace(arm, lower=arm.lower - 9, upper=arm.upper + 9).within(table.q, errors).mean()
-    )
+    everywhere = replace(arm, ranges=np.add(arm.ranges, [-9.0, 9.0]))
+    return away, float(everywhere.within(table.q, errors).mean())
 
 
 def shown(errors: Sequence[Array]) -> str:

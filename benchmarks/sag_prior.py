@@ -181,7 +181,7 @@ def lengths(folder: Path, splits: int) -> Iterator[Case]:
         def as_points(
             result: PoseIdentification, q: Array = q, values: Array = values
         ) -> tuple[Array, float]:
-            tip = result.arm().frames(q).tip.T
+            tip = result.identified_robot().frames(q).tip.T
             return position_error(tip, values).error * real.MM, np.nan
 
         three = real.as_lengths(fitted)

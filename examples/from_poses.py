@@ -46,17 +46,18 @@ def table_of(q: np.ndarray) -> PoseTable:
 
 result = identify_poses(table_of(rng.uniform(-2.0, 2.0, (150, 6))), PoseOptions(search=False))
 print(result.verdict.sentence)
-arm = result.arm()  # the identified robot with its reflector
-print(f"joint 4 zero: {(arm.chain.theta[3] - robot.theta[3]) * 1e3:+.3f} mrad")
-print(f"upper arm: {(arm.chain.a[1] - robot.a[1]) * 1e3:+.3f} mm")
+identified = result.identified_robot()  # the robot with its reflector
+print(f"joint 4 zero: {(identified.chain.theta[3] - robot.theta[3]) * 1e3:+.3f} mrad")
+print(f"upper arm: {(identified.chain.a[1] - robot.a[1]) * 1e3:+.3f} mm")
 
 q = rng.uniform(-1.5, 1.5, (3, 6))
-for point, sigma in zip(arm.tool(q), arm.sigma(q), strict=True):  # [m] in the robot's base frame
+points, sigmas = identified.tool(q), identified.sigma(q)  # [m] in the robot's base frame
+for point, sigma in zip(points, sigmas, strict=True):
     print(f"reflector at {np.round(point, 4)} m, sigma {sigma * 1e3:.3f} mm")
 
 # A week later, joint 3 has lost its zero: ten poses tell.
 shown = rng.uniform(-1.8, 1.8, (10, 6))
 later = table_of(shown + np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0]))
 later = replace(later, groups=(replace(later.groups[0], q=shown),))
-targets = {"reflector": arm.target}
-print(verify(arm, targets, result.cross_validation.mean, later).sentence)
+targets = {"reflector": identified.target}
+print(verify(identified, targets, result.cross_validation.mean, later).sentence)

@@ -48,7 +48,7 @@ from ident.result import (
     TableEstimate,
 )
 from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from ident.signals.step_fault import StepFault
 from ident.tracker import check_tracker
 from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge, masses_in_doubt
@@ -294,8 +294,8 @@ def pulled(fit: Fit) -> tuple[str, ...]:
 def _nominal_error(robot: RobotEstimate) -> float:
     """[m] mean distance over the workspace of the nominal tool from the identified one."""
     grid = accuracy_grid(robot.cell.robot)
-    nominal = UnloadedRobot(robot.cell, robot.nominal)
-    return position_error(nominal.tool(grid), robot.unloaded().tool(grid)).mean
+    nominal = IdentifiedRobot(robot.cell, robot.nominal)
+    return position_error(nominal.tool(grid), robot.identified_robot().tool(grid)).mean
 
 
 def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:

@@ -22,9 +22,9 @@ from ident.model_choice import coefficients_of, lasting
 from ident.recording_fit import RecordingFit
 from ident.result import CoefficientEstimate, CorrectionEstimate, NamedCovariance, RobotEstimate
 from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, parts_without_scale, tcp_uncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 
@@ -179,11 +179,10 @@ def _tcp_uncertainty(
     """Uncertainty of the unloaded robot's tool over the accuracy grid, and the parts by data."""
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
-    robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
+    robot = IdentifiedRobot(cell, fit.geometry(), corrections, values)
     moves = own = robot.jacobian(grid, layout.shared)
     if whole.held.size:
-        rigid = UnloadedRobot(cell, fit.geometry())
-        moves = np.concatenate((moves, rigid.jacobian(robot.joints(grid), whole.held)))
+        moves = np.concatenate((moves, robot.rigid().jacobian(robot.joints(grid), whole.held)))
     if deviated:
         moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
     tool, machine = robot.tool(grid), np.ix_(layout.machine, layout.machine)
@@ -212,8 +211,8 @@ def with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
         for correction in robot.corrections
     )
     grid = accuracy_grid(robot.cell.robot)
-    other = replace(robot, corrections=stiffer).unloaded()
-    doubt = position_error(other.tool(grid), robot.unloaded().tool(grid))
+    other = replace(robot, corrections=stiffer).identified_robot()
+    doubt = position_error(other.tool(grid), robot.identified_robot().tool(grid))
     change = {
         after.name: MASSES_IN_DOUBT * (after.value - before.value)
         for old, new in zip(robot.corrections, stiffer, strict=True)

@@ -46,7 +46,7 @@ from ident.loads.gear_loads import mass_model
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification, Machine
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import StartError
 from ident.tracker import TrackerCheck, check_tracker
@@ -133,7 +133,7 @@ def held_out(
     machine = result.machine
     cell, robot, excess = machine.robot.cell, machine.robot, machine.excess
     recording = recording_alone(cell, logs, options, listener)
-    bare = UnloadedRobot(cell, machine.nominal)
+    bare = robot.rigid(machine.nominal)
     listener.progress(f"closing the loop of {logs.name}")
     faults = step_faults_in_logs(recording.samples, recording.clock)
     # what a poor model leaves over passes for steps, so only the complete one looks for more
@@ -174,7 +174,7 @@ def recording_alone(
 
 
 def closed_loop(
-    robot: UnloadedRobot,
+    robot: IdentifiedRobot,
     recording: RecordingFit,
     options: FitOptions,
     faults: Sequence[StepFault],
@@ -221,20 +221,19 @@ def freed(closed: Fit, machine: Machine) -> Fit:
     return fit_pose(Pose(model, closed.x, closed.ballbars), closed.excess)
 
 
-def _held(layout: Unknowns, robot: UnloadedRobot) -> Unknowns:
+def _held(layout: Unknowns, robot: IdentifiedRobot) -> Unknowns:
     """The layout with geometry and coefficients held where they are."""
     count, geometry = _machine_count(layout, robot), layout.shared.size
     mean, sigma = layout.mean.copy(), layout.sigma.copy()
     mean[:geometry] = robot.geometry.values[layout.shared]
-    if robot.values is not None:
-        mean[geometry:count] = robot.values
+    mean[geometry:count] = robot.values
     sigma[:count] *= HELD
     return replace(layout, mean=mean, sigma=sigma)
 
 
-def _machine_count(layout: Unknowns, robot: UnloadedRobot) -> int:
+def _machine_count(layout: Unknowns, robot: IdentifiedRobot) -> int:
     """How many unknowns, the first ones, are the machine's: geometry, then coefficients."""
-    return layout.shared.size + (0 if robot.values is None else robot.values.size)
+    return layout.shared.size + robot.values.size
 
 
 def normalised_innovation(closed: Fit, machine: Machine) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.geometry import geometry_of_chain, nominal_chain, parameter_table
+from cell.geometry import robot_geometry
 from cell.placement import Placement
 from cell.poses import PoseTable
 from ident.cross_validation import LEVEL, SAME_PLACE
@@ -20,7 +20,7 @@ from ident.estimator.model import still_model
 from ident.estimator.robust_fit import fit_robustly
 from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.pose_result import PoseIdentification, position_errors
-from ident.robot.identified_arm import IdentifiedArm, range_sentence
+from ident.robot.identified import IdentifiedRobot, range_sentence
 from ident.start.placements import start_of_poses
 from ident.table_steps import other_sides
 
@@ -63,9 +63,9 @@ class PoseHeldOut:
 
 def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
     """How well an identified robot predicts a table that it was not identified from."""
-    arm = result.arm()
-    identified, moved = _as_it_stood(result, arm, table)
-    bare = replace(arm, chain=nominal_chain(table.robot), corrections=(), values=np.zeros(0))
+    robot = result.identified_robot()
+    identified, moved = _as_it_stood(result, robot, table)
+    bare = robot.rigid(robot_geometry(table.robot))
     before = result.nominal.model.unknowns
     nominal_targets = {name: before.target(result.nominal.x, name) for name in before.targets}
     return PoseHeldOut(
@@ -73,7 +73,7 @@ def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
         error=position_errors(identified),
         nominal=position_errors(placed(bare, table, nominal_targets)),
         predicted=result.cross_validation.mean,
-        out_of_range=arm.out_of_range(table.q),
+        out_of_range=robot.out_of_range(table.q),
         moved=moved,
         elsewhere=_elsewhere(result, identified),
     )
@@ -90,35 +90,35 @@ def _elsewhere(result: PoseIdentification, held: Fit) -> bool:
 
 
 def _as_it_stood(
-    result: PoseIdentification, arm: IdentifiedArm, table: PoseTable
+    result: PoseIdentification, robot: IdentifiedRobot, table: PoseTable
 ) -> tuple[Fit, tuple[str, ...]]:
     """A table placed with each target on that side of its steps which fits better, and the names
     of the targets that are not on the side with most fitted poses.
     """
     layout, x = result.fit.model.unknowns, result.fit.x
     known = {name: layout.target(x, name) for name in layout.targets}
-    best, moved = placed(arm, table, known), dict[str, str]()
+    best, moved = placed(robot, table, known), dict[str, str]()
     for target in table.targets:
         for name in other_sides(result.findings.steps, target):
-            trial = placed(arm, table, known | {target: layout.target(x, name)})
+            trial = placed(robot, table, known | {target: layout.target(x, name)})
             if position_errors(trial).mean() < position_errors(best).mean():
                 best, moved[target] = trial, name
     return best, tuple(moved.values())
 
 
-def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> Fit:
+def placed(robot: IdentifiedRobot, table: PoseTable, known: dict[str, Placement]) -> Fit:
     """Seats of a table, and targets that are not known, fitted to a robot that is held."""
-    layout = held_layout(arm, start_of_poses(table, arm.chain), known)
+    layout = held_layout(robot, start_of_poses(table, robot.chain), known)
     noise = np.zeros(table.robot.joints)
-    return fit_robustly(still_model(table, layout, arm.corrections, noise), layout.mean.copy())
+    return fit_robustly(still_model(table, layout, robot.corrections, noise), layout.mean.copy())
 
 
-def held_layout(arm: IdentifiedArm, start: PlacedPoses, known: dict[str, Placement]) -> Unknowns:
+def held_layout(
+    robot: IdentifiedRobot, start: PlacedPoses, known: dict[str, Placement]
+) -> Unknowns:
     """Unknowns of a table with the robot and the known targets held, seats free from `start`."""
-    table = start.table
     targets = {name: known.get(name, place) for name, place in start.targets.items()}
-    geometry = geometry_of_chain(parameter_table(table.robot), arm.chain)
-    layout = still_unknowns(geometry, replace(start, targets=targets), arm.corrections)
+    layout = still_unknowns(robot.geometry, replace(start, targets=targets), robot.corrections)
     mean = layout.mean.copy()
-    mean[layout.coefficients] = arm.values
+    mean[layout.coefficients] = robot.values
     return replace(layout, mean=mean).held(name for name in targets if name in known)

@@ -17,7 +17,8 @@ from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.order_search import OrderSearch
 from ident.findings import Findings, scale_of
 from ident.pose_verdict import judge_poses
-from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.pose_covariance import PoseCovariance
 from ident.table_steps import renamed
 from ident.verdict import Verdict
 
@@ -81,13 +82,13 @@ class PoseIdentification:
         """(G,) [m] stated uncertainty of the first target extrapolated over the fitted ranges, all
         axes.
         """
-        arm = self.arm()
-        return arm.sigma(arm.workspace())
+        robot = self.identified_robot()
+        return robot.sigma(robot.workspace())
 
     @cached_property
     def sigma_at_poses(self) -> Array:
         """(N,) [m] stated uncertainty of the first target at the measured poses, all axes."""
-        return self.arm().sigma(self.table.q)
+        return self.identified_robot().sigma(self.table.q)
 
     def errors(self, table: PoseTable) -> Array:
         """(N, 3) [m] measured minus predicted positions of poses of this result's own seats.
@@ -120,7 +121,7 @@ class PoseIdentification:
         """A table of the same files with the names that the fit gave behind steps."""
         return renamed(table, self.findings.steps)
 
-    def arm(self, target: str | None = None) -> IdentifiedArm:
+    def identified_robot(self, target: str | None = None) -> IdentifiedRobot:
         """The identified robot with one of its targets; by default the table's first."""
         fit, layout = self.fit, self.fit.model.unknowns
         name = target or self.target
@@ -133,21 +134,22 @@ class PoseIdentification:
         first = layout.seats[seat].start
         index = np.r_[layout.machine, at : at + 3, first : first + (6 if seat in fixed else 3)]
         q = self.table.q
-        return IdentifiedArm(
-            robot=self.table.robot,
-            chain=layout.bare(fit.x).robot,
-            corrections=fit.model.corrections,
-            values=fit.x[layout.coefficients],
+        return IdentifiedRobot(
+            self.table.robot,
+            layout.bare(fit.x),
+            fit.model.corrections,
+            fit.x[layout.coefficients],
             target=layout.target(fit.x, name),
-            seat=layout.seat(fit.x, seat),
-            seat_turns=seat in fixed,
-            parameters=layout.parameters,
-            covariance=fit.covariance[np.ix_(index, index)],
-            discrepancy=self.cross_validation.of_points,
-            factor=self.cross_validation.factor_of_points,
-            lower=q.min(axis=0),
-            upper=q.max(axis=0),
-            joint_sigma=self.cross_validation.joint_sigma,
+            ranges=np.stack((q.min(axis=0), q.max(axis=0)), axis=1),
+            stated=PoseCovariance(
+                seat=layout.seat(fit.x, seat),
+                seat_turns=seat in fixed,
+                parameters=layout.shared,
+                values=fit.covariance[np.ix_(index, index)],
+                discrepancy=self.cross_validation.of_points,
+                factor=self.cross_validation.factor_of_points,
+                joint_sigma=self.cross_validation.joint_sigma,
+            ),
         )
 
 

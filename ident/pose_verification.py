@@ -2,7 +2,7 @@
 
 Fitted are the seats, and targets that the identification did not see; the robot and its known
 targets are held. Of N poses with E measured coordinates the sum of squared errors over the variance
-of a pose that was not fitted (`IdentifiedArm.discrepancy`) has as many degrees of freedom as
+of a pose that was not fitted (`IdentifiedRobot.discrepancy`) has as many degrees of freedom as
 coordinates are left after the fit. Its distribution is a Gamma distribution of that mean. Its shape
 is that of chi-square where the stated 95 % region of one pose is; where the region is wider, the
 tails are heavier, and the shape is the one that has this quantile (for a single pose, exactly).
@@ -37,7 +37,7 @@ from ident.estimator.noise import ExcessNoise
 from ident.estimator.robust_fit import fit_unweighted
 from ident.estimator.unknowns import Unknowns
 from ident.held_out_poses import held_layout
-from ident.robot.identified_arm import IdentifiedArm, range_sentence
+from ident.robot.identified import IdentifiedRobot, range_sentence
 from ident.start.placements import start_of_poses
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged robot that call it changed
@@ -170,7 +170,7 @@ class Verification:
 class _Check:
     """The stored result that is checked: robot, targets and variance are held."""
 
-    arm: IdentifiedArm
+    arm: IdentifiedRobot
     known: dict[str, Placement]
     sigma: float  # [m] of a pose, along each axis
 
@@ -185,7 +185,7 @@ class _Check:
 
 
 def verify(
-    arm: IdentifiedArm, targets: Mapping[str, Placement], mean: float, table: PoseTable
+    arm: IdentifiedRobot, targets: Mapping[str, Placement], mean: float, table: PoseTable
 ) -> Verification:
     """Whether an identified robot still explains a few poses.
 
@@ -313,10 +313,9 @@ def _applied(check: _Check, table: PoseTable, cause: TableChange) -> tuple[PoseT
         moved = Placement(known.rotation, known.origin + cause.size)
         return table, replace(check, known={**check.known, cause.name: moved})
     if cause.kind == "geometry":
-        parameter, chain = parameter_named(cause.name), check.arm.chain
-        row = getattr(chain, parameter.kind).copy()
-        row[parameter.row] += float(cause.size[0])
-        bent = replace(check.arm, chain=replace(chain, **{parameter.kind: row}))
+        geometry = check.arm.geometry
+        changed = geometry.replaced({cause.name: geometry[cause.name] + float(cause.size[0])})
+        bent = replace(check.arm, geometry=changed)
         return table, replace(check, arm=bent)
     groups = []
     for group in table.groups:

@@ -8,7 +8,7 @@ seats and targets with the still poses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,9 +24,9 @@ from ident.corrections import as_in_result, correction_of_result
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.loads.payload import PayloadEstimate
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start
 from ident.tracker import TrackerCheck
@@ -70,7 +70,7 @@ class NamedCovariance:
 class Machine:
     """The machine of a result, fresh or read back: enough to test other recordings."""
 
-    robot: UnloadedRobot  # as identified
+    robot: IdentifiedRobot
     nominal: Geometry  # catalogue values; base pose and encoder offsets are zero
     names: tuple[str, ...]  # of the covariance; what is not named was taken as exact
     covariance: Array  # (U, U) SI units, stated, of parameters and coefficients
@@ -106,17 +106,18 @@ class RobotEstimate:
         """(G,) [m] stated TCP uncertainty over the accuracy grid, with the scale."""
         return self.tcp.sigma
 
-    def unloaded(self) -> UnloadedRobot:
+    def identified_robot(self) -> IdentifiedRobot:
         """The robot as identified, without ball-bar."""
-        return unloaded_robot(self.cell, self.geometry, self.encoders, self.corrections)
+        robot = identified_robot(self.cell, self.geometry, self.encoders, self.corrections)
+        return replace(robot, stated=self.tool, ranges=np.stack((self.lower, self.upper), axis=1))
 
 
-def unloaded_robot(
+def identified_robot(
     cell: Cell,
     geometry: Geometry,
     encoders: tuple[int, ...],
     corrections: Sequence[CorrectionEstimate],
-) -> UnloadedRobot:
+) -> IdentifiedRobot:
     """A robot with the identified corrections; encoders : of the ball-bar that found them.
 
     Raises InputError for a correction whose coefficients are not those that this cell has.
@@ -127,7 +128,7 @@ def unloaded_robot(
         for name, own in named
     )
     values = np.array([c.value for correction in corrections for c in correction.coefficients])
-    return UnloadedRobot(cell, geometry, made, values)
+    return IdentifiedRobot(cell, geometry, made, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +231,7 @@ class Identification:
         """The machine by itself."""
         robot = self.robot
         return Machine(
-            robot=robot.unloaded(),
+            robot=robot.identified_robot(),
             nominal=robot.nominal,
             names=robot.tool.names,
             covariance=robot.tool.of_names,

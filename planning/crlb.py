@@ -37,7 +37,7 @@ from ident.loads.logged_tension import tension_splines
 from ident.options import DEFAULT_SAMPLES
 from ident.recording_fit import WIDEST_KNOT_SPACING
 from ident.robot.accuracy import position_sigma
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from ident.signals.smooth_log import interpolating_log
 from planning.known import Known
 from planning.request import PlanSensors, PlanTiming
@@ -100,7 +100,7 @@ class PathPrediction:
     model: Model
     normal: Array  # (P, P) information matrix
     points: tuple[Evaluation, ...]
-    unloaded: UnloadedRobot
+    robot: IdentifiedRobot
     grid: Array
 
     @cached_property
@@ -122,13 +122,13 @@ class PathPrediction:
     def tcp_sigma(self) -> Array:
         """(G,) [m] of the unloaded robot's tool over the grid, base aligned."""
         unknowns = moving(self.layout)
-        moves = self.unloaded.jacobian(self.grid, self.layout.shared)
+        moves = self.robot.jacobian(self.grid, self.layout.shared)
         covariance = self.covariance[np.ix_(unknowns, unknowns)]
-        return position_sigma(self.unloaded.tool(self.grid), moves, covariance)
+        return position_sigma(self.robot.tool(self.grid), moves, covariance)
 
 
 def moving(layout: Unknowns) -> NDArray[np.intp]:
-    """(K,) indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
+    """(K,) indices of the unknowns that `IdentifiedRobot.jacobian` has columns for."""
     return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
 
 
@@ -219,7 +219,7 @@ def predict(
         model=model,
         normal=linear.normal + (before(on, layout) - np.diag(layout.sigma**-2.0)),
         points=linear.evaluations,
-        unloaded=UnloadedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
+        robot=IdentifiedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
         grid=on.grid,
     )
 

@@ -22,7 +22,7 @@ from cell.load import load_instrument, load_measured_cell
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from planning.candidate import PathCandidate, space_of
 from planning.clearance import Clearance, clearance
 from planning.coarse_crlb import CoarsePredictor, coarse_predictor
@@ -137,9 +137,9 @@ def evaluator_of(
     forces = _force_model(request, rod, cell) if cell.ballbar.stroke is None else None
     nominal = nominal_geometry(cell, np.zeros(3))  # the columns do not depend on the base pose
     layout, x = planned_unknowns(on, nominal, ())
-    unloaded = UnloadedRobot(cell, nominal, on.corrections, x[layout.coefficients])
-    moves = unloaded.jacobian(on.grid, layout.shared)
-    columns = aligned_columns(unloaded.tool(on.grid), moves)
+    robot = IdentifiedRobot(cell, nominal, on.corrections, x[layout.coefficients])
+    moves = robot.jacobian(on.grid, layout.shared)
+    columns = aligned_columns(robot.tool(on.grid), moves)
     return Evaluator(
         request=request,
         rod=rod,

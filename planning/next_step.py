@@ -188,8 +188,8 @@ def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
         normal += information[np.ix_(machine, machine)] - eliminated - prior
     unknowns = moving(first.layout)
     return tcp_uncertainty(
-        first.unloaded.tool(first.grid),
-        first.unloaded.jacobian(first.grid, first.layout.shared),
+        first.robot.tool(first.grid),
+        first.robot.jacobian(first.grid, first.layout.shared),
         inverse(normal)[np.ix_(unknowns, unknowns)],
         [first.layout.names[i] for i in unknowns],
     )

@@ -34,7 +34,8 @@ from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.robust_fit import equations_at
 from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.robot.accuracy import position_sigma, rigid_basis
-from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.pose_covariance import PoseCovariance
 from planning.feasible_poses import Candidates
 from planning.stations import PoseSetup, Station, station_frames
 
@@ -109,27 +110,27 @@ class Information:
         """(G, 3) [m] the first target over the grid; (P, 3, G) its change per unknown."""
         layout, setup = self.layout, self.setup
         station = setup.stations[0]
-        arm = IdentifiedArm(
-            robot=setup.robot,
-            chain=setup.chain,
-            corrections=self.corrections,
-            values=layout.mean[layout.coefficients],
+        robot = IdentifiedRobot(
+            setup.robot,
+            geometry_of_chain(parameter_table(setup.robot), setup.chain),
+            self.corrections,
+            layout.mean[layout.coefficients],
             target=Placement(np.eye(3), station.point),
+        )
+        unknown = PoseCovariance(
             seat=Placement(np.eye(3), station.origin),
             seat_turns=False,
-            parameters=layout.parameters,
-            covariance=np.zeros((layout.count, layout.count)),
+            parameters=layout.shared,
+            values=np.zeros((layout.count, layout.count)),
             discrepancy=0.0,
             factor=1.0,
-            lower=np.full(setup.robot.joints, -np.inf),
-            upper=np.full(setup.robot.joints, np.inf),
         )
-        columns = arm.jacobian(self.grid)
+        columns = unknown.jacobian(robot)(self.grid)
         machine, first = layout.machine, layout.targets[station.target].start
         count = machine.size
         moves = np.zeros((layout.count, 3, len(self.grid)))
         moves[machine], moves[first : first + 3] = columns[:count], columns[count : count + 3]
-        return arm.tool(self.grid), moves
+        return robot.tool(self.grid), moves
 
     @property
     def _excess(self) -> ExcessNoise:

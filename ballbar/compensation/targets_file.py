@@ -28,13 +28,8 @@ from cell.files import write_new
 from cell.foreign_text import csv_text
 from cell.payload import Payload, with_payload
 from cell.robot_angles import controller_to_joints, joints_to_axes
-from ident.robot.identified_arm import range_sentence
-from ident.robot.inverse_calibration import (
-    CorrectedTargets,
-    TargetError,
-    corrected_arm_targets,
-    corrected_targets,
-)
+from ident.robot.identified import range_sentence
+from ident.robot.inverse_calibration import CorrectedTargets, TargetError, corrected_targets
 
 _FAULTS_SHOWN = 3  # targets that cannot be corrected, in one message
 _LINES_SHOWN = 5  # of targets outside the fitted ranges
@@ -203,25 +198,23 @@ def corrected_joints(result: Result, q: Array, payload: Payload | None = None) -
 
     payload : of logs, what the robot carries; by default what it carried in the recording.
     """
-    if result.cell is None:
-        return corrected_arm_targets(result.calibration.arm(), q)
-    robot = result.calibration.unloaded_robot(result.cell)
-    if payload is not None and result.robot.links is not None:
-        robot = replace(robot, cell=with_payload(robot.cell, payload))
-    return corrected_targets(robot, result.calibration.nominal, q)
+    robot = result.calibration.identified_robot(cell=result.cell)
+    if payload is not None and result.cell is not None and result.robot.links is not None:
+        robot = replace(robot, description=with_payload(robot.cell, payload))
+    return corrected_targets(robot, result.nominal, q)
 
 
 def _outside(result: Result, targets: TargetFile) -> list[str]:
     """Targets beyond the fitted range of an axis, with their lines and the range."""
-    arm = result.calibration.arm()
-    inside = arm.covered(targets.q)
+    robot = result.calibration.identified_robot()
+    inside = robot.covered(targets.q)
     if inside.all():
         return []
     lines = [str(line) for line, counts in zip(targets.lines, inside, strict=True) if not counts]
     more = f" and {len(lines) - _LINES_SHOWN} more" if len(lines) > _LINES_SHOWN else ""
     return [
         f"targets of line {', '.join(lines[:_LINES_SHOWN])}{more} are "
-        f"{range_sentence(arm.out_of_range(targets.q))}"
+        f"{range_sentence(robot.out_of_range(targets.q))}"
     ]
 
 

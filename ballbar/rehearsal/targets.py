@@ -58,7 +58,7 @@ def correctable(result: Result, q: Array) -> Array:
     Targets are refused for one reason at a time, so the remaining ones are tried again.
     """
     calibration = result.calibration
-    robot, nominal = calibration.unloaded_robot(calibration.cell()), calibration.nominal
+    robot, nominal = calibration.identified_robot(), calibration.nominal_chain
     while True:
         try:
             corrected_targets(robot, nominal, q)

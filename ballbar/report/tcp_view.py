@@ -17,7 +17,7 @@ from ballbar.units import MM, PPM
 from cell.arrays import Array
 from cell.statistics import rms
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 
 SAME_CELLS = "same cells, with a colour scale of its own (mind the unit)."
 
@@ -52,8 +52,8 @@ def tcp_view(data: RunData) -> TcpView:
     """Error against the truth if there is a comparison, else the correction and its uncertainty."""
     robot = data.identification.robot
     grid = accuracy_grid(robot.cell.robot)
-    nominal = UnloadedRobot(robot.cell, robot.nominal).tool(grid)
-    shift = position_error(nominal, robot.unloaded().tool(grid))
+    nominal = IdentifiedRobot(robot.cell, robot.nominal).tool(grid)
+    shift = position_error(nominal, robot.identified_robot().tool(grid))
     comparison = data.comparison
     return TcpView(
         against_truth=comparison is not None,

@@ -7,7 +7,7 @@ answer is refused with the reason.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Cell, Robot
 from cell.errors import DescriptionError, InputError
-from cell.geometry import Geometry, nominal_chain, parameter_table
+from cell.geometry import Geometry, geometry_of_chain, nominal_chain, parameter_table
 from cell.load import load_measured_cell, load_robot
 from cell.payload import Payload, with_payload
 from cell.placement import Placement
@@ -36,14 +36,10 @@ from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
 from ident.estimator.build_unknowns import arm_parameters
 from ident.estimator.noise import ExcessNoise
 from ident.identify_poses import JointErrors
-from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, unloaded_robot
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.identified_kinematics import (
-    IdentifiedKinematics,
-    kinematics_of_arm,
-    kinematics_of_robot,
-)
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, identified_robot
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
+from ident.robot.pose_covariance import PoseCovariance
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,30 +141,15 @@ class Calibration:
             )
         return cell
 
-    def unloaded_robot(self, cell: Cell) -> UnloadedRobot:
-        """The identified robot without ball-bar; cell : as the file names it."""
-        corrections = tuple(
-            CorrectionEstimate(
-                name,
-                "",
-                tuple(
-                    CoefficientEstimate(name=key, **entry.model_dump())
-                    for key, entry in entries.items()
-                ),
-            )
-            for name, entries in self.file.corrections.items()
-        )
-        if self.file.masses is not None:
-            cell = with_payload(cell, self.file.masses.payload)
-        return unloaded_robot(cell, self.geometry, self.encoders, corrections)
-
     @property
     def encoders(self) -> tuple[int, ...]:
         """Encoders of the ball-bar, joints 1..5."""
         return tuple(int(name[1]) for name in self.file_of_logs().logs[0].encoder_directions)
 
     def machine(self, cell: Cell) -> Machine:
-        """The machine with its covariance, to be tried on other recordings; cell : as above.
+        """The machine with its covariance, to be tried on other recordings.
+
+        cell : as the file names it.
 
         Raises InputError for a file that is older than the keys `covariance` and `fit.excess`.
         """
@@ -179,7 +160,7 @@ class Calibration:
                 "wrote it. Identify its recordings again with ballbar identify."
             )
         return Machine(
-            robot=self.unloaded_robot(cell),
+            robot=self.identified_robot(cell=cell),
             nominal=self.nominal,
             names=stated.names,
             covariance=stated.covariance.of_names,
@@ -209,11 +190,38 @@ class Calibration:
         assert validation is not None  # as the file's schema demands of still poses
         return validation
 
-    def arm(self, target: str | None = None) -> IdentifiedArm:
-        """The identified robot of still poses with one of its targets, by default the first.
+    def identified_robot(
+        self, target: str | None = None, *, cell: Cell | None = None
+    ) -> IdentifiedRobot:
+        """The identified robot, with its corrections and what is stated of its uncertainty.
 
-        Raises InputError for a target that is not in the file, and for a result of logs.
+        target : of still poses, its name, by default the first. cell : of logs, as the file names
+        it, which is read by default.
+
+        Raises InputError for a target that is not in the file, or that logs do not have.
         """
+        if target is not None or not self.of_logs:
+            return self._robot_of_poses(target)
+        corrections = tuple(
+            CorrectionEstimate(
+                name,
+                "",
+                tuple(
+                    CoefficientEstimate(name=key, **entry.model_dump())
+                    for key, entry in entries.items()
+                ),
+            )
+            for name, entries in self.file.corrections.items()
+        )
+        cell, stated = cell or self.cell(), self.file.covariance
+        if self.file.masses is not None:
+            cell = with_payload(cell, self.file.masses.payload)
+        robot = identified_robot(cell, self.geometry, self.encoders, corrections)
+        if stated is None or not len(self.ranges):
+            return robot
+        return replace(robot, stated=stated.covariance, ranges=self.ranges)
+
+    def _robot_of_poses(self, target: str | None) -> IdentifiedRobot:
         file, targets = self.file_of_poses(), self.targets
         name = target or next(iter(targets))
         if name not in targets:
@@ -222,23 +230,22 @@ class Calibration:
             as_in_result(POSE_CORRECTIONS[key](self.robot, entries), entries, self.robot)
             for key, entries in file.corrections.items()
         )
-        values = [
-            entry.value for entries in file.corrections.values() for entry in entries.values()
-        ]
-        return IdentifiedArm(
-            robot=self.robot,
-            chain=self.chain,
-            corrections=corrections,
-            values=np.array(values),
+        entries = [entry for of_one in file.corrections.values() for entry in of_one.values()]
+        return IdentifiedRobot(
+            self.robot,
+            geometry_of_chain(parameter_table(self.robot), self.chain),
+            corrections,
+            np.array([entry.value for entry in entries]),
             target=targets[name],
-            seat=next(iter(file.seats.values())).placement,
-            seat_turns=False,
-            parameters=(),
-            covariance=np.zeros((len(values) + 6, len(values) + 6)),
-            discrepancy=self._spread_of_poses(),
-            factor=self._validation.region_factor,
-            lower=self.ranges[:, 0],
-            upper=self.ranges[:, 1],
+            ranges=self.ranges,
+            stated=PoseCovariance(
+                seat=next(iter(file.seats.values())).placement,
+                seat_turns=False,
+                parameters=np.zeros(0, dtype=np.intp),
+                values=np.zeros((len(entries) + 6, len(entries) + 6)),
+                discrepancy=self._spread_of_poses(),
+                factor=self._validation.region_factor,
+            ),
         )
 
     def _spread_of_poses(self) -> float:
@@ -271,27 +278,15 @@ class Calibration:
         Raises InputError for a target that is not in the file, for a payload where the robot's file
         states no masses, and for what this kind of result does not tell.
         """
-        if not self.of_logs:
-            if payload is not None or tool is not None:
-                raise InputError(
-                    f"{self.path}: is the result of still poses, which are of the payload that was "
-                    "measured with and of their targets; leave payload and tool out."
-                )
-            return kinematics_of_arm(self.arm(target))
-        if target is not None:
-            self.file_of_poses()
-        cell = self.cell()
+        if not self.of_logs and not (payload is None and tool is None):
+            raise InputError(
+                f"{self.path}: is the result of still poses, which are of the payload that was "
+                "measured with and of their targets; leave payload and tool out."
+            )
+        robot = self.identified_robot(target)
         if payload is not None:
-            cell.robot.required("links")
-        covariance = self.file.covariance
-        return kinematics_of_robot(
-            self.unloaded_robot(cell),
-            self.nominal,
-            payload=payload,
-            tool=tool,
-            covariance=None if covariance is None else covariance.covariance,
-            ranges=self.ranges,
-        )
+            robot.robot.required("links")
+        return kinematics(robot, self.nominal_chain, payload=payload, tool=tool)
 
     def file_of_logs(self) -> CalibrationFile:
         """The file of a moving robot. Raises InputError for a result of still poses."""

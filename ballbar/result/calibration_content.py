@@ -96,7 +96,7 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
     """The content of calibration.yaml for still poses, which is checked once it is written."""
     result, description = run.identification, run.folders[0][2].description
     fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
-    sigma, gain, arm = result.sigma, result.information_gain, result.arm()
+    sigma, gain, robot = result.sigma, result.information_gain, result.identified_robot()
     return CalibrationFile.model_construct(
         schema_=SCHEMA,
         robot=description.robot,
@@ -124,7 +124,7 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
         ),
         seats={name: _placement(fit, name, part) for name, part in layout.seats.items()},
         targets={name: _placement(fit, name, part) for name, part in layout.targets.items()},
-        ranges=_ranges(arm.lower, arm.upper),
+        ranges=_ranges(robot.lower, robot.upper),
         recordings=tuple(
             _entry(
                 GroupEntry,

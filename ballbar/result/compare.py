@@ -18,13 +18,12 @@ from ballbar.result.calibration import Calibration
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import Geometry, nominal_chain, parameter_named
+from cell.geometry import Geometry, parameter_named, robot_geometry
 from cell.statistics import rms
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs
@@ -86,10 +85,10 @@ def compare(first: Calibration, second: Calibration, target: str | None = None) 
         return _compare_poses(first, second, target)
     cell = first.cell()
     shared = [name for name in first.file.identified if name in second.file.identified]
-    other = second.unloaded_robot(cell)
+    other = second.identified_robot(cell=cell)
     actual = other.tool(accuracy_grid(cell.robot))
     return robot_comparison(
-        first.unloaded_robot(cell), first.nominal, other.geometry, actual, shared, None
+        first.identified_robot(cell=cell), first.nominal, other.geometry, actual, shared, None
     )
 
 
@@ -113,12 +112,12 @@ def compare_kinematics(
 
     clock : errors of (offset [s], skew [-]), if both sides have a clock
     """
-    actual = UnloadedRobot(cell, reference).tool(accuracy_grid(cell.robot))
-    return robot_comparison(UnloadedRobot(cell, model), nominal, reference, actual, names, clock)
+    actual = IdentifiedRobot(cell, reference).tool(accuracy_grid(cell.robot))
+    return robot_comparison(IdentifiedRobot(cell, model), nominal, reference, actual, names, clock)
 
 
 def robot_comparison(
-    model: UnloadedRobot,
+    model: IdentifiedRobot,
     nominal: Geometry,
     reference: Geometry,
     actual: Array,
@@ -132,7 +131,7 @@ def robot_comparison(
     """
     grid = accuracy_grid(model.cell.robot)
     offset, skew = clock or (None, None)
-    bare = UnloadedRobot(model.cell, nominal)
+    bare = model.rigid(nominal)
     return Comparison(
         compare_geometry(model.geometry, reference, names),
         position_error(model.tool(grid), actual),
@@ -171,14 +170,14 @@ def _compare_poses(first: Calibration, second: Calibration, target: str | None) 
         )
     shared = [name for name in first.targets if name in second.targets]
     name = target or (shared or list(first.targets))[0]
-    model = first.arm(name)
-    other = second.arm(name if name in shared else None)
+    model = first.identified_robot(name)
+    other = second.identified_robot(name if name in shared else None)
     if name not in shared:
         other = replace(other, target=model.target)
     q = poses_within(lower, upper)
     spans = np.maximum(np.diff(first.ranges)[:, 0], np.diff(second.ranges)[:, 0])
     return replace(
-        arm_comparison(first, model, q, other.tool(q), _values(second)),
+        target_comparison(first, model, q, other.tool(q), _values(second)),
         both_have_target=name in shared,
         target=name,
         predicted=(first.cross_validated, second.cross_validated),
@@ -192,14 +191,14 @@ def poses_within(lower: Array, upper: Array) -> Array:
     return np.asarray(lower + share * (upper - lower))
 
 
-def arm_comparison(
+def target_comparison(
     result: Calibration,
-    arm: IdentifiedArm,
+    model: IdentifiedRobot,
     q: Array,
     actual: Array,
     reference: Mapping[str, tuple[float, float]],
 ) -> Comparison:
-    """The arm of a result at q (N, J) [rad], where its target actually is at (N, 3) [m].
+    """The robot of a result at q (N, J) [rad], where its target actually is at (N, 3) [m].
 
     reference : value and standard deviation of parameters.
     """
@@ -212,15 +211,10 @@ def arm_comparison(
     order = sorted(z, key=lambda name: -abs(z[name]))
     return Comparison(
         {name: differences[name][0] for name in order},
-        position_error(arm.tool(q), actual),
-        position_error(nominal_arm(arm).tool(q), actual),
+        position_error(model.tool(q), actual),
+        position_error(model.rigid(robot_geometry(model.robot)).tool(q), actual),
         z={name: z[name] for name in order},
     )
-
-
-def nominal_arm(arm: IdentifiedArm) -> IdentifiedArm:
-    """The nominal robot with the identified one's target."""
-    return replace(arm, chain=nominal_chain(arm.robot), corrections=(), values=np.zeros(0))
 
 
 def _values(result: Calibration) -> dict[str, tuple[float, float]]:

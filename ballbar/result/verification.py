@@ -55,7 +55,7 @@ def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification,
     mean, path = calibration.cross_validated, pose_file_path(folder)
     _check_same(calibration, path.parent, {"robot": load_poses_file(path).robot})
     read = import_poses(path)
-    outcome = verify(calibration.arm(), calibration.targets, mean, read.table)
+    outcome = verify(calibration.identified_robot(), calibration.targets, mean, read.table)
     return outcome, reading_remarks(read.report)
 
 

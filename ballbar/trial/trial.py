@@ -41,7 +41,7 @@ from cell.errors import InputError
 from cell.geometry import BAR_ROWS, Geometry
 from cell.statistics import rms
 from ident.estimator.thesis_names import ENCODER_OFFSETS
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
 from ident.thesis.cost_fit import fit_cost
 from ident.thesis.costs import Cost, cost_named
@@ -147,7 +147,7 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     start, q, b, clock = _paired(scenario.identify, cost, made, nominal_of(scenario, folder))
     stop = scenario.identify.relative_stop
     fit = fit_cost(cost, start, q=q, b=b, parameters=parameters, relative_stop=stop)
-    robot = UnloadedRobot(made.cell, fit.geometry)
+    robot = IdentifiedRobot(made.cell, fit.geometry)
     names = [fit.geometry.table.names[i] for i in fit.parameters]
     comparison = compare_with_truth(robot, start, made.truth, names, clock)
     row = _row(comparison, fit.iterations, fit.rms, converged=fit.converged)

@@ -7,22 +7,23 @@ from dataclasses import replace
 from pathlib import Path
 
 from ballbar.result.calibration import Calibration
-from ballbar.result.compare import (
-    Comparison,
-    arm_comparison,
-    nominal_arm,
-    poses_within,
-    robot_comparison,
-)
+from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from ballbar.truth.true_robot import true_tool
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, mirrored, nominal_chain, parameter_named, parameter_table
+from cell.geometry import (
+    Geometry,
+    mirrored,
+    nominal_chain,
+    parameter_named,
+    parameter_table,
+    robot_geometry,
+)
 from ident.estimator.build_unknowns import arm_parameters
 from ident.pose_result import PoseIdentification
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from sim.truth import PoseTruth, Truth, load_pose_truth, load_truth
 
 
@@ -35,7 +36,7 @@ def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
         return _poses_against_truth(model, load_pose_truth(truth_file))
     clock = model.file.logs[0].clock
     return compare_with_truth(
-        model.unloaded_robot(model.cell()),
+        model.identified_robot(),
         model.nominal,
         load_truth(truth_file),
         model.file.identified,
@@ -44,7 +45,7 @@ def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
 
 
 def compare_with_truth(
-    model: UnloadedRobot,
+    model: IdentifiedRobot,
     nominal: Geometry,
     truth: Truth,
     names: Sequence[str],
@@ -66,7 +67,7 @@ def identification_against_truth(
     """The result against the truth that one of its recordings was simulated from."""
     estimate = result.recordings[recording]
     clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
-    model = replace(result.robot.unloaded(), geometry=estimate.geometry)
+    model = replace(result.robot.identified_robot(), geometry=estimate.geometry)
     names = [*result.robot.sigma, *estimate.sigma]
     return compare_with_truth(model, estimate.nominal, truth, names, clock)
 
@@ -76,12 +77,13 @@ def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Compari
 
     The nominal robot has its target fitted to the same poses.
     """
-    name, arm, before = result.target, result.arm(), result.nominal
-    q = arm.workspace()
-    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
-    bare = replace(nominal_arm(arm), target=before.model.unknowns.target(before.x, name))
+    name, model, before = result.target, result.identified_robot(), result.nominal
+    q = model.workspace()
+    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
+    target = before.model.unknowns.target(before.x, name)
+    bare = replace(model.rigid(robot_geometry(model.robot)), target=target)
     return Comparison(
-        {}, position_error(arm.tool(q), actual), position_error(bare.tool(q), actual), target=name
+        {}, position_error(model.tool(q), actual), position_error(bare.tool(q), actual), target=name
     )
 
 
@@ -104,10 +106,10 @@ def _poses_against_truth(result: Calibration, truth: PoseTruth) -> Comparison:
             f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
             "truth file of this table."
         )
-    arm = result.arm(name)
-    q = poses_within(arm.lower, arm.upper)
-    actual = truth.arm(arm.robot).target(q, truth.targets[name].position)
-    compared = arm_comparison(result, arm, q, actual, _true_values(truth, arm.robot))
+    model = result.identified_robot(name)
+    q = poses_within(model.lower, model.upper)
+    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
+    compared = target_comparison(result, model, q, actual, _true_values(truth, model.robot))
     return replace(compared, target=name, predicted=(result.cross_validated,))
 
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Robot
+from cell.descriptions import Cell, Robot
 from cell.geometry import BAR_ROWS, Geometry, robot_geometry
 from cell.robot_angles import by_axis
-from ident.corrections.base import Correction, State, backlash_transition
-from ident.loads.gear_loads import MassModel, link_masses, no_loads, own_weight
+from ident.corrections.base import Channel, Correction, State, backlash_transition
+from ident.loads.gear_loads import MassModel, link_masses, mass_model, no_loads, own_weight
 
 # [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
 UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
@@ -26,39 +26,26 @@ def backlash_flanks(load: Array) -> Array:
     return np.where(np.abs(load) < undecided[:, None], 0.0, np.sign(load))
 
 
-def angles_at_rest(
-    robot: Robot, corrections: Sequence[Correction], values: Array, q: Array
-) -> Array:
-    """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad], links without a load.
-
-    values : (C,) of all coefficients, correction after correction, each of a gear.
-    """
-    moved = np.zeros((robot.joints, len(q)))
-    pairs = regressors_at_rest(robot, corrections, q)
-    for value, (channel, regressor) in zip(values, pairs, strict=True):
-        moved[channel] += value * regressor
-    return np.asarray(q + moved.T @ robot.gear_to_joint)
-
-
 def regressors_at_rest(
-    robot: Robot, corrections: Sequence[Correction], q: Array
-) -> list[tuple[int, Array]]:
-    """Gear, from 0, and regressor (N,) of every coefficient at q (N, J) [rad].
+    description: Cell | Robot, geometry: Geometry, corrections: Sequence[Correction], q: Array
+) -> Iterator[tuple[Channel, Array]]:
+    """Channel and regressor (N,) of every coefficient at logged angles q (N, J) [rad].
 
-    By the nominal robot, whose links alone load its gears.
+    A cell's robot of this geometry carries plate and instrument; a robot alone is loaded by its
+    links, as its file places them.
     """
-    loaded = any(correction.slopes is not None for correction in corrections)
-    masses = link_masses(robot) if loaded else None
-    width = backlash_transition(robot)
-    state = state_at_rest(masses, robot_geometry(robot), q, robot.joint_to_gear, width)
-    pairs = [
-        (coefficient.channel, regressor)
-        for correction in corrections
-        for coefficient, regressor in zip(
-            correction.coefficients, correction.regressors(state), strict=True
-        )
-    ]
-    return [(channel, regressor) for channel, regressor in pairs if isinstance(channel, int)]
+    masses: MassModel | None
+    if isinstance(description, Cell):
+        robot, masses = description.robot, mass_model(description)
+    else:
+        robot, geometry = description, robot_geometry(description)
+        loaded = any(correction.slopes is not None for correction in corrections)
+        masses = link_masses(robot) if loaded else None
+    state = state_at_rest(masses, geometry, q, robot.joint_to_gear, backlash_transition(robot))
+    for correction in corrections:
+        regressors = correction.regressors(state)
+        for coefficient, regressor in zip(correction.coefficients, regressors, strict=True):
+            yield coefficient.channel, regressor
 
 
 def state_at_rest(

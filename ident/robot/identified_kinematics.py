@@ -12,7 +12,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,26 +21,16 @@ from cell.chain import Chain, cross, forward, joint_screws
 from cell.closed_form import arm_branches, has_arm_branches
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, nominal_chain
+from cell.geometry import nominal_chain
 from cell.given_arrays import finite_rows, rigid_poses
 from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
 from cell.payload import Payload, with_payload
+from cell.placement import Placement
 from cell.robot_angles import joints_to_axes
 from cell.rotation import rotvec_from_matrix
-from ident.robot.identified_arm import RANGE_MARGIN, IdentifiedArm, range_sentence
-from ident.robot.inverse_calibration import (
-    CorrectedTargets,
-    corrected_arm_targets,
-    corrected_targets,
-)
-from ident.robot.tool_covariance import (
-    ErrorFields,
-    PositionUncertainty,
-    ToolCovariance,
-    error_fields,
-    with_exact_tool,
-)
-from ident.robot.unloaded_robot import UnloadedRobot, moved_poses
+from ident.robot.identified import IdentifiedRobot, PositionUncertainty, moved_poses, range_sentence
+from ident.robot.inverse_calibration import CorrectedTargets, corrected_targets
+from ident.robot.tool_covariance import ToolCovariance, with_exact_tool
 
 Index = tuple[NDArray[np.intp], NDArray[np.intp]]  # rows and samples
 # joint angles (S, N, J) [rad] to start from, of wanted poses (N, 4, 4) and previous angles (N, J)
@@ -79,17 +68,13 @@ class JointSolutions:
 class IdentifiedKinematics:
     """An identified robot with a tool."""
 
-    robot: Robot  # nominal: axes, ranges
-    chain: Chain  # identified rows
+    identified: IdentifiedRobot
     nominal: Chain  # catalogue rows
-    # actual joint angles (N, J) [rad] at logged ones, and the motion (6, N) [m, rad] that the
-    # structure yields beside, as `UnloadedRobot.deflected`
-    deflected: Callable[[Array], tuple[Array, Array]]
-    tool: Array  # (4, 4) frame of the tool in that of the last row
-    lower: Array  # (J,) [rad] range of each joint that was fitted; infinite where not stated
-    upper: Array  # (J,) [rad]
-    position_uncertainty: Callable[[Array], PositionUncertainty]
-    target_correction: Callable[[Array], CorrectedTargets]
+
+    @property
+    def robot(self) -> Robot:
+        """The nominal robot: its axes and their ranges."""
+        return self.identified.robot
 
     def forward(self, q: ArrayLike) -> Array:
         """(N, 4, 4) frames of the tool in the robot's base frame at q (N, J) [rad]."""
@@ -105,9 +90,9 @@ class IdentifiedKinematics:
         angles = self._angles(q)
         out = np.empty((len(angles), 6, self.robot.joints))
         for part in _blocks(len(angles)):
-            frames = forward(self.chain, self.deflected(angles[part])[0])
+            frames = forward(self.identified.chain, self.identified.joints(angles[part]))
             screws = joint_screws(frames)
-            arm = np.einsum("ijn,j->in", frames.rotation(), self.tool[:3, 3])
+            arm = np.einsum("ijn,j->in", frames.rotation(), self.identified.tool_matrix[:3, 3])
             for screw in screws:
                 screw[:3] += cross(screw[3:], arm)
             out[part] = screws.transpose(2, 1, 0)
@@ -120,7 +105,7 @@ class IdentifiedKinematics:
         cannot take has no solution that is `reached`. Raises InputError for what is no pose.
         """
         wanted = rigid_poses(poses)
-        starts = self._starts(wanted @ np.linalg.inv(self.tool))
+        starts = self._starts(wanted @ np.linalg.inv(self.identified.tool_matrix))
         return self._solved(in_range(self.robot, starts[..., None, :])[..., 0, :], wanted)
 
     def nearest(self, poses: ArrayLike, q: ArrayLike) -> JointSolutions:
@@ -190,7 +175,7 @@ class IdentifiedKinematics:
 
     def _from_all(self, wanted: Array, previous: Array) -> Array:
         """(S, N, J) [rad] starts of all configurations, turned to the previous angles (N, J)."""
-        starts = self._starts(wanted @ np.linalg.inv(self.tool))
+        starts = self._starts(wanted @ np.linalg.inv(self.identified.tool_matrix))
         return np.stack([turned_near(self.robot, start, previous) for start in starts])
 
     def _from_nearest(self, wanted: Array, previous: Array) -> Array:
@@ -206,16 +191,10 @@ class IdentifiedKinematics:
         InputError where the calibration states no covariance.
         """
         angles = self._angles(q)
-        out = self.position_uncertainty(angles)
-        if not out.covered.all():
-            low, high = self.lower - RANGE_MARGIN, self.upper + RANGE_MARGIN
-            outside = ((angles < low) | (angles > high)).any(axis=0)
-            axes = {
-                int(j) + 1: (float(self.lower[j]), float(self.upper[j]))
-                for j in np.flatnonzero(outside)
-            }
+        stated = self.identified.uncertainty(angles)
+        if axes := self.identified.out_of_range(angles):
             warnings.warn(f"some poses are {range_sentence(axes)}", stacklevel=2)
-        return out
+        return stated
 
     def corrected(self, q: ArrayLike) -> CorrectedTargets:
         """Targets that take the identified robot to where the nominal one would be at q (N, J)
@@ -223,28 +202,23 @@ class IdentifiedKinematics:
 
         Raises TargetError as `corrected_targets`.
         """
-        return self.target_correction(self._angles(q))
+        return corrected_targets(self.identified, self.nominal, self._angles(q))
 
     def _angles(self, q: ArrayLike) -> Array:
         """(N, J) [rad] as numbers. Raises InputError for what are no angles of the joints."""
         return finite_rows(q, (self.robot.joints,), "joint angles", "[rad]")
 
     def _forward(self, q: Array) -> Array:
-        """As `forward`."""
-        out = np.empty((len(q), 4, 4))
+        """(N, 4, 4) frames of the tool at q (N, J) [rad], some at a time."""
+        poses = np.empty((len(q), 4, 4))
         for part in _blocks(len(q)):
-            out[part] = self._ends(q[part]) @ self.tool
-        return out
-
-    def _ends(self, q: Array) -> Array:
-        """(N, 4, 4) frames of the last row at q (N, J) [rad]."""
-        joints, motion = self.deflected(q)
-        return moved_poses(forward(self.chain, joints).poses(), motion)
+            poses[part] = self.identified.ends(q[part]) @ self.identified.tool_matrix
+        return poses
 
     def _starts(self, ends: Array) -> Array:
         """(S, N, J) [rad] configurations close to frames of the last row; NaN where none."""
         starts = arm_branches(self.nominal, ends, beyond=_BEYOND)
-        return pose_branches(self.chain, ends) if starts is None else starts
+        return pose_branches(self.identified.chain, ends) if starts is None else starts
 
     def _solved(self, starts: Array, poses: Array) -> JointSolutions:
         """Solutions from starts (S, N, J) [rad] close by, for poses (N, 4, 4) of the tool."""
@@ -277,19 +251,20 @@ class IdentifiedKinematics:
 
     def _refined(self, starts: Array, poses: Array) -> tuple[Array, Array, Array]:
         """Solutions (K, J) [rad], what is left (2, K) [m, rad], and dexterity (K,)."""
-        ends, q, rest = poses @ np.linalg.inv(self.tool), starts.copy(), np.arange(len(starts))
+        ends = poses @ np.linalg.inv(self.identified.tool_matrix)
+        q, rest = starts.copy(), np.arange(len(starts))
         for _ in range(_STEPS):
-            joints, motion = self.deflected(q[rest])
-            frames = forward(self.chain, joints)
+            joints, motion = self.identified.deflected(q[rest])
+            frames = forward(self.identified.chain, joints)
             error = _difference(ends[rest], moved_poses(frames.poses(), motion))
             open_ = np.abs(error).max(axis=0) > _SETTLED
             if not open_.any():
                 break
             rest = rest[open_]
-            q[rest] += damped_step(self.chain, frames.part(open_), error[:, open_])
+            q[rest] += damped_step(self.identified.chain, frames.part(open_), error[:, open_])
         left = _difference(poses, self._forward(q))
         sizes = np.stack([np.linalg.norm(part, axis=0) for part in (left[:3], left[3:])])
-        return q, sizes, dexterity(self.chain, self.deflected(q)[0])
+        return q, sizes, dexterity(self.identified.chain, self.identified.joints(q))
 
 
 def _least(sizes: Array) -> Index:
@@ -310,90 +285,33 @@ def _difference(wanted: Array, reached: Array) -> Array:
     return np.concatenate((shift.T, rotvec_from_matrix(turned.transpose(1, 2, 0))))
 
 
-def kinematics_of_robot(
-    robot: UnloadedRobot,
-    nominal: Geometry,
+def kinematics(
+    identified: IdentifiedRobot,
+    nominal: Chain,
     *,
     payload: Payload | None = None,
     tool: Array | None = None,
-    covariance: ToolCovariance | None = None,
-    ranges: Array | None = None,
 ) -> IdentifiedKinematics:
-    """Kinematics of a robot identified from recordings.
+    """Kinematics of an identified robot, whatever measured it.
 
-    nominal : the catalogue's geometry. payload : in the flange's frame, in place of the offset
-    plate. tool : (4, 4) frame of the tool in that of the flange; by default the end of the plate.
-    ranges : (J, 2) [rad] of the joints that were fitted.
+    nominal : catalogue rows of its geometry. payload : of recordings, in the flange's frame, in
+    place of the offset plate; sag of still poses is fitted as it showed, without masses. tool :
+    (4, 4) frame of the tool in that of the flange; by default the robot's own.
     """
-    own = robot.cell.robot
+    robot = identified.robot
     if payload is not None:
-        robot = replace(robot, cell=with_payload(robot.cell, payload))
-        covariance = None if covariance is None else with_exact_tool(covariance)
-    at_zero = np.zeros((1, own.joints))
-    flange, end = (forward(c, at_zero).poses()[0] for c in (nominal_chain(own), nominal.robot))
-    placed = np.eye(4) if tool is None else np.linalg.solve(end, flange) @ rigid_poses([tool])[0]
-    stated = np.empty((0, 2)) if ranges is None else ranges.reshape(-1, 2)
-    known = stated if len(stated) else np.tile([-np.inf, np.inf], (own.joints, 1))
-    uncertainty = _RobotUncertainty(robot, covariance, placed[:3, 3], stated)
-    return IdentifiedKinematics(
-        robot=own,
-        chain=robot.geometry.robot,
-        nominal=nominal.robot,
-        deflected=robot.deflected,
-        tool=placed,
-        lower=known[:, 0],
-        upper=known[:, 1],
-        position_uncertainty=uncertainty,
-        target_correction=lambda q: corrected_targets(robot, nominal, q),
-    )
-
-
-def kinematics_of_arm(arm: IdentifiedArm) -> IdentifiedKinematics:
-    """Kinematics of a robot identified from still poses, with one of its targets.
-
-    The payload is the one that was measured with: sag is fitted as it showed, without masses.
-    """
-    tool = np.eye(4)
-    tool[:3, :3], tool[:3, 3] = arm.target.rotation, arm.target.origin
-
-    def uncertainty(q: Array) -> PositionUncertainty:
-        return PositionUncertainty(arm.position_covariance(q), None, arm.covered(q))
-
-    return IdentifiedKinematics(
-        robot=arm.robot,
-        chain=arm.chain,
-        nominal=nominal_chain(arm.robot),
-        deflected=lambda q: (arm.joints(q), np.zeros((6, len(q)))),
-        tool=tool,
-        lower=arm.lower,
-        upper=arm.upper,
-        position_uncertainty=uncertainty,
-        target_correction=lambda q: corrected_arm_targets(arm, q),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _RobotUncertainty:
-    """Uncertainty of a point of an identified robot's tool; the grid is computed once."""
-
-    robot: UnloadedRobot
-    covariance: ToolCovariance | None
-    point: Array  # (3,) [m]
-    ranges: Array  # (J, 2) [rad], or none
-
-    @cached_property
-    def fields(self) -> ErrorFields:
-        if self.covariance is None or not len(self.ranges):
-            raise InputError(
-                "the calibration states neither covariance nor fitted ranges, so the uncertainty "
-                "of a pose is not known; identify the recording again with this version"
-            )
-        return error_fields(self.robot, self.covariance, self.point)
-
-    def __call__(self, q: Array) -> PositionUncertainty:
-        fields, margin = self.fields, RANGE_MARGIN
-        low, high = self.ranges[:, 0] - margin, self.ranges[:, 1] + margin
-        return fields.uncertainty(q, ((q >= low) & (q <= high)).all(axis=1))
+        stated = identified.stated
+        identified = replace(
+            identified,
+            description=with_payload(identified.cell, payload),
+            stated=with_exact_tool(stated) if isinstance(stated, ToolCovariance) else stated,
+        )
+    if tool is not None:
+        at_zero = np.zeros((1, robot.joints))
+        flange, end = (forward(c, at_zero).poses()[0] for c in (nominal_chain(robot), nominal))
+        placed = np.linalg.solve(end, flange) @ rigid_poses([tool])[0]
+        identified = replace(identified, target=Placement(placed[:3, :3], placed[:3, 3]))
+    return IdentifiedKinematics(identified, nominal)
 
 
 def _blocks(count: int) -> list[slice]:

@@ -11,7 +11,7 @@ fixed to it. Source: Mooring, Roth & Driels 1991 (accuracy compensation).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,11 +20,9 @@ from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, nominal_chain
 from cell.inverse import pose_error, refine_reachable
 from cell.robot_angles import joints_to_axes
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.unloaded_robot import UnloadedRobot, moved_poses
+from ident.robot.identified import IdentifiedRobot, moved_poses
 
 # [rad] thirty times what geometry needs away from singularities; more is a sign of one
 LARGEST_CORRECTION = 0.1
@@ -51,50 +49,26 @@ class CorrectedTargets:
     q: Array  # (N, J) [rad]
     position_before: Array  # (N,) [m] distance from the nominal pose with the nominal target
     angle_before: Array  # (N,) [rad]
-    position_after: Array  # (N,) [m] likewise with the corrected target
+    position_after: Array  # (N,) [m] the same with the corrected target
     angle_after: Array  # (N,) [rad]
 
 
-def corrected_targets(robot: UnloadedRobot, nominal: Geometry, q: Array) -> CorrectedTargets:
+def corrected_targets(identified: IdentifiedRobot, nominal: Chain, q: Array) -> CorrectedTargets:
     """Targets that reach the nominal poses.
 
-    robot : as identified. nominal : the geometry that the targets were planned with. q : (N, J)
-    [rad] targets as DH joint angles.
+    nominal : the rows that the targets were planned with. q : (N, J) [rad] targets as DH joint
+    angles; of seven axes and more the shortest way is taken.
 
-    Raises TargetError for rows out of range, out of reach or too near to a singularity.
+    Raises TargetError for rows out of range, out of reach or too near to a singularity, and
+    InputError for fewer than six axes, which cannot keep a whole pose.
     """
-    own = robot.cell.robot
-    return _corrected(own, robot.geometry.robot, nominal.robot, robot.deflected, q)
-
-
-def corrected_arm_targets(arm: IdentifiedArm, q: Array) -> CorrectedTargets:
-    """Targets that reach the catalogue robot's poses, for a robot identified from still poses.
-
-    q : (N, J) [rad] targets as DH joint angles; of seven axes and more the shortest way is taken.
-
-    Raises TargetError as `corrected_targets`, and InputError for fewer than six axes, which cannot
-    keep a whole pose.
-    """
-    if arm.robot.joints < FULL:
+    robot = identified.robot
+    if robot.joints < FULL:
         raise InputError(
-            f"{arm.robot.title}: {arm.robot.joints} axes cannot keep a whole pose, so targets "
+            f"{robot.title}: {robot.joints} axes cannot keep a whole pose, so targets "
             "cannot be corrected"
         )
-
-    def deflected(logged: Array) -> tuple[Array, Array]:
-        return arm.joints(logged), np.zeros((6, len(logged)))
-
-    return _corrected(arm.robot, arm.chain, nominal_chain(arm.robot), deflected, q)
-
-
-def _corrected(
-    robot: Robot,
-    chain: Chain,
-    nominal: Chain,
-    deflected: Callable[[Array], tuple[Array, Array]],
-    q: Array,
-) -> CorrectedTargets:
-    """deflected : as `UnloadedRobot.deflected`."""
+    chain, deflected = identified.chain, identified.deflected
     faults = _out_of_range(robot, q, "given") | _singular(chain, nominal, q)
     if faults:
         raise TargetError(faults)

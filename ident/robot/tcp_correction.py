@@ -1,4 +1,4 @@
-"""What moves the tool from where the nominal robot puts it to where the identified one does.
+"""Shares of single parameters in the TCP correction from nominal to identified robot.
 
 With the base aligned, the correction is to first order the sum of one field over the poses for each
 parameter and each correction, c = sum f_k. The derivatives are taken midway between both robots,
@@ -17,7 +17,7 @@ import numpy as np
 from cell.arrays import Array
 from ident.result import RobotEstimate
 from ident.robot.accuracy import aligned_columns
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 
 _FAMILY = re.compile(r"[a-z]+\d*")  # `ripple1` of `ripple1_40_sin`
 
@@ -29,7 +29,7 @@ class CorrectionPart:
     name: str  # `ra2`; of coefficients what they have in common: `compliance2`, `ripple1`
     source: str  # name of the correction; empty for a parameter
     size: float  # [m] rms of the tool over the poses, by itself
-    sigma: float  # [m] standard deviation likewise
+    sigma: float  # [m] standard deviation of the same
     share: float  # of the mean square of the whole correction
 
 
@@ -63,12 +63,11 @@ def correction_parts(robot: RobotEstimate, grid: Array) -> list[CorrectionPart]:
     return sorted((p for p in parts if p.size > 0.0), key=lambda p: -p.size)
 
 
-def _midway(robot: RobotEstimate) -> UnloadedRobot:
+def _midway(robot: RobotEstimate) -> IdentifiedRobot:
     """The robot between nominal and identified."""
-    identified = robot.unloaded()
-    values = None if identified.values is None else 0.5 * identified.values
+    identified = robot.identified_robot()
     geometry = robot.nominal.with_values(0.5 * (robot.nominal.values + robot.geometry.values))
-    return replace(identified, geometry=geometry, values=values)
+    return replace(identified, geometry=geometry, values=0.5 * identified.values)
 
 
 def _families(names: Sequence[str], sources: Sequence[str]) -> dict[tuple[str, str], list[int]]:

@@ -1,4 +1,4 @@
-"""What is not known of an identified robot, and what that means for its tool at any pose.
+"""Uncertainty of an identified robot: its unknowns, and its tool at any pose.
 
 The unknowns are kinematic parameters, coefficients of corrections and masses that a fit took as
 given, with one covariance. The position error of the tool is linear in them, e(q) = A(q) x. No
@@ -10,16 +10,16 @@ the uncertainty without scale: the scale is what plate, rod or sensor were measu
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.chain import cross
 from cell.payload import TOOL, with_deviations
 from ident.robot.accuracy import accuracy_grid
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +32,15 @@ class ToolCovariance:
     masses: Array
     values: Array  # (U, U) [SI] of the named unknowns, of `held`, and of the directions' sizes
     held: tuple[str, ...] = ()  # (H,) parameters of the instrument that the fit took as exact
+
+    # All that is stated is in the covariance, inside and outside the fitted ranges
+    discrepancy: ClassVar[float] = 0.0
+    factor: ClassVar[float] = 1.0
+    inside_only: ClassVar[bool] = False
+
+    def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
+        """Uncertainty of the tool's position as a function of q (N, J) [rad]."""
+        return error_fields(robot, self).uncertainty
 
     @property
     def of_names(self) -> Array:
@@ -58,59 +67,32 @@ class ToolCovariance:
 
 
 @dataclass(frozen=True, eq=False)
-class PositionUncertainty:
-    """Uncertainty of the tool's position at N poses, robot base frame.
-
-    An ellipsoid of k standard deviations has the square roots of the eigenvalues of a covariance
-    times k as half axes, along the eigenvectors.
-    """
-
-    covariance: Array  # (N, 3, 3) [m^2] the scale's own uncertainty included
-    # (N, 3, 3) [m^2] the best common factor on all positions removed; None where unknown
-    covariance_without_scale: Array | None
-    covered: NDArray[np.bool_]  # (N,) whether every joint is within the range that was fitted
-
-    @property
-    def sigma(self) -> Array:
-        """(N,) [m] standard deviation, all directions together (root of the sum of variances)."""
-        return np.asarray(np.sqrt(np.trace(self.covariance, axis1=1, axis2=2)))
-
-    @property
-    def sigma_without_scale(self) -> Array | None:
-        """(N,) [m] likewise without scale."""
-        if self.covariance_without_scale is None:
-            return None
-        return np.asarray(np.sqrt(np.trace(self.covariance_without_scale, axis1=1, axis2=2)))
-
-
-@dataclass(frozen=True, eq=False)
 class ErrorFields:
     """Position errors of the tool, base aligned, for one standard deviation of each direction."""
 
-    robot: UnloadedRobot
+    robot: IdentifiedRobot
     covariance: ToolCovariance
-    tool: Array  # (3,) [m] point in the frame of the robot's last row
     centre: Array  # (3,) [m] mean of the tool's positions over the accuracy grid
     twists: Array  # (6, R) [m, rad] rigid motion of each direction about the centre
     factors: Array  # (R,) [-] common factor of each
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """(N, 3, R) [m] errors at q (N, J) [rad], and the same without scale."""
-        position, errors = _errors(self.robot, self.covariance, self.tool, q)
+        position, errors = _errors(self.robot, self.covariance, q)
         arm = position - self.centre
         rigid = self.twists[:3] + np.cross(self.twists[3:].T, arm[:, None]).transpose(0, 2, 1)
         aligned = errors - rigid
         return aligned, aligned - arm[:, :, None] * self.factors
 
-    def uncertainty(self, q: Array, covered: NDArray[np.bool_]) -> PositionUncertainty:
-        """Of the tool's position at q (N, J) [rad]."""
+    def uncertainty(self, q: Array) -> PositionUncertainty:
+        """Uncertainty of the tool's position at q (N, J) [rad]."""
         both = [field @ field.transpose(0, 2, 1) for field in self.at(q)]
-        return PositionUncertainty(both[0], both[1], covered)
+        return PositionUncertainty(both[0], both[1], self.robot.covered(q))
 
 
-def error_fields(robot: UnloadedRobot, covariance: ToolCovariance, tool: Array) -> ErrorFields:
-    """The errors of a point (3,) [m] in the frame of the last row of an identified robot."""
-    position, errors = _errors(robot, covariance, tool, accuracy_grid(robot.cell.robot))
+def error_fields(robot: IdentifiedRobot, covariance: ToolCovariance) -> ErrorFields:
+    """The errors of an identified robot's tool."""
+    position, errors = _errors(robot, covariance, accuracy_grid(robot.robot))
     centre = position.mean(axis=0)
     arm = position - centre
     motions = np.zeros((len(arm), 3, 6))
@@ -119,27 +101,23 @@ def error_fields(robot: UnloadedRobot, covariance: ToolCovariance, tool: Array) 
     columns, stacked = motions.reshape(-1, 6), errors.reshape(arm.size, -1)
     twists = np.linalg.lstsq(columns, stacked, rcond=None)[0]
     factors = arm.ravel() @ (stacked - columns @ twists) / (arm * arm).sum()
-    return ErrorFields(robot, covariance, tool, centre, np.asarray(twists), np.asarray(factors))
+    return ErrorFields(robot, covariance, centre, np.asarray(twists), np.asarray(factors))
 
 
-def _errors(
-    robot: UnloadedRobot, covariance: ToolCovariance, tool: Array, q: Array
-) -> tuple[Array, Array]:
-    """(N, 3) [m] positions of a point of the tool, and (N, 3, R) [m] their errors."""
+def _errors(robot: IdentifiedRobot, covariance: ToolCovariance, q: Array) -> tuple[Array, Array]:
+    """(N, 3) [m] positions of the tool, and (N, 3, R) [m] their errors."""
     table = robot.geometry.table
     parameters = [table.index[name] for name in covariance.names if name in table.index]
     moves = robot.pose_jacobian(q, np.array(parameters, dtype=np.intp))
     if covariance.held:
-        rigid = UnloadedRobot(robot.cell, robot.geometry)
         held = np.array([table.index[name] for name in covariance.held], dtype=np.intp)
-        moves = np.concatenate((moves, rigid.pose_jacobian(robot.joints(q), held)))
+        rigid = robot.rigid().pose_jacobian(robot.joints(q), held)
+        moves = np.concatenate((moves, rigid))
     if len(covariance.masses):
         cells = [with_deviations(robot.cell, row) for row in covariance.masses]
         moves = np.concatenate((moves, robot.pose_moved_by_masses(cells, q)))
-    pose = robot.poses(q)
-    arm = pose[:, :3, :3] @ tool
-    shifts = np.stack([move[:3] + cross(move[3:], arm.T) for move in moves])
-    return pose[:, :3, 3] + arm, shifts.transpose(2, 1, 0) @ covariance.root
+    errors = robot.tool_moves(moves, q).transpose(2, 1, 0) @ covariance.root
+    return robot.poses(q)[:, :3, 3], errors
 
 
 def with_exact_tool(covariance: ToolCovariance) -> ToolCovariance:

@@ -158,8 +158,8 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     assert held.sentence == together.said.splitlines()[0]
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
-    predicted = read.unloaded_robot(cell).tool(grid)
-    fitted = machine.identification.robot.unloaded().tool(grid)
+    predicted = read.identified_robot(cell=cell).tool(grid)
+    fitted = machine.identification.robot.identified_robot().tool(grid)
     assert np.abs(predicted - fitted).max() < 1e-12  # YAML holds every digit
 
 

@@ -18,8 +18,8 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.accuracy import accuracy_grid
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.inverse_calibration import TargetError, corrected_targets
-from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import Plant, PlantEffects
 from sim.plant.held import hold_machine, hold_poses, pose_distance
 from sim.true_robot import TrueMachine, true_machine
@@ -58,8 +58,8 @@ def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(
     result: Path, cell: Cell
 ) -> None:
     calibration = load_calibration(result / "calibration.yaml")
-    robot, q = calibration.unloaded_robot(cell), easy_targets(cell, 200)
-    done = corrected_targets(robot, calibration.nominal, q)
+    robot, q = calibration.identified_robot(cell=cell), easy_targets(cell, 200)
+    done = corrected_targets(robot, calibration.nominal_chain, q)
     wanted = robot_frames(calibration.nominal, q)
     settled = done.position_after < 1e-9
     assert settled.mean() > 0.98, (
@@ -76,7 +76,8 @@ def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(
     cell: Cell, nominal: Geometry
 ) -> None:
     q = easy_targets(cell, 50)
-    assert np.abs(corrected_targets(UnloadedRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
+    kept = corrected_targets(IdentifiedRobot(cell, nominal), nominal.robot, q).q
+    assert np.abs(kept - q).max() < 1e-12
 
 
 def without_play(plant: TrueMachine) -> TrueMachine:
@@ -91,15 +92,15 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
     """
     plant = without_play(true_machine(scenario_of("irb2400", "a", 2, 120.0), relative_to=SCENARIOS))
     robot, q = known_robot(plant), easy_targets(cell, 12)
-    done = corrected_targets(robot, plant.nominal, q)
-    wanted = robot_frames(plant.nominal, q)
+    done = corrected_targets(robot, plant.nominal.robot, q)
+    wanted = robot_frames(plant.nominal.robot, q)
     before, after = hold_machine(plant, q), hold_machine(plant, done.q)
     assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
     assert pose_distance(wanted, before)[0].mean() > 1e-3
     assert (
         pose_distance(wanted, after)[0].max() < 5e-6
     )  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
-    geometry_only = corrected_targets(UnloadedRobot(cell, plant.true), plant.nominal, q)
+    geometry_only = corrected_targets(IdentifiedRobot(cell, plant.true), plant.nominal.robot, q)
     sagging = pose_distance(wanted, hold_machine(plant, geometry_only.q))[0]
     assert sagging.mean() > 2e-4, (
         "compliance is worth more than the tolerance: geometry alone does not do"
@@ -182,7 +183,8 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     )
     assert np.abs(by_degrees - by_radians).max() < 1e-12
     calibration = load_calibration(result / "calibration.yaml")
-    expected = corrected_targets(calibration.unloaded_robot(cell), calibration.nominal, q).q
+    robot = calibration.identified_robot(cell=cell)
+    expected = corrected_targets(robot, calibration.nominal_chain, q).q
     assert np.abs(by_radians - expected).max() < 1e-12
 
 
@@ -242,12 +244,12 @@ def test_a_doubtful_fit_and_what_it_did_not_identify_are_said(
 
 
 def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
-    robot = UnloadedRobot(cell, perturbed(nominal, np.random.default_rng(1)))
+    robot = IdentifiedRobot(cell, perturbed(nominal, np.random.default_rng(1)))
     q = easy_targets(cell, 4)
     q[1, 4] = 0.0
     q[3, 0] = 4.0
     with pytest.raises(
         TargetError, match=r"^target 1: the robot stands at a singularity"
     ) as caught:
-        corrected_targets(robot, nominal, q)
+        corrected_targets(robot, nominal.robot, q)
     assert set(caught.value.faults) == {1, 3}

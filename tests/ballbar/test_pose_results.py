@@ -31,7 +31,7 @@ from cell.arrays import Array
 from cell.chain import forward
 from cell.errors import DescriptionError, InputError
 from cell.geometry import nominal_chain
-from ident.robot.inverse_calibration import corrected_arm_targets
+from ident.robot.inverse_calibration import corrected_targets
 from tests.helpers.command_line import ballbar
 from tests.helpers.dh_tables import along_table, table
 from tests.helpers.drawn_pose_tables import drawn_robot, point_table
@@ -289,11 +289,11 @@ def test_the_command_writes_a_new_file_and_names_the_ranges(tmp_path: Path) -> N
 def test_corrected_targets_reach_the_nominal_poses(name: str, tmp_path: Path) -> None:
     write_pose_result(tmp_path / "calibration.yaml", name, seed=1)
     result = load_result(tmp_path)
-    arm = result.calibration.arm()
+    arm = result.calibration.identified_robot()
     q = np.array([[0.3, -0.7, 0.9, -1.1, 0.8, 0.6, 0.2]])[:, : result.robot.joints]
     if name == "panda":
         q[0, 5] = 1.6
-    done = corrected_arm_targets(arm, q)
+    done = corrected_targets(arm, result.nominal, q)
     wanted = forward(nominal_chain(arm.robot), q)
     reached = forward(arm.chain, arm.joints(done.q))
     assert np.abs(reached.poses() - wanted.poses()).max() < EXACT
@@ -313,7 +313,7 @@ def test_corrected_targets_reach_the_nominal_poses(name: str, tmp_path: Path) ->
 def test_a_prediction_outside_the_fitted_range_warns_and_has_no_finite_sigma(
     result: Result,
 ) -> None:
-    arm = result.calibration.arm()
+    arm = result.calibration.identified_robot()
     q = np.zeros((2, result.robot.joints))
     q[1, 0] = 2.4
     with pytest.warns(UserWarning, match=r"outside the fitted range of axis 1 \(-114.6 to 114.6"):
@@ -324,7 +324,7 @@ def test_a_prediction_outside_the_fitted_range_warns_and_has_no_finite_sigma(
         warnings.simplefilter("error")
         arm.tool(q[:1])
     with pytest.raises(InputError, match="target 'none': the result has big ball, frame"):
-        result.calibration.arm("none")
+        result.calibration.identified_robot("none")
 
 
 EDITED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
@@ -396,7 +396,7 @@ def test_joint_errors_that_were_kept_from_another_result_are_read_back(tmp_path:
     (tmp_path / "b.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
     second = Calibration.load(tmp_path / "b.yaml")
     q = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6))
-    assert np.array_equal(second.arm().tool(q), first.arm().tool(q))
+    assert np.array_equal(second.identified_robot().tool(q), first.identified_robot().tool(q))
     assert second.joint_errors() == first.joint_errors()
 
 
@@ -427,7 +427,7 @@ def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
     """A stored result of a ur10, angles (N, 6) [rad] and the table measured of it unchanged."""
     rng = np.random.default_rng(6)
     result = load_result(write_pose_result(folder / "calibration.yaml", "ur10", seed=1))
-    arm = result.calibration.arm("big ball")
+    arm = result.calibration.identified_robot("big ball")
     drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
     q = rng.uniform(-1.5, 1.5, (count, 6))
     return q, point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)

@@ -177,9 +177,9 @@ def test_nothing_but_the_numbers_of_targets_changes(tmp_path: Path, result: Resu
 
 def reached(result: Result, payload: Payload | None, q: Array) -> Array:
     """(N, 4, 4) where the identified robot puts the end of the plate."""
-    robot = result.calibration.unloaded_robot(result.cell)
+    robot = result.calibration.identified_robot(cell=result.cell)
     if payload is not None:
-        robot = replace(robot, cell=with_payload(robot.cell, payload))
+        robot = replace(robot, description=with_payload(robot.cell, payload))
     return robot.poses(q)
 
 
@@ -599,7 +599,7 @@ def test_a_pair_of_krl_files_is_corrected_as_one_program(tmp_path: Path, kuka: P
         for j, target in enumerate(program.targets):
             start = done.q[j : j + 1]
             wanted = forward(chain, start).poses()
-            arm = result.calibration.arm()  # type: ignore[union-attr]
+            arm = result.calibration.identified_robot()  # type: ignore[union-attr]
             at = forward(arm.chain, arm.joints(done.corrected.q[j : j + 1])).poses()
             assert np.abs(at - wanted).max() < 1e-8
             if target.rotation is None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward
+from cell.geometry import robot_geometry
 from cell.placement import Placement, target_frames
 from cell.poses import PoseTable
 from cell.robot_angles import controller_to_joints
@@ -19,9 +20,8 @@ from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.build_unknowns import arm_parameters
-from ident.loads.at_rest import angles_at_rest
 from ident.robot.accuracy import TcpError, position_error
-from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.identified import IdentifiedRobot
 from planning.feasible_poses import Candidates
 from planning.pose_information import expected_group
 from planning.stations import PoseSetup, Station
@@ -46,8 +46,8 @@ class DrawnRobot:
         """Frames at joint angles q (N, J) [rad]; the last is that of the target."""
         robot = self.setup.robot
         corrections = _corrections(self.setup)
-        joints = angles_at_rest(robot, corrections, self.coefficients, q)
-        return target_frames(forward(self.chain, joints), self.targets[target])
+        true = IdentifiedRobot(robot, robot_geometry(robot), corrections, self.coefficients)
+        return target_frames(forward(self.chain, true.joints(q)), self.targets[target])
 
     def measured(self, poses: Candidates, rng: np.random.Generator) -> PoseTable:
         """The values that the instrument measures at poses, with its noise."""
@@ -72,7 +72,7 @@ class DrawnRobot:
             groups.append(replace(group, values=values + noise))
         return PoseTable(setup.request.name, setup.robot, tuple(groups), setup.distances)
 
-    def error_of(self, arm: IdentifiedArm) -> TcpError:
+    def error_of(self, arm: IdentifiedRobot) -> TcpError:
         """TCP error of an identified robot over the workspace, base aligned."""
         grid, target = self.setup.grid, self.setup.stations[0].target
         return position_error(arm.frames(grid).tip.T, self.frames(grid, target).tip.T)

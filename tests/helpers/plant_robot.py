@@ -15,8 +15,8 @@ from ident.corrections.gear_ripple import harmonic_orders
 from ident.identify import identify_together
 from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.inverse_calibration import TargetError, corrected_targets
-from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import PlantEffects
 from sim.plant.held import hold_machine, pose_distance
 from sim.true_robot import TrueMachine, true_machine
@@ -26,7 +26,7 @@ POSES = 200
 GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 
 
-def known_robot(plant: TrueMachine) -> UnloadedRobot:
+def known_robot(plant: TrueMachine) -> IdentifiedRobot:
     """The robot of a perfect identification: the plant's numbers as coefficients."""
     effects, robot = plant.effects, plant.cell.robot
     assert effects.gear_stiffness is not None
@@ -43,7 +43,7 @@ def known_robot(plant: TrueMachine) -> UnloadedRobot:
     found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(cell)]
     ripple = [part for z in found for part in (z.real, z.imag)]
     values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_backlash, ripple))
-    return UnloadedRobot(
+    return IdentifiedRobot(
         cell, plant.true, tuple(CORRECTIONS[name](cell, ()) for name in GEARS), values
     )
 
@@ -59,19 +59,19 @@ def known_cell(cell: Cell, effects: PlantEffects) -> Cell:
     return replace(loaded, robot=replace(loaded.robot, gears=known))
 
 
-def study(plant: TrueMachine, identified: UnloadedRobot, poses: int) -> dict[str, object]:
+def study(plant: TrueMachine, identified: IdentifiedRobot, poses: int) -> dict[str, object]:
     """Figures of one robot: pose errors of held targets, nominal and corrected."""
     q = accuracy_grid(plant.cell.robot)[:poses]
     while True:
         try:
-            corrected = corrected_targets(identified, plant.nominal, q)
+            corrected = corrected_targets(identified, plant.nominal.robot, q)
             break
         except TargetError as error:  # at a singularity; counted
             q = np.delete(q, list(error.faults), axis=0)
-    wanted = robot_frames(plant.nominal, q)
+    wanted = robot_frames(plant.nominal.robot, q)
     before, after = hold_machine(plant, q), hold_machine(plant, corrected.q)
     known = pose_distance(
-        wanted, hold_machine(plant, corrected_targets(known_robot(plant), plant.nominal, q).q)
+        wanted, hold_machine(plant, corrected_targets(known_robot(plant), plant.nominal.robot, q).q)
     )[0]
     aligned = position_error(wanted.tip.T, after.tool[:, :3, 3])
     (p0, a0), (p1, a1) = pose_distance(wanted, before), pose_distance(wanted, after)
@@ -103,5 +103,5 @@ def robot_row(
     options = FitOptions(model="complete", force="torque", samples=samples)
     found = identify_together(made[0][0], [logs for _, logs, _ in made], options=options)
     return {"robot": robot, "seed": seed} | study(
-        true_machine(scenario, relative_to=SCENARIOS), found.robot.unloaded(), poses
+        true_machine(scenario, relative_to=SCENARIOS), found.robot.identified_robot(), poses
     )

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
-from cell.geometry import nominal_chain
+from cell.geometry import nominal_chain, robot_geometry
 from cell.instruments import kind_named
 from cell.instruments.base import TrueStand
 from cell.load import instrument_names, load_instrument, load_robot
@@ -21,7 +21,7 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.build_unknowns import arm_parameters
-from ident.loads.at_rest import angles_at_rest
+from ident.robot.identified import IdentifiedRobot
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -44,7 +44,8 @@ class TrueRobot:
 
     def frames(self, q: Array, target: Placement) -> Frames:
         """Frames of the robot; the last is that of a target."""
-        joints = angles_at_rest(self.robot, self.corrections, self.values, q)
+        nominal = robot_geometry(self.robot)
+        joints = IdentifiedRobot(self.robot, nominal, self.corrections, self.values).joints(q)
         return target_frames(forward(self.chain, joints), target)
 
 

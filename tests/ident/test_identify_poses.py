@@ -21,7 +21,7 @@ from ident.identify_poses import JointErrors, PoseOptions, identify_poses, linea
 from ident.pose_result import PoseIdentification, position_errors
 from ident.pose_verdict import judge_poses
 from ident.robot.accuracy import position_error
-from ident.robot.identified_arm import range_sentence
+from ident.robot.identified import range_sentence
 from ident.signals.rounding import rounding
 from ident.start.placements import PoseStartError, start_of_poses
 from ident.verdict import Status
@@ -40,7 +40,7 @@ PLAIN = PoseOptions(search=False)
 
 def tcp_error(result: PoseIdentification, true: TrueRobot, seed: int = 9) -> float:
     """[m] mean error of the target over new poses within the fitted ranges, base aligned."""
-    arm, q = result.arm(), angles(true.name, 300, seed)
+    arm, q = result.identified_robot(), angles(true.name, 300, seed)
     q = q[arm.covered(q)]
     return position_error(arm.tool(q), true.positions(q)).mean
 
@@ -340,7 +340,7 @@ def test_outside_the_fitted_range_nothing_is_claimed() -> None:
     true = true_robot("ur5")
     q = angles("ur5", 400)
     result = identify_poses(table_of(true, q=q[q[:, 0] < 0.0]), PLAIN)
-    arm, beyond = result.arm(), q[q[:, 0] > 0.2]
+    arm, beyond = result.identified_robot(), q[q[:, 0] > 0.2]
     assert np.isinf(arm.sigma(beyond)).all()
     assert np.isfinite(arm.sigma(q[q[:, 0] < 0.0])).all()
     assert 1 in arm.out_of_range(beyond)
@@ -353,10 +353,10 @@ def test_what_the_arm_states_of_a_pose_is_what_new_poses_show() -> None:
     result = identify_poses(table_of(true, count=100), PLAIN)
     judged = table_of(true, count=300, seed=4)
     error = np.linalg.norm(result.errors(judged), axis=1)
-    stated = result.arm().sigma(judged.q)
+    stated = result.identified_robot().sigma(judged.q)
     inside = np.isfinite(stated)
     assert 0.7 < np.sqrt((error[inside] ** 2).mean() / (stated[inside] ** 2).mean()) < 1.2
-    assert result.arm().within(judged.q, result.errors(judged)).mean() > 0.9
+    assert result.identified_robot().within(judged.q, result.errors(judged)).mean() > 0.9
 
 
 def test_several_seats_and_targets_share_one_robot() -> None:

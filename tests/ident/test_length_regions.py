@@ -14,7 +14,8 @@ from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
 from ident.identify_poses import PoseOptions, identify_poses
 from ident.pose_result import PoseIdentification
-from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.pose_covariance import PoseCovariance
 from tests.helpers import real_robots
 from tests.helpers.still_poses import TrueRobot, angles, group, table_of, true_robot
 
@@ -43,12 +44,18 @@ def drawn(name: str, seed: int, seats: int) -> tuple[TrueRobot, PoseIdentificati
     return true, identify_poses(table, PoseOptions(search=False))
 
 
-def within(arm: IdentifiedArm, q: Array, seen: Array) -> float:
+def from_seat(arm: IdentifiedRobot, q: Array) -> Array:
+    """(N, 3) [m] from the seat to the target."""
+    assert isinstance(arm.stated, PoseCovariance)
+    return np.asarray(arm.frames(q).tip.T - arm.stated.seat.origin)
+
+
+def within(arm: IdentifiedRobot, q: Array, seen: Array) -> float:
     """Share of points seen (N, 3) [m] from the seat that lie in their regions.
 
     Frames are turned onto each other: lengths do not tell the seat's rotation.
     """
-    model = arm.frames(q).tip.T - arm.seat.origin
+    model = from_seat(arm, q)
     u, _, vt = np.linalg.svd(seen.T @ model)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return float(arm.within(q, seen @ turn - model).mean())
@@ -63,7 +70,7 @@ def test_regions_of_points_hold_where_rods_judge_one_direction(seats: int) -> No
     for name in ROBOTS:
         for seed in range(4):
             true, result = drawn(name, seed, seats)
-            arm, q = result.arm(), angles(name, 150, seed + 50)
+            arm, q = result.identified_robot(), angles(name, 150, seed + 50)
             q = q[arm.covered(q)]
             first = int(result.table.groups[0].seat[1:])
             seen = true.positions(q) - SEATS[first]
@@ -80,10 +87,13 @@ def test_clean_lengths_are_not_widened_and_points_never() -> None:
     result = identify_poses(
         lengths(q, true.positions(q), SEATS[:1], rng), PoseOptions(search=False)
     )
-    arm = result.arm()
-    bare = replace(arm, joint_sigma=0.0)
+    arm = result.identified_robot()
+    assert isinstance(arm.stated, PoseCovariance)
+    bare = replace(arm, stated=replace(arm.stated, joint_sigma=0.0))
     assert arm.sigma(q).mean() < 1.2 * bare.sigma(q).mean()
-    assert identify_poses(table_of(true), PoseOptions(search=False)).arm().joint_sigma == 0.0
+    assert (
+        identify_poses(table_of(true), PoseOptions(search=False)).cross_validation.joint_sigma == 0
+    )
 
 
 @pytest.mark.slow
@@ -93,7 +103,7 @@ def test_lengths_of_fewer_than_three_seats_are_said_to_judge_along_the_rods() ->
         sentences = [w for w in result.verdict.warnings if "along the rods alone" in w]
         assert bool(sentences) == said
     # four joints of six have errors of 1e-4 / sqrt(2); from one direction a factor of two at best
-    assert 0.5 < result.arm().joint_sigma / (1e-4 / np.sqrt(3.0)) < 2.0
+    assert 0.5 < result.cross_validation.joint_sigma / (1e-4 / np.sqrt(3.0)) < 2.0
 
 
 @pytest.mark.slow
@@ -107,23 +117,23 @@ def test_points_of_a_measured_ur10_lie_in_the_regions_of_its_lengths(tmp_path: P
     table = lengths(q[:300], points[:300], seat[None], np.random.default_rng(3))
     table = replace(table, robot=read_poses(real_robots.ur10_a(tmp_path / "again")).robot)
     result = identify_poses(table)
-    arm = result.arm()
+    arm = result.identified_robot()
     inside = arm.covered(q[300:])
     assert within(arm, q[300:][inside], points[300:][inside] - seat) > 0.93
 
 
 def test_a_turn_of_the_frame_is_taken_out_by_the_helper() -> None:
     _, result = drawn("ur5", 0, 3)
-    arm, q = result.arm(), angles("ur5", 20, 3)
+    arm, q = result.identified_robot(), angles("ur5", 20, 3)
     q = q[arm.covered(q)]
     turn = matrix_from_rotvec(np.array([[0.3], [0.2], [-0.5]]))[:, :, 0]
-    model = arm.frames(q).tip.T - arm.seat.origin
+    model = from_seat(arm, q)
     assert within(arm, q, model @ turn.T) == 1.0
 
 
 def stated_over_true(result: PoseIdentification, q: Array, seen: Array) -> float:
     """Stated over true root mean square of points seen (N, 3) [m], after a rigid alignment."""
-    arm = result.arm()
+    arm = result.identified_robot()
     inside = arm.covered(q)
     model, seen = arm.frames(q[inside]).tip.T, seen[inside]
     about, rest = seen.mean(axis=0), model - model.mean(axis=0)

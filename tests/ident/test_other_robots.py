@@ -10,15 +10,15 @@ import pytest
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames, robot_geometry
 from cell.logs import RobotLog
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.priors import fixed_names
 from ident.identify import identify
-from ident.loads.at_rest import angles_at_rest
 from ident.options import FitOptions
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error, tcp_error
+from ident.robot.identified import IdentifiedRobot
 from ident.verdict import Status
 from tests.helpers.other_robots import (
     CLOCK,
@@ -117,8 +117,11 @@ def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Pa
     correction = unit_weights(run.cell.robot)
     values = SAG * np.random.default_rng(2).standard_normal(len(correction.coefficients))
 
+    nominal = robot_geometry(run.cell.robot)
+    sagging = IdentifiedRobot(run.cell.robot, nominal, (correction,), values)
+
     def sag(q: Array) -> Array:
-        return angles_at_rest(run.cell.robot, [correction], values, q) - q
+        return sagging.joints(q) - q
 
     logged = robot.q
     for _ in range(3):  # the robot stands at `robot.q` where its log says `logged`
@@ -129,7 +132,7 @@ def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Pa
     def identified(**options: object) -> tuple[Identification, float]:
         chosen = FitOptions(samples=600, **options)  # type: ignore[arg-type]
         result = identify(run.cell, RobotLog(robot.t, logged), bar, options=chosen)
-        return result, position_error(result.robot.unloaded().tool(grid), true).mean
+        return result, position_error(result.robot.identified_robot().tool(grid), true).mean
 
     result, error = identified()
     assert [c.name for c in result.robot.corrections] == ["unit_weights"]

@@ -19,7 +19,7 @@ from cell.poses import PoseTable
 from ident.estimator.robust_fit import fit_unweighted
 from ident.identify_poses import PoseOptions, identify_poses
 from ident.pose_verification import FALSE_ALARMS, Verification, limit_of, verify
-from ident.robot.identified_arm import IdentifiedArm
+from ident.robot.identified import IdentifiedRobot
 from tests.helpers.drawn_pose_tables import (
     SEAT,
     TARGET,
@@ -39,7 +39,7 @@ class Stored:
     """A robot and its stored calibration."""
 
     drawn: DrawnRobot
-    arm: IdentifiedArm
+    arm: IdentifiedRobot
     targets: dict[str, Placement]
     mean: float
 
@@ -59,7 +59,7 @@ def stored(name: str, seed: int) -> Stored:
     result = identify_poses(table, PoseOptions(search=False))
     layout, x = result.fit.model.unknowns, result.fit.x
     targets = {name: layout.target(x, name) for name in layout.targets}
-    return Stored(drawn, result.arm(), targets, result.cross_validation.mean)
+    return Stored(drawn, result.identified_robot(), targets, result.cross_validation.mean)
 
 
 @pytest.fixture(scope="module", params=["ur10", pytest.param("panda", marks=pytest.mark.long)])
@@ -243,8 +243,7 @@ def test_sockets_show_that_a_calibration_holds() -> None:
     result = identify_poses(table_of(true, noise=3e-5), PoseOptions(search=False))
     layout, x = result.fit.model.unknowns, result.fit.x
     targets = {name: layout.target(x, name) for name in layout.targets}
-    outcome = verify(
-        result.arm(), targets, result.cross_validation.mean, socket_table(true, count=6)
-    )
+    robot, mean = result.identified_robot(), result.cross_validation.mean
+    outcome = verify(robot, targets, mean, socket_table(true, count=6))
     assert outcome.holds
     assert outcome.error.mean() < 2.0 * result.cross_validation.mean

@@ -22,11 +22,11 @@ from ident.result import (
     RecordingEstimate,
     Residuals,
     RobotEstimate,
-    unloaded_robot,
+    identified_robot,
 )
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 from ident.start.automatic import Start
 from ident.verdict import Status, Verdict
 from tests.helpers.start_candidates import candidate
@@ -97,19 +97,19 @@ def q() -> Array:
     return np.random.default_rng(121).uniform(-0.5, 0.5, (10, 6))
 
 
-def test_the_unloaded_robot_has_the_identified_geometry_and_corrections_in_their_order(
+def test_the_identified_robot_has_the_fitted_geometry_and_corrections_in_their_order(
     q: Array,
 ) -> None:
     """Also those that act elsewhere than in the gears: their coefficients stand in between."""
     names = ("rod_strain", "encoder_harmonics", "joint_compliance", "gear_ripple")
     estimates = tuple(estimate_of(name, 0.3) for name in names)
-    robot = robot_of(*estimates).unloaded()
+    robot = robot_of(*estimates).identified_robot()
     makers = [CORRECTIONS[name](CELL, ENCODERS) for name in names]
     values = [c.mean + 0.3 * c.sigma for m in makers for c in m.coefficients]
     assert robot.values == pytest.approx(values)
-    expected = UnloadedRobot(CELL, robot.geometry, tuple(makers), np.array(values))
+    expected = IdentifiedRobot(CELL, robot.geometry, tuple(makers), np.array(values))
     assert np.array_equal(robot.tool(q), expected.tool(q))
-    only_gears = UnloadedRobot(
+    only_gears = IdentifiedRobot(
         CELL,
         robot.geometry,
         tuple(makers[2:]),
@@ -119,8 +119,8 @@ def test_the_unloaded_robot_has_the_identified_geometry_and_corrections_in_their
     assert robot.geometry["ra2"] == NOMINAL["ra2"] + 1e-3
 
 
-def test_without_corrections_the_unloaded_robot_is_kinematics_alone(q: Array) -> None:
-    robot = unloaded_robot(CELL, NOMINAL, ENCODERS, ())
+def test_without_corrections_the_identified_robot_is_kinematics_alone(q: Array) -> None:
+    robot = identified_robot(CELL, NOMINAL, ENCODERS, ())
     assert robot.joints(q) is q
     assert robot.corrections == ()
 
@@ -129,20 +129,20 @@ def test_joint_errors_are_formed_again_from_the_names_of_their_coefficients(q: A
     ratio = 1.0 / abs(float(CELL.robot.transmission[1, 1]))  # 129.99
     made = joint_harmonics([(1, 17), (0, 3), (1, ratio)])
     estimate = estimate_from(made, 0.4)
-    robot = robot_of(estimate_of("joint_compliance", 0.1), estimate).unloaded()
+    robot = robot_of(estimate_of("joint_compliance", 0.1), estimate).identified_robot()
     compliance = CORRECTIONS["joint_compliance"](CELL, ENCODERS)
-    expected = UnloadedRobot(CELL, robot.geometry, (compliance, made), robot.values)
+    expected = IdentifiedRobot(CELL, robot.geometry, (compliance, made), robot.values)
     assert robot.tool(q) == pytest.approx(expected.tool(q), abs=1e-12)
     assert robot.corrections[1].coefficients == made.coefficients
     strange = replace(estimate.coefficients[0], name="joint2_17_tan")
     with pytest.raises(InputError, match=r"joint_harmonics.joint2_17_tan: expected joint2_17_cos"):
-        robot_of(replace(estimate, coefficients=(strange,))).unloaded()
+        robot_of(replace(estimate, coefficients=(strange,))).identified_robot()
 
 
 def test_a_correction_that_the_program_does_not_know_is_refused_by_name() -> None:
     strange = replace(estimate_of("rod_strain", 0.0), name="rod_torsion")
     with pytest.raises(KeyError, match="rod_torsion"):
-        unloaded_robot(CELL, NOMINAL, ENCODERS, [strange])
+        identified_robot(CELL, NOMINAL, ENCODERS, [strange])
 
 
 def test_an_identification_is_complete_when_it_has_corrections() -> None:

@@ -110,8 +110,8 @@ def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
     )
     moved = moving(found.layout)
     longhand = position_sigma(
-        found.unloaded.tool(found.grid),
-        found.unloaded.jacobian(found.grid, found.layout.shared),
+        found.robot.tool(found.grid),
+        found.robot.jacobian(found.grid, found.layout.shared),
         np.linalg.inv(found.normal)[np.ix_(moved, moved)],
     )
     assert found.tcp_sigma == pytest.approx(longhand, rel=1e-4)  # an inverse without scaling

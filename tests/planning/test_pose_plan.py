@@ -265,7 +265,7 @@ def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
 
     def error(robot: DrawnRobot, poses: Candidates, noise: np.random.Generator) -> float:
         result = identify_poses(robot.measured(poses, noise), PoseOptions(search=False))
-        return robot.error_of(result.arm()).mean
+        return robot.error_of(result.identified_robot()).mean
 
     out = []
     for seed in seeds:

@@ -7,12 +7,13 @@ import pytest
 
 from cell.chain import forward
 from cell.errors import InputError
-from cell.geometry import nominal_chain
+from cell.geometry import nominal_chain, robot_geometry
 from cell.load import load_robot
 from ident.corrections import SUBSTITUTES, as_in_result, supported_corrections
 from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import torques, unit_weights
-from ident.loads.at_rest import angles_at_rest, regressors_at_rest
+from ident.loads.at_rest import regressors_at_rest
+from ident.robot.identified import IdentifiedRobot
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -62,11 +63,13 @@ def test_a_coefficient_is_named_after_the_frame_of_its_weight_and_the_joint_that
     robot = load_robot("ur5")
     q = np.random.default_rng(8).uniform(-2.0, 2.0, (4, 6))
     levers, correction = torques(forward(nominal_chain(robot), q), DOWN), unit_weights(robot)
-    rows = [row for _, row in regressors_at_rest(robot, [correction], q)]
+    nominal = robot_geometry(robot)
+    rows = [row for _, row in regressors_at_rest(robot, nominal, [correction], q)]
     for i, coefficient in enumerate(correction.coefficients):
         frame, joint = (int(part[-1]) - 1 for part in coefficient.name.split("_"))
         assert np.allclose(rows[i], levers[joint, frame])
-        sag = angles_at_rest(robot, [correction], np.eye(len(rows))[i], q) - q
+        sagging = IdentifiedRobot(robot, nominal, (correction,), np.eye(len(rows))[i])
+        sag = sagging.joints(q) - q
         assert np.allclose(sag, np.outer(rows[i], np.eye(6)[joint]))
 
 
@@ -74,9 +77,11 @@ def test_the_terms_of_an_order_are_its_cosine_and_sine() -> None:
     robot = load_robot("ur5")
     q = np.random.default_rng(5).uniform(-2.0, 2.0, (7, 6))
     correction = joint_harmonics([(1, 17)])
-    rows = [row for _, row in regressors_at_rest(robot, [correction], q)]
+    nominal = robot_geometry(robot)
+    rows = [row for _, row in regressors_at_rest(robot, nominal, [correction], q)]
     assert np.allclose(rows, [np.cos(17.0 * q[:, 1]), np.sin(17.0 * q[:, 1])])
-    moved = angles_at_rest(robot, [correction], np.array([1e-4, 2e-4]), q) - q
+    wavy = IdentifiedRobot(robot, nominal, (correction,), np.array([1e-4, 2e-4]))
+    moved = wavy.joints(q) - q
     assert np.allclose(moved[:, 1], 1e-4 * rows[0] + 2e-4 * rows[1])
     assert not moved[:, [0, 2, 3, 4, 5]].any()
 

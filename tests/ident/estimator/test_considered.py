@@ -23,7 +23,7 @@ from ident.loads.gear_loads import loads, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.robot.accuracy import accuracy_grid, position_sigma, rigid_basis
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from tests.helpers.complete_model import EXCESS
 from tests.helpers.six_axes import INDEX
 from tests.helpers.synthetic_recording import (
@@ -84,10 +84,10 @@ def compliances(estimate: Fit) -> list[int]:
     return [estimate.model.unknowns.names.index(f"compliance{i}") for i in range(1, 7)]
 
 
-def unloaded(estimate: Fit, cell: Cell, x: Array) -> UnloadedRobot:
+def unloaded(estimate: Fit, cell: Cell, x: Array) -> IdentifiedRobot:
     model = estimate.model
     geometry = model.unknowns.geometry(x, 0)
-    return UnloadedRobot(cell, geometry, model.corrections, x[model.unknowns.coefficients])
+    return IdentifiedRobot(cell, geometry, model.corrections, x[model.unknowns.coefficients])
 
 
 def drawn_cells(count: int) -> list[Cell]:

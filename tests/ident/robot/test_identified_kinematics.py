@@ -27,9 +27,9 @@ from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import rotvec_from_matrix
 from ident.corrections.joint_compliance import joint_compliance
 from ident.robot.accuracy import accuracy_grid
-from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics_of_robot
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.pose_results import RANGE, write_pose_result
 from tests.helpers.simulated_recordings import perturbed
@@ -87,8 +87,8 @@ def compliant(cell: Cell, nominal: Geometry, payload: Payload) -> IdentifiedKine
     """A robot of which nothing but the catalogue's gear compliance is known."""
     made = joint_compliance(cell, (1, 2, 4, 5))
     values = np.array([c.mean for c in made.coefficients])
-    robot = UnloadedRobot(cell, nominal, (made,), values)
-    return kinematics_of_robot(robot, nominal, payload=payload)
+    robot = IdentifiedRobot(cell, nominal, (made,), values)
+    return kinematics(robot, nominal.robot, payload=payload)
 
 
 def test_a_payload_winds_the_gears_up_by_its_weight(cell: Cell, nominal: Geometry) -> None:
@@ -107,7 +107,7 @@ def test_a_payload_winds_the_gears_up_by_its_weight(cell: Cell, nominal: Geometr
     compliance = 1.0 / cell.robot.required("gears").stiffness
     to_joint = cell.robot.gear_to_joint
     expected = -((to_joint @ np.stack(torque)) * compliance[:, None]).T @ to_joint
-    moved = heavy.deflected(q)[0] - light.deflected(q)[0]
+    moved = heavy.identified.joints(q) - light.identified.joints(q)
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-12)
     assert np.abs(expected).max() > 1e-4
 
@@ -115,14 +115,14 @@ def test_a_payload_winds_the_gears_up_by_its_weight(cell: Cell, nominal: Geometr
 def test_a_tool_is_placed_in_the_flange_and_the_default_is_the_end_of_the_plate(
     cell: Cell, nominal: Geometry
 ) -> None:
-    robot = UnloadedRobot(cell, nominal)
-    q = random_angles(kinematics_of_robot(robot, nominal), 5)
+    robot = IdentifiedRobot(cell, nominal)
+    q = random_angles(kinematics(robot, nominal.robot), 5)
     tool = np.eye(4)
     tool[:3, 3] = [0.1, 0.2, 0.3]
-    placed = kinematics_of_robot(robot, nominal, tool=tool).forward(q)
+    placed = kinematics(robot, nominal.robot, tool=tool).forward(q)
     expected = forward(nominal_chain(cell.robot), q).poses() @ tool
     np.testing.assert_allclose(placed, expected, rtol=0.0, atol=1e-12)
-    end = kinematics_of_robot(robot, nominal).forward(q)
+    end = kinematics(robot, nominal.robot).forward(q)
     np.testing.assert_allclose(end, robot_frames(nominal, q).poses(), rtol=0.0, atol=1e-12)
 
 
@@ -181,10 +181,10 @@ def test_a_pose_out_of_reach_is_said_to_be(robot: IdentifiedKinematics) -> None:
 def test_the_jacobian_is_the_difference_quotient_of_the_poses(
     cell: Cell, nominal: Geometry, robot: IdentifiedKinematics
 ) -> None:
-    """Exact to rounding for geometry; ripple of gears adds half a percent, order times amplitude."""
+    """Exact to rounding for geometry; ripple of gears adds half a percent (order by amplitude)."""
     tool = np.eye(4)
     tool[:3, 3] = [0.1, 0.2, 0.3]
-    rigid = kinematics_of_robot(UnloadedRobot(cell, nominal), nominal, tool=tool)
+    rigid = kinematics(IdentifiedRobot(cell, nominal), nominal.robot, tool=tool)
     for own, tolerance in ((rigid, 1e-8), (robot, 1e-2)):
         q, step = random_angles(own, 30), 1e-6
         jacobian = own.jacobian(q)
@@ -217,16 +217,17 @@ class Aligned:
         made = joint_compliance(cell, (1, 2, 4, 5))
         values = np.array([c.mean for c in made.coefficients])
         self.nominal, self.covariance = nominal, drawn_covariance(cell, nominal, 4)
-        self.robot = UnloadedRobot(cell, nominal, (made,), values)
+        self.robot = IdentifiedRobot(
+            cell,
+            nominal,
+            (made,),
+            values,
+            ranges=np.tile([-4.0, 4.0], (6, 1)),
+            stated=self.covariance,
+        )
         self.tool = np.eye(4)
         self.tool[:3, 3] = [0.1, -0.2, 0.3]
-        self.service = kinematics_of_robot(
-            self.robot,
-            nominal,
-            tool=self.tool,
-            covariance=self.covariance,
-            ranges=np.tile([-4.0, 4.0], (6, 1)),
-        )
+        self.service = kinematics(self.robot, nominal.robot, tool=self.tool)
         self.q = random_angles(self.service, 4, seed=7)
         self.grid = accuracy_grid(cell.robot)
         self.here, self.there = (self.service.forward(a)[:, :3, 3] for a in (self.grid, self.q))
@@ -235,16 +236,16 @@ class Aligned:
         """(4, 3) [m] at the poses for a change x of the unknowns, and without scale."""
         gears, names, nominal = 6, self.covariance.names, self.nominal
         parameters = [n for n in names if n in nominal.table.index]
-        moved = kinematics_of_robot(
+        moved = kinematics(
             replace(
                 self.robot,
-                cell=with_deviations(self.robot.cell, x[-2:] @ self.covariance.masses),
+                description=with_deviations(self.robot.cell, x[-2:] @ self.covariance.masses),
                 geometry=nominal.replaced(
                     {n: nominal[n] + v for n, v in zip(parameters, x, strict=False)}
                 ),
                 values=self.robot.values + x[-2 - gears : -2],
             ),
-            nominal,
+            nominal.robot,
             tool=self.tool,
         )
         centre, there = self.here.mean(axis=0), moved.forward(self.grid)[:, :3, 3]
@@ -297,15 +298,10 @@ def test_a_covariance_survives_the_file_bit_by_bit(cell: Cell, nominal: Geometry
 
 
 def test_outside_the_fitted_range_the_uncertainty_says_so(cell: Cell, nominal: Geometry) -> None:
-    service = kinematics_of_robot(
-        UnloadedRobot(cell, nominal),
-        nominal,
-        covariance=replace(
-            drawn_covariance(cell, nominal, 4),
-            names=("ra2",), masses=np.zeros((0, 28)), values=np.array([[1e-10]]),
-        ),
-        ranges=np.tile([-0.5, 0.5], (6, 1)),
-    )  # fmt: skip
+    covariance = ToolCovariance(("ra2",), np.zeros((0, 28)), np.array([[1e-10]]))
+    ranges = np.tile([-0.5, 0.5], (6, 1))
+    robot = IdentifiedRobot(cell, nominal, ranges=ranges, stated=covariance)
+    service = kinematics(robot, nominal.robot)
     q = np.full((2, 6), 0.2)
     assert service.uncertainty(q).covered.all()
     q[1, 2] = 0.6
@@ -322,7 +318,7 @@ def test_a_calibration_without_covariance_states_no_uncertainty(
 
 def test_a_calibration_of_still_poses_serves_likewise(tmp_path: Path) -> None:
     loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=2))
-    robot, arm = loaded.kinematics("frame"), loaded.arm("frame")
+    robot, arm = loaded.kinematics("frame"), loaded.identified_robot("frame")
     q = np.random.default_rng(3).uniform(-1.5, 1.5, (20, 6))
     poses = robot.forward(q)
     np.testing.assert_allclose(poses[:, :3, 3], arm.tool(q), rtol=0.0, atol=1e-12)
@@ -368,7 +364,7 @@ def test_the_posture_next_to_the_given_angles_is_kept(tmp_path: Path, name: str)
     own, rng = solver.robot, np.random.default_rng(5)
     axes = rng.uniform(own.axis_lower, own.axis_upper, (20_000, own.joints))
     q = controller_to_joints(own, axes)
-    plain = dexterity(solver.chain, solver.deflected(q)[0]) > 0.02
+    plain = dexterity(solver.identified.chain, solver.identified.joints(q)) > 0.02
     solved = solver.nearest(solver.forward(q), q)
     turned = np.abs(joints_to_axes(own, solved.q) - axes).max(axis=1)
     assert (solved.reached & solved.within)[plain].all()

@@ -14,9 +14,8 @@ from cell.errors import InputError
 from cell.geometry import Geometry, robot_frames
 from cell.robot_angles import joints_to_axes
 from ident.corrections import CORRECTIONS
-from ident.robot.identified_arm import IdentifiedArm
-from ident.robot.inverse_calibration import TargetError, corrected_arm_targets, corrected_targets
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
+from ident.robot.inverse_calibration import TargetError, corrected_targets
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.synthetic_recording import minute
 
@@ -28,7 +27,7 @@ def targets() -> Array:
 
 
 @pytest.fixture(scope="module")
-def identified(cell: Cell, nominal: Geometry) -> UnloadedRobot:
+def identified(cell: Cell, nominal: Geometry) -> IdentifiedRobot:
     """Millimetres off, elastic, with ripple."""
     corrections = tuple(
         CORRECTIONS[name](cell, ()) for name in ("joint_compliance", "gear_backlash", "gear_ripple")
@@ -36,13 +35,13 @@ def identified(cell: Cell, nominal: Geometry) -> UnloadedRobot:
     coefficients = [c for correction in corrections for c in correction.coefficients]
     values = np.array([c.mean + 0.5 * c.sigma for c in coefficients])
     off = perturbed(nominal, np.random.default_rng(111), 1e-3)
-    return UnloadedRobot(cell, off, corrections, values)
+    return IdentifiedRobot(cell, off, corrections, values)
 
 
 def test_the_corrected_robot_stands_at_the_nominal_pose(
-    identified: UnloadedRobot, nominal: Geometry, targets: Array
+    identified: IdentifiedRobot, nominal: Geometry, targets: Array
 ) -> None:
-    found = corrected_targets(identified, nominal, targets)
+    found = corrected_targets(identified, nominal.robot, targets)
     wanted = robot_frames(nominal, targets)
     actual = robot_frames(identified.geometry, identified.joints(found.q))
     # 1e-11 rad of the last Newton step; what gears do differently by less than 1 % a turn is gone
@@ -53,9 +52,9 @@ def test_the_corrected_robot_stands_at_the_nominal_pose(
 
 
 def test_the_errors_before_are_those_of_the_identified_robot_at_the_nominal_target(
-    identified: UnloadedRobot, nominal: Geometry, targets: Array
+    identified: IdentifiedRobot, nominal: Geometry, targets: Array
 ) -> None:
-    found = corrected_targets(identified, nominal, targets)
+    found = corrected_targets(identified, nominal.robot, targets)
     wanted = robot_frames(nominal, targets)
     actual = robot_frames(identified.geometry, identified.joints(targets))
     assert found.position_before == pytest.approx(np.linalg.norm(actual.tip - wanted.tip, axis=0))
@@ -65,19 +64,19 @@ def test_the_errors_before_are_those_of_the_identified_robot_at_the_nominal_targ
 
 
 def test_a_nominal_robot_keeps_its_targets(cell: Cell, nominal: Geometry, targets: Array) -> None:
-    found = corrected_targets(UnloadedRobot(cell, nominal), nominal, targets)
+    found = corrected_targets(IdentifiedRobot(cell, nominal), nominal.robot, targets)
     assert found.q == pytest.approx(targets, abs=1e-12)
     assert found.position_before.max() < 1e-12
 
 
 def test_rows_that_cannot_be_corrected_are_all_named(
-    cell: Cell, identified: UnloadedRobot, nominal: Geometry, targets: Array
+    cell: Cell, identified: IdentifiedRobot, nominal: Geometry, targets: Array
 ) -> None:
     robot, bad = cell.robot, targets[:5].copy()
     bad[1, 0] += robot.axis_upper[0] + 0.1 - joints_to_axes(robot, bad)[1, 0]
     bad[3, 4] = 0.0  # the wrist is straight
     with pytest.raises(TargetError) as caught:
-        corrected_targets(identified, nominal, bad)
+        corrected_targets(identified, nominal.robot, bad)
     faults = caught.value.faults
     assert set(faults) == {1, 3}
     assert "axis 1 of the given target is" in faults[1]
@@ -88,19 +87,19 @@ def test_rows_that_cannot_be_corrected_are_all_named(
 
 
 def test_a_correction_that_leaves_the_range_is_refused(
-    cell: Cell, identified: UnloadedRobot, nominal: Geometry, targets: Array
+    cell: Cell, identified: IdentifiedRobot, nominal: Geometry, targets: Array
 ) -> None:
     """A target just inside its range, whose correction lies outside."""
-    robot, free = cell.robot, corrected_targets(identified, nominal, targets[:1]).q[0]
+    robot, free = cell.robot, corrected_targets(identified, nominal.robot, targets[:1]).q[0]
     turn = np.sign(free[0] - targets[0, 0])  # of the first axis, the others stay
     edge = targets[:1].copy()
     limit = robot.axis_upper if turn > 0.0 else robot.axis_lower
     edge[0, 0] += limit[0] - joints_to_axes(robot, edge)[0, 0] - turn * 1e-7
     with pytest.raises(TargetError, match="of the corrected target"):
-        corrected_targets(identified, nominal, edge)
+        corrected_targets(identified, nominal.robot, edge)
 
 
-def test_five_axes_cannot_keep_a_whole_pose() -> None:
-    five = cast(IdentifiedArm, SimpleNamespace(robot=SimpleNamespace(title="Five", joints=5)))
+def test_five_axes_cannot_keep_a_whole_pose(nominal: Geometry) -> None:
+    five = cast(IdentifiedRobot, SimpleNamespace(robot=SimpleNamespace(title="Five", joints=5)))
     with pytest.raises(InputError, match="Five: 5 axes cannot keep a whole pose"):
-        corrected_arm_targets(five, np.zeros((1, 5)))
+        corrected_targets(five, nominal.robot, np.zeros((1, 5)))

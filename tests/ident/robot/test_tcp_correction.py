@@ -13,10 +13,10 @@ from cell.statistics import rms
 from ident.corrections import CORRECTIONS
 from ident.result import CoefficientEstimate, CorrectionEstimate, NamedCovariance, RobotEstimate
 from ident.robot.accuracy import accuracy_grid, position_error, rigid_basis
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_correction import correction_parts
 from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 CHANGED = {"ra2": 1.5e-3, "rd4": -0.8e-3, "ralpha3": 1e-3, "rtheta5": -1.2e-3, "ra5": 2e-3}
@@ -58,8 +58,8 @@ def robot() -> RobotEstimate:
 
 def field(geometry: Geometry) -> Array:
     """(3G,) motion of the tool from nominal, base aligned; full kinematics."""
-    nominal = UnloadedRobot(CELL, NOMINAL).tool(GRID)
-    moved = (UnloadedRobot(CELL, geometry).tool(GRID) - nominal).ravel()
+    nominal = IdentifiedRobot(CELL, NOMINAL).tool(GRID)
+    moved = (IdentifiedRobot(CELL, geometry).tool(GRID) - nominal).ravel()
     basis = rigid_basis(nominal)
     return np.asarray(moved - basis @ (basis.T @ moved))
 
@@ -85,9 +85,9 @@ def test_shares_are_those_of_changing_one_after_the_other(robot: RobotEstimate) 
 def test_a_part_by_itself_is_the_error_of_a_robot_with_nothing_else(robot: RobotEstimate) -> None:
     parts = {part.name: part for part in correction_parts(robot, GRID)}
     assert set(parts) == set(CHANGED)
-    nominal = UnloadedRobot(CELL, NOMINAL).tool(GRID)
+    nominal = IdentifiedRobot(CELL, NOMINAL).tool(GRID)
     for k, name in enumerate(CHANGED, start=1):
-        other = UnloadedRobot(CELL, changed({name})).tool(GRID)
+        other = IdentifiedRobot(CELL, changed({name})).tool(GRID)
         alone = rms(position_error(nominal, other).error)
         assert parts[name].size == pytest.approx(alone, rel=5e-3)
         uncertain = alone * k * 1e-6 / abs(CHANGED[name])
@@ -110,8 +110,7 @@ def test_soft_gears_are_a_part_for_each_gear() -> None:
     robot = robot_of(NOMINAL, CorrectionEstimate(correction.name, correction.sentence, gears))
     parts = {p.name: p for p in correction_parts(robot, GRID) if p.source == "joint_compliance"}
     assert set(COMPLIANCES) <= set(parts)
-    identified, rigid = robot.unloaded(), UnloadedRobot(CELL, robot.geometry).tool(GRID)
-    assert identified.values is not None
+    identified, rigid = robot.identified_robot(), IdentifiedRobot(CELL, robot.geometry).tool(GRID)
     for k, name in enumerate(f"compliance{i}" for i in range(1, 7)):
         single = replace(identified, values=np.where(np.arange(6) == k, identified.values, 0.0))
         alone = rms(position_error(rigid, single.tool(GRID)).error)

@@ -9,6 +9,7 @@ from cell.arrays import Array
 from cell.geometry import Geometry, robot_frames
 from cell.statistics import rms
 from ident.robot.accuracy import accuracy_grid, tcp_error
+from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import (
     SCALE,
     TcpUncertainty,
@@ -17,7 +18,6 @@ from ident.robot.tcp_uncertainty import (
     tcp_uncertainty,
 )
 from ident.robot.tool_covariance import ToolCovariance
-from ident.robot.unloaded_robot import UnloadedRobot
 from tests.helpers.six_axes import INDEX
 from tests.helpers.synthetic_recording import CELL
 
@@ -37,7 +37,7 @@ def grid() -> Array:
 
 @pytest.fixture(scope="module")
 def stated(nominal: Geometry, grid: Array, root: Array) -> TcpUncertainty:
-    robot, parameters = UnloadedRobot(CELL, nominal), np.array([INDEX[n] for n in NAMES])
+    robot, parameters = IdentifiedRobot(CELL, nominal), np.array([INDEX[n] for n in NAMES])
     moves = robot.jacobian(grid, parameters)
     return tcp_uncertainty(robot.tool(grid), moves, root @ root.T, NAMES)
 
@@ -60,7 +60,7 @@ def drawn(nominal: Geometry, grid: Array, root: Array) -> tuple[Array, Array, Ar
 def test_the_squares_of_parts_of_the_covariance_add_up(
     nominal: Geometry, grid: Array, root: Array, stated: TcpUncertainty
 ) -> None:
-    robot = UnloadedRobot(CELL, nominal)
+    robot = IdentifiedRobot(CELL, nominal)
     tool, moves = robot.tool(grid), robot.jacobian(grid, np.array([INDEX[n] for n in NAMES]))
     halves = (root[:, ::2] @ root[:, ::2].T, root[:, 1::2] @ root[:, 1::2].T)
     parts = parts_without_scale(tool, moves, *halves)
@@ -95,7 +95,7 @@ def test_the_shares_of_all_directions_add_up(stated: TcpUncertainty) -> None:
 
 
 def test_one_uncertain_parameter_is_a_direction_of_its_own(nominal: Geometry, grid: Array) -> None:
-    robot = UnloadedRobot(CELL, nominal)
+    robot = IdentifiedRobot(CELL, nominal)
     moves = robot.jacobian(grid, np.array([INDEX["ralpha4"], INDEX["rd1"]]))
     stated = tcp_uncertainty(robot.tool(grid), moves, np.diag([1e-10, 1.0]), ("ralpha4", "rd1"))
     without = [d for d in stated.directions if d.name != SCALE]

@@ -14,7 +14,7 @@ from cell.payload import Payload, with_payload
 from ident.corrections import CORRECTIONS
 from ident.loads.at_rest import UNDECIDED, UNDECIDED_WRIST, backlash_flanks
 from ident.loads.gear_loads import mass_model, own_weight
-from ident.robot.unloaded_robot import UnloadedRobot
+from ident.robot.identified import IdentifiedRobot
 from tests.helpers.six_axes import INDEX
 
 CHOSEN = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain", "encoder_harmonics")
@@ -26,7 +26,7 @@ def q() -> Array:
 
 
 @pytest.fixture(scope="module")
-def robot(cell: Cell, nominal: Geometry) -> UnloadedRobot:
+def robot(cell: Cell, nominal: Geometry) -> IdentifiedRobot:
     """Corrections of gears, rod and encoders, at values drawn about their priors."""
     corrections = tuple(CORRECTIONS[name](cell, (1,)) for name in CHOSEN)
     coefficients = [c for correction in corrections for c in correction.coefficients]
@@ -34,13 +34,13 @@ def robot(cell: Cell, nominal: Geometry) -> UnloadedRobot:
     values = np.array(
         [c.mean + 0.3 * c.sigma * z for c, z in zip(coefficients, drawn, strict=True)]
     )
-    return UnloadedRobot(cell, nominal, corrections, values)
+    return IdentifiedRobot(cell, nominal, corrections, values)
 
 
 def test_without_corrections_the_joints_are_as_logged(
     cell: Cell, nominal: Geometry, q: Array
 ) -> None:
-    bare = UnloadedRobot(cell, nominal)
+    bare = IdentifiedRobot(cell, nominal)
     assert bare.joints(q) is q
     assert np.array_equal(bare.tool(q), robot_frames(nominal, q).tip.T)
     assert bare.jacobian(q, np.array([INDEX["ra2"]])).shape == (1, 3, 20)
@@ -50,7 +50,7 @@ def test_elastic_gears_yield_to_the_weight_of_arm_and_plate(
     cell: Cell, nominal: Geometry, q: Array
 ) -> None:
     compliance = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-6
-    robot = UnloadedRobot(cell, nominal, (CORRECTIONS["joint_compliance"](cell, ()),), compliance)
+    robot = IdentifiedRobot(cell, nominal, (CORRECTIONS["joint_compliance"](cell, ()),), compliance)
     lag = compliance[:, None] * own_weight(mass_model(cell), nominal, q).gear
     assert robot.joints(q) == pytest.approx(q - lag.T @ cell.robot.gear_to_joint, abs=1e-15)
 
@@ -60,7 +60,7 @@ def test_backlash_lies_on_the_flank_that_the_weight_presses_it_to(
 ) -> None:
     """Fully, however little the load exceeds what decides, and in the middle below it."""
     half = np.full(6, 1e-4)
-    robot = UnloadedRobot(cell, nominal, (CORRECTIONS["gear_backlash"](cell, ()),), half)
+    robot = IdentifiedRobot(cell, nominal, (CORRECTIONS["gear_backlash"](cell, ()),), half)
     load = own_weight(mass_model(cell), nominal, q).gear
     gears = (robot.joints(q) - q) @ cell.robot.joint_to_gear
     decided = np.abs(load) >= np.repeat([UNDECIDED, UNDECIDED_WRIST], 3)[:, None]
@@ -75,16 +75,15 @@ def test_a_load_that_hardly_decides_leaves_a_gear_in_the_middle() -> None:
 
 
 @pytest.mark.slow
-def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> None:
+def test_the_tool_moves_as_its_jacobian_says(robot: IdentifiedRobot, q: Array) -> None:
     """Central differences; rod and encoders do not move a free tool."""
     names = ["ra2", "rtheta4", "ralpha1", "bd3", "ox"]
     parameters = np.array([INDEX[name] for name in names])
     columns = robot.jacobian(q, parameters)
-    assert robot.values is not None
     assert len(columns) == 5 + robot.values.size
     for k, name in enumerate(names):
         ahead, behind = (
-            UnloadedRobot(
+            IdentifiedRobot(
                 robot.cell,
                 robot.geometry.replaced({name: robot.geometry[name] + h}),
                 robot.corrections,
@@ -99,7 +98,7 @@ def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> 
         step = np.zeros_like(robot.values)
         step[k] = 1e-7
         ahead, behind = (
-            UnloadedRobot(
+            IdentifiedRobot(
                 robot.cell, robot.geometry, robot.corrections, robot.values + s * step
             ).tool(q)
             for s in (1.0, -1.0)
@@ -110,20 +109,21 @@ def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> 
     assert not columns[3:5].any()
 
 
-def test_values_that_do_not_fit_the_corrections_are_refused(robot: UnloadedRobot, q: Array) -> None:
-    assert robot.values is not None
-    short = UnloadedRobot(robot.cell, robot.geometry, robot.corrections, robot.values[:-1])
+def test_values_that_do_not_fit_the_corrections_are_refused(
+    robot: IdentifiedRobot, q: Array
+) -> None:
+    short = IdentifiedRobot(robot.cell, robot.geometry, robot.corrections, robot.values[:-1])
     with pytest.raises(ValueError, match="zip"):
         short.tool(q)
 
 
 def test_the_tool_moves_with_the_masses_as_the_robot_of_the_other_cell(
-    cell: Cell, robot: UnloadedRobot, q: Array
+    cell: Cell, robot: IdentifiedRobot, q: Array
 ) -> None:
     """Every correction that does not depend on loads cancels."""
     body = cell.plate.body
     other = with_payload(cell, Payload(1.2 * body.mass, body.com + 0.01, 1.02))
-    expected = replace(robot, cell=other).tool(q) - robot.tool(q)
+    expected = replace(robot, description=other).tool(q) - robot.tool(q)
     moves = robot.moved_by_masses([other, cell], q)
     assert np.linalg.norm(expected, axis=1).min() > 5e-6
     # turns by 3e-5 rad under displacements of 1e-4 rad: second order is 1e-8 of a metre

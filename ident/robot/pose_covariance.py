@@ -1,0 +1,89 @@
+"""Stated uncertainty of a robot that was identified from still poses.
+
+The region that holds 95 % of poses comes from cross-validation (ident.cross_validation), not
+from the instrument's sigma alone. Outside the range over which an axis was fitted nothing is known
+of the error, so the stated uncertainty there is infinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.chain import joint_screws
+from cell.placement import Placement
+from ident.robot.identified import IdentifiedRobot, PositionUncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCovariance:
+    """Covariance of the robot's unknowns, of a target and of the seat that positions refer to."""
+
+    seat: Placement  # of the instrument in the robot's base frame: positions are relative to it
+    seat_turns: bool  # whether the seat is a whole frame, or a point
+    parameters: NDArray[np.intp]  # (P,) indices into the robot's table
+    values: Array  # (U, U) of parameters, coefficients, the target's position and the seat
+    discrepancy: float  # [m] that the model leaves unexplained, along each axis, noise included
+    factor: float  # of the region's size, over that of chi-square
+    joint_sigma: float = 0.0  # [rad] of each joint, where nothing but lengths judged the model
+
+    inside_only: ClassVar[bool] = True
+
+    def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
+        """Uncertainty of the target's position as a function of q (N, J) [rad]."""
+        jacobian = self.jacobian(robot)
+
+        def uncertainty(q: Array) -> PositionUncertainty:
+            moves, covered = jacobian(q), robot.covered(q)
+            half = np.einsum("pq,qcn->pcn", self.values, moves)
+            result = np.einsum("pcn,pdn->ncd", moves, half) + self.discrepancy**2 * np.eye(3)
+            if self.joint_sigma:
+                screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
+                result += self.joint_sigma**2 * np.einsum("jcn,jdn->ncd", screws, screws)
+            result[~covered] = np.inf
+            return PositionUncertainty(np.asarray(result), None, covered)
+
+        return uncertainty
+
+    def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
+        """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat
+        [m], per unit of each unknown.
+
+        Of a seat that is a point, the shift and turn of the whole robot that follow each unknown
+        over the workspace are taken out.
+        """
+        if self.seat_turns:
+
+            def from_frame(q: Array) -> Array:
+                moves, rigid = self._moves(robot, q)
+                return np.concatenate((moves, -rigid))
+
+            return from_frame
+        moves, rigid = self._moves(robot, robot.workspace())
+        flat = rigid.reshape(6, -1)
+        followed = np.linalg.lstsq(flat.T, moves.reshape(len(moves), -1).T, rcond=None)[0].T
+
+        def from_point(q: Array) -> Array:
+            moves, rigid = self._moves(robot, q)
+            along = np.einsum("ur,rcn->ucn", followed, rigid)
+            return np.concatenate((moves - along, np.zeros_like(rigid[:3])))
+
+        return from_point
+
+    def _moves(self, robot: IdentifiedRobot, q: Array) -> tuple[Array, Array]:
+        """(M, 3, N) motion of the target per unit of each unknown but the seat's, and (6, 3, N) in
+        shifts and turns of the whole robot about the seat.
+        """
+        frames = robot.frames(q)
+        shifts = np.repeat(np.eye(3)[:, :, None], len(q), axis=2)
+        turns = np.cross(
+            np.eye(3)[:, :, None], (frames.tip - self.seat.origin[:, None])[None], axis=1
+        )
+        by_target = frames.rotation(-2).transpose(1, 0, 2)
+        moves = np.concatenate((robot.jacobian(q, self.parameters), by_target))
+        return moves, np.concatenate((shifts, turns))
