@@ -307,6 +307,8 @@ def test_outside_the_fitted_range_the_uncertainty_says_so(cell: Cell, nominal: G
     q[1, 2] = 0.6
     with pytest.warns(UserWarning, match=r"outside the fitted range of axis 3 \(-28.6 to 28.6 deg"):
         assert service.uncertainty(q).covered.tolist() == [True, False]
+    assert np.isfinite(robot.sigma(q)).all(), "of recordings it is the model's"
+    assert np.isfinite(robot.tool(q)).all(), "without a warning"
 
 
 def test_a_calibration_without_covariance_states_no_uncertainty(
