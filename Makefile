@@ -1,6 +1,6 @@
 # make run : set up and run the main scenario        make test : set up and run the tests
 # make long : what takes longest of the tests
-# make golden : what the product says of twenty data sets, against what it said before
+# make golden : what the product says of twenty-three data sets, against what it said before
 # make audit : unsafe code (bandit), known vulnerabilities of the requirements (pip-audit)
 # make lowest : the quick tests with the lowest allowed version of every requirement
 PYTHON ?= python3

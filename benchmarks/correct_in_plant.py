@@ -47,7 +47,7 @@ def say_rehearsed(day: Path) -> None:
     plant = true_machine(load_scenario(file), relative_to=file.parent)
     robot = load_result(day / RESULT).robot
     q, corrected = (read_targets(day / name, robot).q for name in (GIVEN, CORRECTED))
-    wanted = robot_frames(plant.nominal.robot, q)
+    wanted = robot_frames(plant.nominal, q)
     by_truth = corrected_targets(known_robot(plant), plant.nominal.robot, q).q
     for words, targets in (("by the result", corrected), ("known", by_truth)):
         held = hold_machine(plant, targets)

@@ -1,10 +1,10 @@
-"""What the product says of twenty data sets, compared with what it said at the last commit.
+"""Results of the product for twenty-three data sets, compared with those of the last commit.
 
     make golden                                   compares; exit code 1 where anything moved
     python -m benchmarks.golden --accept          stores what it says now
     python -m benchmarks.golden --record          adds the figures of this commit to the table
 
-Twelve recordings and eight tables of still poses are simulated, or read where measured robots lie
+Twelve recordings and eleven tables of still poses are simulated, or read where measured robots lie
 beside the project, and go through the command line: `simulate`, `identify`, `verify` with the same
 data, and `verify` with the data of another robot. Every number of the results is compared at 1e-9
 relative, every sentence exactly. A move of code changes none of them; what is meant to change one
@@ -14,7 +14,10 @@ is a commit of its own that says why.
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import json
+import math
 import os
 import subprocess
 import sys
@@ -44,6 +47,7 @@ class Case:
     scenario: str
     changes: tuple[str, ...] = ()
     options: tuple[str, ...] = ()  # of identify
+    moved_mm: float = 0.0  # by which what is measured stands elsewhere from the middle row on
 
 
 CASES = {
@@ -64,6 +68,9 @@ CASES = {
     "ur10e_tracker": Case("ur10e_tracker"),
     "ur10e_tracker_reference": Case("ur10e_tracker_reference"),
     "ur10e_tracker_drift": Case("ur10e_tracker", ("errors.drift={}",)),
+    "ur10e_tracker_moved": Case("ur10e_tracker", moved_mm=1.0),
+    "ur10e_theodolites": Case("ur10e_theodolites"),
+    "ur10e_plates": Case("ur10e_plates"),
 }
 MEASURED = {
     "ur5_measured": real_robots.ur5_grid,
@@ -74,10 +81,11 @@ MEASURED = {
 
 @dataclass(frozen=True)
 class Said:
-    """What one data set gave."""
+    """Results of one data set."""
 
     seconds: float  # of identify
     content: dict[str, Any]  # flat: key to number, text or truth value
+    error_mm: float = math.nan  # TCP error, mean; not known of measured robots
 
 
 def said_of(name: str, folder: Path) -> Said:
@@ -95,6 +103,8 @@ def said_of(name: str, folder: Path) -> Said:
             made = ballbar("simulate", case.scenario, *sets, "--set", f"seed={seed}", "--out", out)
             if made["exit_code"]:
                 raise RuntimeError(f"{name}: {made['error']}")
+            if case.moved_mm:
+                _move_seat(out / "poses.csv", case.moved_mm)
     start = time.perf_counter()
     result = ballbar("identify", data, *options, "--out", folder / "result", "--json")
     seconds = time.perf_counter() - start
@@ -102,7 +112,22 @@ def said_of(name: str, folder: Path) -> Said:
     changed = ballbar("verify", folder / "result", other, "--json") if other != data else {}
     each = {"identify": result, "verify": again, "verify_other": changed}
     paths = (str(folder), str(real_robots.DATA))
-    return Said(seconds, dict(flat(each, paths)))
+    truth = data.with_name(data.name + ".truth.yaml")
+    compared = ballbar("compare", folder / "result", truth, "--json") if truth.exists() else {}
+    error = compared.get("tcp_error", compared.get("tcp_difference", {})).get("mean_m", math.nan)
+    return Said(seconds, dict(flat(each, paths)), 1e3 * error)
+
+
+def _move_seat(table: Path, size_mm: float) -> None:
+    """Moves what a table measured along x from its middle row on."""
+    with table.open(newline="") as file:
+        head, *rows = csv.reader(file)
+    column = head.index("x [mm]")
+    for row in rows[len(rows) // 2 :]:
+        row[column] = f"{float(row[column]) + size_mm:.8f}"
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    table.write_text(text.getvalue())
 
 
 def ballbar(*arguments: object) -> dict[str, Any]:
@@ -183,18 +208,19 @@ def main() -> None:
 
 
 def _record(commit: str, name: str, said: Said) -> None:
-    """Adds a row of figures: accuracy as stated, seconds and sentences."""
+    """Adds a row of figures: accuracy, and as stated, seconds and sentences."""
     content = said.content
     fit = "identify.calibration.fit."
     row = (
         commit,
         name,
+        "" if math.isnan(said.error_mm) else f"{said.error_mm:.4f}",
         f"{content.get(fit + 'tcp_sigma_mean_m', float('nan')) * 1e3:.4f}",
         f"{said.seconds:.1f}",
         json.dumps(content.get("identify.sentence", content.get("identify.error", ""))),
         json.dumps(content.get("verify.sentence", content.get("verify.error", ""))),
     )
-    header = "commit,case,stated_mm,seconds,identify,verify\n"
+    header = "commit,case,error_mm,stated_mm,seconds,identify,verify\n"
     before = FIGURES.read_text() if FIGURES.exists() else header
     write_whole(FIGURES, (before + ",".join(row) + "\n").encode())
 

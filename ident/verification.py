@@ -83,7 +83,7 @@ class Cause:
 
     @property
     def words(self) -> str:
-        """What changed, for a sentence."""
+        """A phrase for the part that changed."""
         if self.kind == "axis":
             return f"zero of axis {self.axis}"
         if self.kind == "gear":
@@ -305,7 +305,7 @@ def _unseen_clock(recording: RecordingFit) -> str:
 
 
 def _suspect(cell: Cell, logs: Logs, *, ambiguous: bool) -> str:
-    """What may be wrong with logs that no machine explains, or that align in several ways."""
+    """Probable error of logs that no machine explains, or that align in several ways."""
     causes = Causes.of(cell, [logs])
     if causes:
         return str(causes)
@@ -421,7 +421,7 @@ class _Difference:
         return sorted((self.explanation(cause) for cause in causes), key=lambda e: -e.evidence)
 
     def beside(self, cause: Cause) -> _Difference:
-        """What a cause leaves over, its size unknown within its prior."""
+        """The difference that a cause leaves, its size unknown within its prior."""
         moved = self.seen @ cause.columns * cause.prior
         return _Difference(self.x, self.seen, self.covariance + moved @ moved.T, self.blocks)
 

@@ -93,7 +93,7 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
     plant = without_play(true_machine(scenario_of("irb2400", "a", 2, 120.0), relative_to=SCENARIOS))
     robot, q = known_robot(plant), easy_targets(cell, 12)
     done = corrected_targets(robot, plant.nominal.robot, q)
-    wanted = robot_frames(plant.nominal.robot, q)
+    wanted = robot_frames(plant.nominal, q)
     before, after = hold_machine(plant, q), hold_machine(plant, done.q)
     assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
     assert pose_distance(wanted, before)[0].mean() > 1e-3

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[LengthRun, Path, str]:
-    """What was true, the folder of the results, and what the command printed."""
+    """The true values, the folder of the results, and the text that the command printed."""
     root = tmp_path_factory.mktemp("length")
     run = wire_run(Clock(0.4, 5e-5), seed=7)
     write_folder(run, root / "wire", "drawwire_2m")

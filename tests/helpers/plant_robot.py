@@ -68,7 +68,7 @@ def study(plant: TrueMachine, identified: IdentifiedRobot, poses: int) -> dict[s
             break
         except TargetError as error:  # at a singularity; counted
             q = np.delete(q, list(error.faults), axis=0)
-    wanted = robot_frames(plant.nominal.robot, q)
+    wanted = robot_frames(plant.nominal, q)
     before, after = hold_machine(plant, q), hold_machine(plant, corrected.q)
     known = pose_distance(
         wanted, hold_machine(plant, corrected_targets(known_robot(plant), plant.nominal.robot, q).q)

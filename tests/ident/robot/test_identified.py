@@ -9,9 +9,14 @@ import pytest
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames, robot_geometry
+from cell.load import load_robot
 from cell.payload import Payload, with_payload
+from cell.placement import Placement
+from cell.rotation import matrix_from_rotvec
 from ident.corrections import CORRECTIONS
+from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.unit_weights import unit_weights
 from ident.loads.at_rest import UNDECIDED, UNDECIDED_WRIST, backlash_flanks
 from ident.loads.gear_loads import mass_model, own_weight
 from ident.robot.identified import IdentifiedRobot
@@ -107,6 +112,38 @@ def test_the_tool_moves_as_its_jacobian_says(robot: IdentifiedRobot, q: Array) -
         assert column == pytest.approx(numeric, abs=1e-6 * max(1.0, np.abs(numeric).max())), k
     assert not columns[-8:].any()  # two of the rod, six of one encoder
     assert not columns[3:5].any()
+
+
+@pytest.fixture(scope="module")
+def still() -> IdentifiedRobot:
+    """A robot of still poses: sag under unit weights, joint errors, links without masses."""
+    ur5, rng = load_robot("ur5"), np.random.default_rng(103)
+    corrections = (unit_weights(ur5), joint_harmonics([(1, 2), (3, 1)]))
+    sigma = np.array([c.sigma for correction in corrections for c in correction.coefficients])
+    values = sigma * rng.standard_normal(sigma.size)
+    return IdentifiedRobot(ur5, robot_geometry(ur5), corrections, values)
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("robot", 1e-3), ("still", 1e-7)])
+def test_a_placed_tool_moves_as_its_jacobian_says(
+    name: str, tolerance: float, q: Array, request: pytest.FixtureRequest
+) -> None:
+    """Central differences; the weight of a cell moves with its lengths, which is left out."""
+    turn = matrix_from_rotvec(np.array([[0.1], [0.4], [-0.3]]))[:, :, 0]
+    target = Placement(turn, np.array([0.02, -0.03, 0.11]))
+    robot = replace(request.getfixturevalue(name), target=target)
+    names, geometry = ("ra2", "rtheta4"), robot.geometry
+    columns = robot.jacobian(q, np.array([geometry.table.index[n] for n in names]))
+    changed = [
+        [replace(robot, geometry=geometry.replaced({n: geometry[n] + h})) for h in (1e-6, -1e-6)]
+        for n in names
+    ]
+    steps = 1e-6 * np.eye(robot.values.size)[:8]
+    changed += [[replace(robot, values=robot.values + s * step) for s in (1, -1)] for step in steps]
+    for column, (ahead, behind) in zip(columns, changed, strict=False):
+        numeric = (ahead.tool(q) - behind.tool(q)).T / 2e-6
+        assert column == pytest.approx(numeric, abs=tolerance * max(1.0, np.abs(numeric).max()))
+    assert np.array_equal(robot.poses(q)[:, :3, 3], robot.tool(q))
 
 
 def test_values_that_do_not_fit_the_corrections_are_refused(
