@@ -62,7 +62,7 @@ from cell.selectors import require
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
 # Factor between the extents of an LED's path and of the flange's; units differ by more, and an LED
 # is no further from the flange than the flange moves
-ALIKE_EXTENT, EXTENT_ROWS = 10.0, 500
+SIMILAR_EXTENT, EXTENT_ROWS = 10.0, 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +263,7 @@ def _read_tracker(
     rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
     seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
-    if not travel / ALIKE_EXTENT < seen < travel * ALIKE_EXTENT:
+    if not travel / SIMILAR_EXTENT < seen < travel * SIMILAR_EXTENT:
         raise LogError(
             f"{rows.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
             f"over {travel:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "

@@ -1,4 +1,4 @@
-"""What `from ballbar import ...` offers, each name from its module.
+"""Names that `from ballbar import ...` offers, each from its module.
 
 Type checkers and editors read this file, and the package looks up its names in it.
 """

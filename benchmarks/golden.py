@@ -1,4 +1,4 @@
-"""What the product says of twenty-three data sets, compared with what it said at the last commit.
+"""Results of the product for twenty-three data sets, compared with those of the last commit.
 
     make golden                                   compares; exit code 1 where anything moved
     python -m benchmarks.golden --accept          stores what it says now
@@ -81,7 +81,7 @@ MEASURED = {
 
 @dataclass(frozen=True)
 class Said:
-    """What one data set gave."""
+    """Results of one data set."""
 
     seconds: float  # of identify
     content: dict[str, Any]  # flat: key to number, text or truth value

@@ -14,13 +14,13 @@ from cell.arrays import Array
 
 Time = TypeVar("Time", float, Array)
 
-ALIKE_OFFSET, ALIKE_SKEW = 2e-5, 1e-7  # [s], [1]
+SAME_OFFSET, SAME_SKEW = 2e-5, 1e-7  # [s], [1]
 # [s] standard deviation of a clock offset from which it is not determined: of ten simulated robots
 # that change a length by 0.2 mm it scattered by two stated deviations or more. It is as long as one
 # to three rows of a controller's log (4 to 12 ms), and 2.5 mm of a tool at 0.25 m/s.
 UNSEEN_OFFSET = 0.01
-# [1] likewise of a clock skew: the worst free-running clock of notes/log_formats is off by as much,
-# so a larger deviation tells nothing that was not known before the recording.
+# [1] the same for a clock skew: the worst free-running clock of notes/log_formats is off by as
+# much, so a larger deviation tells nothing that was not known before the recording.
 UNSEEN_SKEW = 1e-4
 
 
@@ -42,6 +42,6 @@ class Clock:
     def alike(self, other: Clock) -> bool:
         """Whether both clocks agree to within what the ripple of a gear could resolve."""
         return (
-            abs(self.offset - other.offset) < ALIKE_OFFSET
-            and abs(self.skew - other.skew) < ALIKE_SKEW
+            abs(self.offset - other.offset) < SAME_OFFSET
+            and abs(self.skew - other.skew) < SAME_SKEW
         )

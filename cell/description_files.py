@@ -247,7 +247,7 @@ class RobotFile(Strict):
                 if ratio == 0.0:
                     raise wrong_key(key, i, i, message="the ratio of an axis to itself cannot be 0")
             if np.linalg.cond(matrix) > 1e9:  # real ones are below 100
-                raise wrong_key(key, message="the matrix has no inverse: two axes are driven alike")
+                raise wrong_key(key, message="the matrix has no inverse: two axes move as one")
         return self
 
     @model_validator(mode="after")

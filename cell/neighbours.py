@@ -183,7 +183,7 @@ class Stretches:
     known: Mask  # (Z, 2 SIDE_ROWS) whether that row exists and is close enough
 
     def take(self, which: NDArray[np.bool_] | Rows) -> Stretches:
-        """Those of the stretches that a mask (Z,) or indices select."""
+        """The stretches that a mask (Z,) or indices select."""
         return Stretches(self.first[which], self.last[which], self.beside[which], self.known[which])
 
     def rows(self) -> tuple[Rows, Mask]:

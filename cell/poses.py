@@ -22,7 +22,7 @@ COLUMNS = {kind.name: kind.columns for kind in kinds().values()}  # values of on
 
 @dataclass(frozen=True, eq=False)
 class PoseGroup:
-    """What one seat of the instrument measured of one target, N poses.
+    """N poses of one target, measured from one seat of the instrument.
 
     The values are [m] and, of a pose, a rotation vector [rad], in the frame of the seat. Those of a
     socket are empty: the target stood at the seat's own point.

@@ -85,7 +85,7 @@ def why_not(selector: str, names: Sequence[str]) -> str:
     matching = [names[i] for i in _matching(pick[1], names)]
     if len(matching) != int(pick[3]):
         return f" {pick[1]} finds {len(matching)} columns, not {pick[3]}."
-    unlike = "columns that are not alike but for one number that counts on"
+    unlike = "columns that are not equal but for one number that counts on"
     return f" {pick[1]} finds {unlike}: {', '.join(matching)}."
 
 

@@ -1,6 +1,6 @@
 """The nominal cells as MJCF files for MuJoCo's viewer: sim/models/irb2400.xml and nj220.xml.
 
-    python -m generators.model_files        writes them anew
+    python -m generators.model_files        writes them again
     python -m mujoco.viewer --mjcf sim/models/irb2400.xml
 
 The files hold the plant's kinematics, masses and loop closure, with shapes to look at. For a

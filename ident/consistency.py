@@ -3,7 +3,7 @@
 Freed of the others in a group of unknowns (a zero, the rod, all of the robot), the blocks of a
 recording lower the cost of the fit by so much for each unknown: about one where all agree, some
 times as much where small things are in no model. A group that exceeds this level by far has changed
-between the recordings; likewise of the blocks behind an instant, within one.
+between the recordings; the same of the blocks after an instant, within one.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
-        """What changed and what to do about it."""
+        """The sentence that names the change and its remedy."""
         number = self.recording + 1
         if self.time is None:
             return (
@@ -75,7 +75,7 @@ class Change:
 
 
 def _cause(group: str, size: float) -> str:
-    """What differs, in words; size : [m, rad] as of Change."""
+    """A phrase for the group of unknowns that differs; size : [m, rad] as in Change."""
     if group.startswith("rtheta"):
         axis = group.removeprefix("rtheta")
         return f"the zero of axis {axis} differs by {size * 1e3:+.3f} mrad"
@@ -101,7 +101,7 @@ class Consistency:
 
     @property
     def sentence(self) -> str:
-        """What is not the same everywhere; empty where nothing is."""
+        """The sentence about the change; empty where everything agrees."""
         return "" if self.change is None else self.change.sentence
 
 

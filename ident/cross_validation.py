@@ -161,7 +161,7 @@ def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
     """(P,) change of the unknowns by a linear refit without poses, (N,) of each group.
 
     Seats and targets that nothing else measured are fitted to the poses that were left out: where
-    an instrument stands is always found anew.
+    an instrument stands is always estimated again.
     """
     equations, layout, table = fit.linear, fit.model.unknowns, fit.model.poses
     normal, gradient = equations.normal.copy(), equations.gradient.copy()

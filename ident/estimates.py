@@ -167,7 +167,7 @@ def _remarks(
 
 
 def _contradiction(poses: TableEstimate, tcp_sigma: float) -> str:
-    """What is left of still poses beyond what noise and stated uncertainty explain, if anything."""
+    """A warning where still poses deviate by more than noise and stated uncertainty; else empty."""
     if poses.unexplained <= APART * max(poses.declared, tcp_sigma):
         return ""
     return (
@@ -178,7 +178,7 @@ def _contradiction(poses: TableEstimate, tcp_sigma: float) -> str:
 
 
 def _substituted(robot: RobotEstimate) -> str:
-    """What stands for corrections that were not fitted, as the end of a sentence."""
+    """End of a sentence that names substitutes of corrections that were not fitted."""
     names = [c.name for c in robot.corrections if c.name in SUBSTITUTES]
     return "".join(f"; {name} stands for {SUBSTITUTES[name]}" for name in names)
 
@@ -232,7 +232,7 @@ def _recording(
 
 
 def _step_faults(cell: Cell, single: RecordingFit, fit: Fit, k: int) -> tuple[StepFault, ...]:
-    """Those that the complete fit sized, or those that the log showed by itself."""
+    """Step faults as sized by the complete fit; without one, those that the logs show."""
     if fit is not single.fit:
         return tuple(fault for fault in fit.step_faults if fault.recording == k)
     lines, ballbar = cell.ballbar.encoder_lines, single.samples.ballbar

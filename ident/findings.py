@@ -1,4 +1,4 @@
-"""What the residuals of still poses show beside the model: outliers, unsettled poses, drift.
+"""Findings in the residuals of still poses: outliers, unsettled poses, drift.
 
 Outliers are recognised by the length of the whitened residual against its median. A pose read
 before the robot stood still has its residual along the last move: the joint angles were not yet, or
@@ -27,7 +27,7 @@ OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % bey
 # Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and
 # a row within seven halves of the declared noise is no outlier that matters.
 WIDE = 0.5
-UNSETTLED = 4.5  # likewise, of a residual along the last move
+UNSETTLED = 4.5  # the same of a residual along the last move
 SHARE_OF_MOVE = 15.0  # score of a share of the last move; chance exceeds it in one of ten thousand
 SCALE = 4.0  # deviations from which the scale of the measured values is named
 # Least scale that is named: 1 mm at a reach of 1 m. Instruments and warm arms stay below 0.02 %; a
@@ -69,7 +69,7 @@ def lengths_of(fit: Fit) -> Array:
 
 
 def findings_of(fit: Fit) -> Findings:
-    """What a fit shows of its poses."""
+    """Outliers, unsettled poses, unfinished moves and drifts of a fit."""
     lengths = lengths_of(fit)
     unsettled = _unsettled(fit, lengths)
     outliers = np.setdiff1d(np.flatnonzero(lengths > OUTLIER), unsettled)

@@ -33,7 +33,7 @@ class PoseHeldOut:
 
     name: str
     error: Array  # (N,) [m] of the identified robot
-    nominal: Array  # (N,) [m] of the nominal robot, seats fitted likewise
+    nominal: Array  # (N,) [m] of the nominal robot, seats fitted in the same way
     predicted: float  # [m] mean error that cross-validation predicts
     out_of_range: dict[int, tuple[float, float]]  # axes, from 1, beyond their fitted range [rad]
     moved: tuple[str, ...] = ()  # targets as they are called on the other side of a step

@@ -215,7 +215,7 @@ def _asks_for_more(simple: Identification) -> bool:
 
 
 def _shares_errors(simple: Identification) -> bool:
-    """Whether neighbouring residuals of a good dh fit are alike: the rod may yield."""
+    """Whether neighbouring residuals of a good dh fit are correlated: the rod may be compliant."""
     rigid = simple.robot.cell.ballbar.stroke is None
     several = len(simple.recordings[0].encoders) >= COMPLETE_ENCODERS
     return rigid and several and simple.fit.autocorrelation > CORRELATED

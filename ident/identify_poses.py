@@ -51,7 +51,7 @@ class JointErrors:
 
 @dataclass(frozen=True)
 class PoseOptions:
-    """What an identification from still poses shall do."""
+    """Options of an identification from still poses."""
 
     search: bool = True  # for joint errors
     learned: JointErrors | None = None

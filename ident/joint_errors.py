@@ -100,7 +100,7 @@ def candidate_orders(robot: Robot, known: Sequence[tuple[int, float]]) -> list[t
 
 
 def thinning(fit: Fit) -> int:
-    """Of how many samples of a fit one enters `linearised`."""
+    """Step between the samples of a fit that enter `linearised`."""
     return -(-sum(r.times.size for r in fit.model.recordings) // SEARCHED)
 
 

@@ -5,8 +5,8 @@ of its own. Both logs are smoothed (ident.signals.smooth_log), all lags are comp
 of the channels (ident.start.speed_scan), and the best ones are refined by least squares
 (ident.estimator.clock_fit).
 
-Of a motion that repeats itself several lags explain the logs alike. Such logs are refused: nothing
-in them tells which lag is right.
+Where a motion repeats itself, several lags explain the logs equally well. Such logs are refused:
+nothing in them tells which lag is right.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def align_logs(a: ChannelLog, b: ChannelLog, pairs: Sequence[tuple[str, str]] = 
     """Clock offset and skew of log B against log A.
 
     pairs : channels of A and B that belong together; otherwise those of the same name, and without
-    any those that move alike.
+    any pairs that move together.
 
     Raises LogError if a log is too short, nothing moves in it, or a channel does not exist;
     AlignmentError if no lag makes the channels agree, or several do.
@@ -188,7 +188,7 @@ def _smoothed(log: ChannelLog) -> _Scaled:
 
 
 def _only(scaled: _Scaled, columns: list[int]) -> _Scaled:
-    """The log of some channels in that order, smoothed anew without the others."""
+    """The log of some channels in that order, smoothed again without the others."""
     if columns == list(range(len(scaled.log.names))):
         return scaled
     return _smoothed(scaled.log.part(columns))
@@ -204,15 +204,15 @@ def _scan(speeds: tuple[Array, Array], *, named: bool) -> LagScan:
 def _related(
     a: ChannelLog, b: ChannelLog, correlation: Array, *, named: bool, requested: bool
 ) -> tuple[list[tuple[int, int]], list[str]]:
-    """Columns of the pairs that move alike at the best lag, and a sentence for each other pair.
+    """Columns of the pairs that move together at the best lag, and a sentence for each other pair.
 
     correlation : (Ca, Cb) of the speeds. named : as in `_scan`. requested : pairs that the user
     named all stay.
-    Raises AlignmentError if none moves alike.
+    Raises AlignmentError if none moves together.
     """
     pairs = [(k, k) for k in range(len(a.names))] if named else likely_pairs(correlation, RELATED)
-    alike = [(i, j) for i, j in pairs if abs(correlation[i, j]) >= RELATED]
-    if not alike:
+    related = [(i, j) for i, j in pairs if abs(correlation[i, j]) >= RELATED]
+    if not related:
         raise AlignmentError(_unrelated(a, b))
     if requested:
         return pairs, []
@@ -220,15 +220,15 @@ def _related(
         f"channels {a.names[i]} and {b.names[j]} were left out: their speeds correlate by "
         f"{correlation[i, j]:.2f} only"
         for i, j in pairs
-        if (i, j) not in alike
+        if (i, j) not in related
     ]
-    return alike, remarks
+    return related, remarks
 
 
 def _unrelated(a: ChannelLog, b: ChannelLog) -> str:
     return (
-        f"no clock offset makes the channels of {a.name} and {b.name} move alike. Are both of one "
-        "run? Name channels of the same motion with --channel a=b."
+        f"no clock offset makes the channels of {a.name} and {b.name} move together. Are both of "
+        "one run? Name channels of the same motion with --channel a=b."
     )
 
 
@@ -236,8 +236,8 @@ def _refuse_rivals(chosen: ClockFit, refined: Sequence[ClockFit]) -> None:
     """Raises AlignmentError if another lag explains the logs as well."""
     for rival in refined:
         apart = abs(rival.clock.offset - chosen.clock.offset)
-        alike = float(np.exp(np.log(rival.rms / chosen.rms).mean())) <= RIVAL_RESIDUAL
-        if apart > SAME and alike and rival.overlap >= RIVAL_OVERLAP * chosen.overlap:
+        comparable = float(np.exp(np.log(rival.rms / chosen.rms).mean())) <= RIVAL_RESIDUAL
+        if apart > SAME and comparable and rival.overlap >= RIVAL_OVERLAP * chosen.overlap:
             raise AlignmentError(
                 f"the motion repeats itself: clock offsets {chosen.clock.offset:+.3f} s and "
                 f"{rival.clock.offset:+.3f} s explain both logs equally well. Add a move that "

@@ -36,7 +36,7 @@ NEGATIVE, NOTHING = 2.0, 0.15
 
 
 def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction]:
-    """Of the corrections `tried` of a fit, those that held-out time asks for; in their order.
+    """Corrections out of `tried` that the prediction of held-out time needs, in their order.
 
     The best of them joins, until none brings enough.
     """
@@ -73,8 +73,8 @@ def unsupported(result: Fit) -> set[str]:
     may well be absent, with a mean of 0, is not supported where a compliance of it came out
     negative: it then stands for something else, and the robot is worse with it.
     """
-    alike, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
-    widening = result.chi2_per_dof * (1.0 + alike) / (1.0 - alike)
+    correlation, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
+    widening = result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
     negative = negative_coefficients(result, np.sqrt(widening * np.diag(result.covariance)))
     for correction in present(result):
         position = coefficients_of(result, correction)

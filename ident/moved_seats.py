@@ -1,4 +1,4 @@
-"""A seat or a target that moved once within a table: an instrument knocked, a ball seated anew.
+"""A seat or a target that moved once within a table: an instrument knocked, a ball seated again.
 
 A step is three more unknowns, a shift of what was measured from some pose on. Where it may be
 follows from the score of such a shift at every pose in the order of measurement, Schur complement
@@ -45,8 +45,8 @@ BLOCKS = 10  # of poses on either side, left out in turn; with 5 a left-out bloc
 # stretch of bad rows is no step; in variances of what the model leaves over, times the number of
 # neighbouring poses that count as one. 2 ln(1000 places) + 11 (docs/studies/table_steps.csv).
 PRICE = 25.0
-ALIKE = 4.0  # neighbours that count as one at most: what is beyond is the step itself, unfitted
-PRIOR = 1e-3  # [m] least standard deviation of a step: a knocked instrument, a ball seated anew
+CORRELATED = 4.0  # neighbours that count as one at most: beyond is the step itself, unfitted
+PRIOR = 1e-3  # [m] least standard deviation of a step: a knocked instrument, a ball seated again
 RAMPS = (64, 128, 256, 512)  # poses over which a gradual change takes place
 WARMING = 1.25e-4  # [m] that bases and trackers drift within hours, and robots that warm up
 LEAST_SIZE, CERTAIN_SIZE = 1.5, 4.0  # times the discrepancy along an axis: least size of a step
@@ -240,7 +240,7 @@ def _predicts(
         every = np.concatenate((jacobian, more))
         if k == 1:
             rest = residual - np.einsum("pen,p->en", every, np.linalg.solve(normal, gradient))
-            tau = correlation_time(rest, most=ALIKE)
+            tau = correlation_time(rest, most=CORRELATED)
         normal[-3:, -3:] += max(PRIOR, place.size) ** -2.0 * np.eye(3)
         left.append(_left_out(normal, gradient, every, residual, block, counting))
     spare = max(

@@ -1,4 +1,4 @@
-"""What a user may choose of an identification, and who hears of its progress."""
+"""Options of an identification, and the listener that hears of its progress."""
 
 from __future__ import annotations
 

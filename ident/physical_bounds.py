@@ -1,4 +1,4 @@
-"""What no machine has: forces, unknowns and slips of a fit beyond what is physical.
+"""Physical bounds: forces, unknowns and slips of a fit that no machine has.
 
 A fit explains a damaged log with whatever its model offers. Each prior is of physical size, so an
 unknown far beyond it, a force that no seat of a ball holds, and as many steps as are looked for at

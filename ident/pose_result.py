@@ -1,4 +1,4 @@
-"""What an identification from still poses found."""
+"""Result of an identification from still poses."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class PoseIdentification:
 
     @property
     def information_gain(self) -> dict[str, float]:
-        """Of every unknown: 0 where the prior alone tells it, 1 where the data do."""
+        """Information gain of each unknown: 0 where the prior alone tells it, 1 where data do."""
         layout = self.fit.model.unknowns
         gain = 1.0 - np.clip(np.diag(self.fit.covariance) / layout.sigma**2, 0.0, 1.0)
         return dict(zip(layout.names, gain.tolist(), strict=True))
@@ -68,7 +68,7 @@ class PoseIdentification:
 
     @property
     def residual_nominal(self) -> Array:
-        """(N,) [m] likewise of the nominal robot."""
+        """(N,) [m] the same errors of the nominal robot."""
         return position_errors(self.nominal)
 
     @property

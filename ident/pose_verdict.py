@@ -1,4 +1,4 @@
-"""What to make of an identification from still poses: status and sentence."""
+"""Verdict on an identification from still poses: status and sentence."""
 
 from __future__ import annotations
 
@@ -195,11 +195,11 @@ def _of_orders(result: PoseIdentification) -> list[str]:
             f"low orders were found ({_listed(low)}); they may stand for another smooth error of "
             "the robot rather than of that joint"
         )
-    alike = [o for o in orders if o.aliases]
-    if alike:
+    ambiguous = [o for o in orders if o.aliases]
+    if ambiguous:
         each = [
             f"joint {o.joint + 1}: {o.order:g} or {' or '.join(f'{a:g}' for a in o.aliases[:4])}"
-            for o in alike
+            for o in ambiguous
         ]
         out.append(
             f"orders that these angles do not tell apart ({_listed(each)}), because the angles lie "

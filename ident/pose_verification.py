@@ -97,7 +97,7 @@ class Verification:
     limit: float  # of `square`, exceeded in FALSE_ALARMS of checks of an unchanged robot
     predicted: float  # [m] mean error of an unchanged robot
     causes: tuple[TableChange, ...]  # best first; empty where the calibration holds
-    named: tuple[TableChange, ...]  # that explain the change clearly; several where alike
+    named: tuple[TableChange, ...]  # that explain the change clearly; several where they do equally
     blind: Mapping[int, float]  # axes, from 1, whose zero may have changed by so much [rad] unseen
     outside: int  # poses that do not count
     out_of_range: Mapping[int, tuple[float, float]]  # axes of those, and their ranges [rad]
@@ -168,7 +168,7 @@ class Verification:
 
 @dataclass(frozen=True, eq=False)
 class _Check:
-    """What is held: robot, targets, variance."""
+    """The stored result that is checked: robot, targets and variance are held."""
 
     arm: IdentifiedRobot
     known: dict[str, Placement]
@@ -409,10 +409,10 @@ def _clear(
         return ()
     if square - _priced(best) < RIVAL:
         return ()
-    alike = tuple(
+    rivals = tuple(
         c for c in causes if c.square <= best.square or _priced(c) - _priced(best) < RIVAL
     )
-    return alike if len(alike) <= MANY else ()
+    return rivals if len(rivals) <= MANY else ()
 
 
 def _positions(table: PoseTable) -> PoseTable:

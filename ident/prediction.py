@@ -220,7 +220,7 @@ class _Rows:
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """What may be wrong with some rows, and the rms residual that it leaves."""
+    """A fault that some rows may have, and the rms residual that it leaves."""
 
     cause: str
     left: float
@@ -323,7 +323,7 @@ def _robot_channels(cell: Cell) -> Iterator[tuple[str, Array, Array]]:
 
 
 def _manner(logged: Array, amount: Array) -> str:
-    """What is wrong with a channel (N,) [rad] that is off by an amount (N,) [rad]."""
+    """A phrase for the error of a channel (N,) [rad] that is off by an amount (N,) [rad]."""
     true = logged - amount
     moved, shown = true - true.mean(), logged - logged.mean()
     if np.std(amount) < STRAIGHT * abs(float(np.mean(amount))) or np.ptp(true) < MOVES:

@@ -46,7 +46,7 @@ class Logs:
     tracker: TrackerLog | None = None  # validates the result, takes no part in the fit
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
-        """What gives the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.
+        """Source of the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.
 
         Motor torques tell it only of a robot whose masses, friction and rotors are known.
         """

@@ -94,7 +94,7 @@ def joint_error_remark(
 
 
 def payload_remark(payload: PayloadEstimate | None) -> str:
-    """What the torque logs say of the masses, where they replace the file's; else empty."""
+    """Remark on masses of the torque logs that replace the file's; else empty."""
     if payload is None or not payload.significant:
         return ""
     gear = int(payload.added_load.argmax())
@@ -147,7 +147,7 @@ def unlike_tools(payload: PayloadEstimate | None) -> str:
 
 
 def recording_remarks(fit: Fit, covariance: Array) -> list[str]:
-    """What changed between or during the recordings: a remounted tool, links that grew.
+    """Remarks on changes between or during the recordings: a remounted tool, links that grew.
 
     covariance : (P, P) stated, of the unknowns.
     """

@@ -1,4 +1,4 @@
-"""What an identification found: the machine, each recording's own part, the fit, and a verdict.
+"""Result of an identification: the machine, each recording's own part, the fit, and a verdict.
 
 An identification always holds a tuple of recordings, also when there is one. What they share,
 robot, ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each,
@@ -60,14 +60,14 @@ class NamedCovariance:
 
     names: tuple[str, ...]
     values: Array  # (U, U) SI units
-    # (U, U) likewise of the priors and of white noise alone, not inflated for autocorrelated
+    # (U, U) the same of the priors and of white noise alone, not inflated for autocorrelated
     # residuals and misfit: what a complete model would leave uncertain
     white: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """What a result, fresh or read back, holds of a machine: enough to try other recordings."""
+    """The machine of a result, fresh or read back: enough to test other recordings."""
 
     robot: IdentifiedRobot
     nominal: Geometry  # catalogue values; base pose and encoder offsets are zero
@@ -84,7 +84,7 @@ class RobotEstimate:
     cell: Cell
     encoders: tuple[int, ...]  # of the ball-bar that found it, joints 1..5
     nominal: Geometry  # catalogue values; base pose and encoder offsets are zero
-    geometry: Geometry  # likewise, with the identified shared parameters
+    geometry: Geometry  # the nominal one with the identified shared parameters
     sigma: dict[str, float]  # [m, rad] of the identified shared parameters
     covariance: NamedCovariance  # of the shared parameters and coefficients
     corrections: tuple[CorrectionEstimate, ...]
@@ -141,7 +141,7 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class RecordingEstimate:
-    """What one recording has of its own."""
+    """Estimates that belong to one recording."""
 
     name: str
     encoders: tuple[int, ...]

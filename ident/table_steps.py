@@ -51,7 +51,7 @@ class Step:
 
     @property
     def sentence(self) -> str:
-        """What moved, when and how far."""
+        """The sentence that says what moved, when and how far."""
         where = "before it" if self.before else "from there on"
         return (
             f"{self.kind} {self.name} moved by {self.size * 1e3:.3f} mm before {self.file}:"
@@ -116,7 +116,7 @@ def split(fit: Fit, step: Step) -> PlacedPoses:
 
 
 def other_sides(steps: Sequence[Step], target: str) -> list[str]:
-    """What a target is called on the sides of its steps that do not keep its name."""
+    """Names of a target on the sides of its steps that do not keep its name."""
     others = [step.other for step in steps if step.kind == "target"]
     return [name for name in others if first_name(name) == target]
 

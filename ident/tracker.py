@@ -113,7 +113,7 @@ class TrackerCheck:
 
     @property
     def care(self) -> str:
-        """What is not as it should be."""
+        """The warning where the tracker contradicts the identified robot."""
         return (
             f"the tracker contradicts the identified robot: its points are "
             f"{self.identified.rms * 1e3:.2f} mm rms off, and noise, accuracy and the stated TCP "

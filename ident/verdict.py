@@ -1,4 +1,4 @@
-"""What to make of a fit, in words, before anyone reads a number."""
+"""Verdict on a fit: a status and a sentence, to be read before any number."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a verdict is made of, of the fit as a whole."""
+    """Evidence for a verdict, from the fit as a whole."""
 
     converged: bool
     iterations: int
@@ -167,7 +167,7 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class RecordingEvidence:
-    """Likewise of one recording."""
+    """Evidence for a verdict, from one recording."""
 
     name: str
     start: Start
@@ -370,7 +370,7 @@ def implausible(geometry: Geometry, identified: Sequence[str], nominal: Geometry
 
 
 def _rod_warnings(evidence: Evidence, cell: Cell, nominal: Geometry) -> list[str]:
-    """Of a rigid rod that is not as long as its file says; the fit is none the worse for it."""
+    """Warnings about a rigid rod whose length differs from its file; the fit is no worse for it."""
     length, stated = evidence.geometry["bd3"], nominal["bd3"]
     sensed = cell.ballbar.stroke is not None or "bd3" not in evidence.identified
     off = abs(length - stated)

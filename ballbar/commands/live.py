@@ -134,10 +134,10 @@ def watch(
         bool, typer.Option("--json", help="Print a line of JSON in SI units for each update.")
     ] = False,
 ) -> None:
-    """Identify a recording while it is being written, whoever writes it.
+    """Identify a recording while it is being written, by any logger.
 
     Every second the files are read, the latest rows are compared with what the earlier ones
-    foretell, and the robot is identified anew. Nothing is written. Ends with Ctrl-C, or when the
+    predict, and the robot is identified again. Nothing is written. Ends with Ctrl-C, or when the
     duration is over and no more rows come. Exits with 1 if an alarm stands at the end, or the
     accuracy is not reached.
     """

@@ -83,7 +83,7 @@ def export(
         Path | None,
         typer.Option(
             "--into",
-            help="URDF or xacro of the robot: written anew with the identified joint origins, all "
+            help="URDF or xacro of the robot: written again with the identified joint origins, all "
             "else as it is.",
             metavar="FILE",
         ),
@@ -180,7 +180,7 @@ def correct(
     frame: Annotated[
         list[str] | None,
         typer.Option(
-            help="Likewise of a work object or base, in the robot's base frame; repeatable.",
+            help="The same for a work object or base, in the robot's base frame; repeatable.",
             metavar="[NAME=]X,Y,Z,A,B,C",
         ),
     ] = None,

@@ -178,7 +178,7 @@ def position_in_seat(stand: TrueStand, noise: Array, instrument: Instrument) -> 
 
 
 def position_sigma(values: Array, instrument: Instrument) -> Array:
-    """(N, 3) [m] standard deviation of positions (N, 3 or more), alike along the three axes."""
+    """(N, 3) [m] standard deviation of positions (N, 3 or more), equal along the three axes."""
     sideways = instrument.sigma_direction * np.linalg.norm(values[:, :3], axis=1)
     each = np.sqrt((instrument.sigma_length**2 + 2.0 * sideways**2) / 3.0)
     return np.repeat(each[:, None], 3, axis=1)

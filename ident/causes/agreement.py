@@ -57,7 +57,7 @@ class ToolPath:
 
     radius: float  # [m] of the sphere
     rms: float  # [m] of the tool's distance from it
-    # [m] of the radius: the errors of a robot that is not calibrated are alike along its path, so
+    # [m] of the radius: the errors of a robot that is not calibrated are similar along its path, so
     # the whole path counts as one measurement of each unknown
     radius_sigma: float
     directions: dict[int, Array]  # (Nr, 3) that a gimbal should hold, by its turning joint

@@ -8,9 +8,9 @@ recording identifies: to first order they leave a cost `c = r'r - g'Cg` of the r
 s among them `c - (s'r - s'J C g)^2 / (s's - s'J C J's)`. So all channels cost little more than an
 iteration of a fit, and an error of a percent does no harm, as it would in the fit that failed.
 
-Likewise beside a complete fit of several recordings, of each channel of each recording: a lag or
-factor that all recordings share is among its unknowns (joint_lag, gear_ratio), one of a single
-recording or of an encoder is not.
+The same is done beside a complete fit of several recordings, of each channel of each recording: a
+lag or factor that all recordings share is among its unknowns (joint_lag, gear_ratio), one of a
+single recording or of an encoder is not.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def channel_errors_beside(cell: Cell, fit: Fit) -> list[ChannelError]:
 
 
 def _ranked(errors: Iterable[ChannelError], left: float) -> list[ChannelError]:
-    """Those that leave less than a share `left`, the least first."""
+    """Errors that leave less than a share `left` of the residual, the least first."""
     return sorted((e for e in errors if e.left < left), key=lambda error: error.left)
 
 

@@ -1,4 +1,4 @@
-"""What the columns of the logs may hold instead of what is declared, and how well that agrees.
+"""Other contents that the columns of the logs may have, and how well each agrees with the motion.
 
 Encoders: any order of the columns, and other line counts. The ratio of a line count follows from
 the angle that the robot's pose gives: `turning = arg(x + i y)` and `tilting = acos z` of the
@@ -113,7 +113,7 @@ def encoder_scales(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
     factors = [f"b{j} {ratio:.3f}" for j, ratio in sorted(wrong.items())]
     share = left_of(corrected, path)
     if not _powers_of_two(wrong):
-        most = ANYTHING if _alike(wrong) else min(ANYTHING, FAR_LESS * left_of(motion, path))
+        most = ANYTHING if _equal(wrong) else min(ANYTHING, FAR_LESS * left_of(motion, path))
         if share > most:
             return []
     return [
@@ -129,7 +129,7 @@ def encoder_scales(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
 
 
 def _wrong_scales(ratios: dict[int, float]) -> dict[int, float]:
-    """Those of the ratios that are not 1, by joint, as well as the largest is known."""
+    """Ratios that differ from 1, by joint; none where the least of them is not significant."""
     off = np.array([abs(ratio - 1.0) for ratio in ratios.values()])
     limit = _accuracy(off)
     wrong = {joint: ratio for joint, ratio in ratios.items() if abs(ratio - 1.0) > limit}
@@ -141,7 +141,7 @@ def _accuracy(off: Array) -> float:
     return max(SAME_SCALE, NEARLY * float(off.max(initial=0.0)))
 
 
-def _alike(wrong: dict[int, float]) -> bool:
+def _equal(wrong: dict[int, float]) -> bool:
     """Whether ratios are equal, as of encoders of one kind."""
     ratios = np.array(list(wrong.values()))
     return bool(np.ptp(ratios) <= _accuracy(np.abs(ratios - 1.0)))

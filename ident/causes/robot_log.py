@@ -1,4 +1,4 @@
-"""What the columns of the robot's log may hold instead of what is declared.
+"""Other contents that the columns of the robot's log may have than those declared.
 
 Two of its motors, axes or joints exchanged; one that counts backwards; angles of another kind or
 in another unit. Each is an affine map of the joint angles as read,

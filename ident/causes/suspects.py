@@ -114,9 +114,9 @@ class Causes:
 
 
 def suspects(cell: Cell, logs: Logs) -> list[Suspect]:
-    """What may be wrong with a recording whose fit failed: the most likely cause first, or nothing.
+    """Possible causes of a failed fit, the most likely first; empty where none is found.
 
-    Others follow only if their evidence is comparable.
+    Others than the first follow only if their evidence is comparable.
     """
     if logs.length is not None:
         return list(_duration(logs))
@@ -237,7 +237,7 @@ def _still_axes(cell: Cell, motion: LoggedMotion, rms: float) -> Iterator[Suspec
 
 
 def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
-    """What in single recordings a complete fit cannot have, as sentences; empty where nothing is.
+    """Sentences about errors of single channels that a complete fit cannot contain; may be empty.
 
     names : of the recordings. The size of such an error is not stated: the fit has made up for a
     part of it.

@@ -1,4 +1,4 @@
-"""What a correction is: an error source that displaces error channels of the mechanism.
+"""Corrections: error sources that displace error channels of the mechanism.
 
 Channels are the gears, the five ball-bar joints, the rod's length, the plate's bending, and any
 parameter of the robot that does not stay the same along a recording. A correction names its unknown
@@ -50,7 +50,7 @@ class Coefficient:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What the regressors may depend on, at N samples."""
+    """State of the mechanism at N samples, on which regressors depend."""
 
     t: Array  # (N,) [s] on the ball-bar's clock
     recording: int  # from 0

@@ -64,6 +64,6 @@ def knees_of(names: Iterable[str]) -> list[tuple[int, float]]:
     for name in names:
         parts = _COEFFICIENT.fullmatch(name)
         if parts is None:
-            raise InputError(f"corrections.{GEAR_SOFTENING}.{name}: expected soft2_54.2 or alike")
+            raise InputError(f"corrections.{GEAR_SOFTENING}.{name}: expected soft2_54.2 or similar")
         knees.append((int(parts[1]) - 1, float(parts[2])))
     return knees

@@ -18,7 +18,7 @@ def joint_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
 
 
 def gear_compliance(robot: Robot) -> Correction:
-    """Likewise, of a robot whatever measures it."""
+    """The same correction from the robot alone, for any instrument."""
     return Correction(
         "joint_compliance",
         "elastic gears",

@@ -37,7 +37,7 @@ def joint_harmonics(orders: Sequence[tuple[int, float]]) -> Correction:
 
 
 def harmonic_name(joint: int, order: float) -> str:
-    """What the names of both coefficients of a joint, from 0, and an order begin with."""
+    """Common beginning of the names of both coefficients of a joint, from 0, and an order."""
     return f"joint{joint + 1}_{order:.10g}"
 
 
@@ -51,7 +51,7 @@ def orders_of(names: Iterable[str]) -> list[tuple[int, float]]:
         parts = _COEFFICIENT.fullmatch(name)
         if parts is None:
             raise InputError(
-                f"corrections.{JOINT_HARMONICS}.{name}: expected joint2_17_cos or alike"
+                f"corrections.{JOINT_HARMONICS}.{name}: expected joint2_17_cos or similar"
             )
         pair = (int(parts[1]) - 1, float(parts[2]) if "." in parts[2] else int(parts[2]))
         if pair not in orders:

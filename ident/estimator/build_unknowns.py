@@ -49,7 +49,7 @@ PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps 
 
 @dataclass(frozen=True)
 class RecordingStart:
-    """What the vector needs to know of one recording."""
+    """Starting values of one recording's unknowns, and how many knots and clock steps it has."""
 
     encoders: tuple[int, ...]
     geometry: Geometry  # encoder offsets and base position to start from

@@ -1,4 +1,4 @@
-"""What a fit takes as given adds to its uncertainty: masses, lengths and angles of the instrument.
+"""Uncertainty from quantities that a fit takes as given: masses, lengths, instrument angles.
 
 Consider parameters (Schmidt 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change
 `r_m` for one standard deviation of a direction of the masses, the estimate moves by
@@ -58,7 +58,7 @@ def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
 
 
 def held_shifts(fit: Fit, held: NDArray[np.intp], sigma: Array) -> tuple[Array, Array]:
-    """What parameters that a fit held at their nominal values may be, and what that changes.
+    """Errors of parameters that a fit held at their nominal values, and the shifts they cause.
 
     Once freed under their priors, they would have the covariance D and go by the step h. Their
     error in the fit has the mean square D + h h', so what the data say of them counts.

@@ -238,7 +238,7 @@ def influence(
 
 
 def significant(moves: Mapping[str, float], threshold: float = SIGNIFICANT) -> dict[str, float]:
-    """Those of the moves that exceed the threshold, largest first."""
+    """Moves that exceed the threshold, largest first."""
     return {
         name: float(x)
         for name, x in sorted(moves.items(), key=lambda item: -abs(item[1]))

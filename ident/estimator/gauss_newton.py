@@ -69,7 +69,7 @@ TrialT = TypeVar("TrialT", bound=TrialStep)
 
 
 class Problem(Protocol[EquationsT, TrialT]):
-    """What the loop minimises."""
+    """A least-squares problem that the loop minimises."""
 
     def start(self) -> EquationsT:
         """The normal equations where the search begins."""

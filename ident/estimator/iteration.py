@@ -1,4 +1,4 @@
-"""What a minimisation reports, iteration by iteration, to a callback."""
+"""Figures that a minimisation reports to a callback after each iteration."""
 
 from __future__ import annotations
 

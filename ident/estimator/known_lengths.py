@@ -20,7 +20,7 @@ from ident.estimator.unknowns import Unknowns
 
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
-SEEN = 0.1  # likewise of a combination: without the data nothing contradicts it
+SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
 
 
 @dataclass(frozen=True, eq=False)

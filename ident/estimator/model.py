@@ -266,7 +266,7 @@ class Model:
 
         previous : an evaluation nearby. Its loads are reused where geometry and clock moved less
         than LOADS_GEOMETRY and LOADS_CLOCK, its regressors where they do not depend on loads and
-        the clocks are alike. hold_loads : reuse the loads whenever the clocks are alike, as a trial
+        the clocks agree. hold_loads : reuse the loads whenever the clocks agree, as a trial
         step within one iteration does.
         """
         samples, layout = self.parts[k], self.unknowns

@@ -43,7 +43,7 @@ class ArmMotion:
 
 
 class Observations(ABC):
-    """What one instrument sensed of the robot, ready to be compared with a mechanism."""
+    """Measurements of one instrument, ready to be compared with the model of a mechanism."""
 
     at_rest: ClassVar[bool] = False  # whether regressors and loads do not depend on the unknowns
 
@@ -240,7 +240,7 @@ class StillPoses(Observations):
         weights: Whitening,
         slope: Array | None,
     ) -> list[tuple[slice, Array]]:
-        """Of seat and target."""
+        """Columns of the unknowns of seat and target."""
         del k, slope
         closure = point.closure
         assert isinstance(closure, TargetClosure)

@@ -2,7 +2,7 @@
 
 Candidates are the cosine and sine of `n q_j` for joints j and orders n: cycles a turn, by default
 the whole ones. In each step the candidates are ranked by a score test whose variance is that of
-the poses' own scores (sandwich form: White 1982; a pose's equations, and what is alike within it,
+the poses' own scores (sandwich form: White 1982; a pose's equations, and what is equal within it,
 count once). Neighbouring samples of a log are autocorrelated: there the scores of a block of time
 count once (Liang & Zeger 1986). Of the best candidates that is taken which lowers the blocked
 cross-validated residual most; the search ends when none lowers it by `GAIN`. Both work on the
@@ -43,7 +43,7 @@ class LinearModel:
     prior_gradient: Array  # (P,) of half the prior's cost
     prior_normal: Array  # (P, P)
     regions: NDArray[np.intp]  # (N,) folds of the cross-validation
-    # (N,) number from 0 of the group that counts once, because errors within it are alike: several
+    # (N,) number from 0 of the group that counts once, because errors within it are equal: several
     # targets at one pose, a block of time of a log
     groups: NDArray[np.intp]
     few: bool = False  # whether groups are some tens only, for which the test must allow
@@ -113,7 +113,7 @@ def search_orders(
         taken.append(chosen)
         joint, order = pairs[chosen]
         same = [k for k, pair in enumerate(pairs) if pair[0] == joint and k != chosen]
-        aliases = tuple(pairs[k][1] for k in scores.alike(chosen, same))
+        aliases = tuple(pairs[k][1] for k in scores.aliases_of(chosen, same))
         orders.append(JointOrder(joint, order, float(tests[chosen]), float(gain), aliases))
         scores.take(chosen)
         tests = scores.tests()
@@ -188,8 +188,8 @@ class _Scores:
         flat = self._rest.reshape(-1, raw.shape[1])
         dgemm(-1.0, own.T, np.linalg.solve(schur, raw @ flat.T), 1.0, flat.T, overwrite_c=1)
 
-    def alike(self, chosen: int, others: Sequence[int]) -> list[int]:
-        """Those of other candidates whose columns are nearly combinations of the chosen ones."""
+    def aliases_of(self, chosen: int, others: Sequence[int]) -> list[int]:
+        """Other candidates whose columns are nearly combinations of the chosen ones."""
         own = np.linalg.qr(self._rest[chosen].T)[0]  # (R, 2)
         rest = self._rest[others]
         within = ((rest @ own) ** 2).sum(axis=(1, 2))
@@ -201,8 +201,8 @@ def left_out(scores: Array, information: Array, prior: float) -> Array:
     """(C, K, G) scores of the groups at the amplitudes that all other groups together give.
 
     Where groups are few, an error that is there would fill the variance of the test by itself, the
-    more so the less they are alike. So the variance is that of the errors of prediction (CR3: Bell
-    & McCaffrey 2002).
+    more so the less similar they are. So the variance is that of the errors of prediction (CR3:
+    Bell & McCaffrey 2002).
 
     scores : (C, K, G) of K columns a candidate. information : (C, K, K, G). prior : [rad] of the
     amplitudes.
@@ -219,9 +219,9 @@ def left_out(scores: Array, information: Array, prior: float) -> Array:
 def of_few(tests: Array, groups: int) -> Array:
     """Statistics `s' V^-1 s` of G groups as chi-squares of two degrees of freedom, equally likely.
 
-    Of independent normal scores of alike groups, and V of the scores less their mean, `1 + s' V^-1
-    s / G` exceeds a value x with probability `x^(-(G - 2) / 2)` (Hotelling 1931). `left_out` makes
-    V larger than that by the square of `G / (G - 1)`.
+    Of independent normal scores of similar groups, and V of the scores less their mean,
+    `1 + s' V^-1 s / G` exceeds a value x with probability `x^(-(G - 2) / 2)` (Hotelling 1931).
+    `left_out` makes V larger than that by the square of `G / (G - 1)`.
     """
     if groups < 3:
         return np.zeros_like(tests)

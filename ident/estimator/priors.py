@@ -73,7 +73,7 @@ def taken_as_exact(cell: Cell, layout: Unknowns) -> NDArray[np.intp]:
 
 
 def held_names(cell: Cell) -> tuple[str, ...]:
-    """Those of `declared_names` that stay as declared where every unknown has a prior.
+    """Parameters of `declared_names` that stay as declared where every unknown has a prior.
 
     The plate of a ball-bar has the standard deviation of its file: held as exact, it would pass its
     own error on as scale that nobody states.

@@ -71,7 +71,7 @@ def close_times(samples: Samples, clock: Clock, spacing: float) -> Array:
 
 
 def _covered(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock, times: Array) -> Array:
-    """Those of the times (N,) [s] that lie in no gap of either log."""
+    """The times out of (N,) [s] that lie in no gap of either log."""
     covered: NDArray[np.bool_] = robot.covers(clock.robot_time(times))
     if ballbar is not None:
         covered &= ballbar.covers(times)

@@ -81,7 +81,7 @@ class Samples(Observations):
         return np.clip(t, self.robot.start, self.robot.end)
 
     def arm_motion(self, at: Array) -> ArmMotion:
-        """As the robot's log has it, and its arm smoothed further."""
+        """Angles and speed of the log, and speed and acceleration of the arm, smoothed further."""
         log = self.robot
         splines = (log.spline(at), log.speed(at), log.arm(at, 1), log.arm(at, 2))
         return ArmMotion(*(np.asarray(values) for values in splines))
@@ -103,7 +103,7 @@ class Samples(Observations):
         weights: Whitening,
         slope: Array | None,
     ) -> list[tuple[slice, Array]]:
-        """Of the gain of a measured tension, of the clock and of its steps."""
+        """Columns of the gain of a measured tension, of the clock and of its steps."""
         del x
         out, own = list[tuple[slice, Array]](), layout.own[k]
         if layout.gain is not None:
@@ -126,7 +126,7 @@ class Samples(Observations):
         return bool(self.unmeasured) and not self.measures_length
 
     def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
-        """As given; where the length is measured the bar points at the tool whatever they are."""
+        """The given angles, or with a measured length those of a bar that points at the tool."""
         return pointing_bar(geometry, q, self.extension) if self.measures_length else ballbar
 
     def close(

@@ -1,4 +1,4 @@
-"""What smoothing takes from gear harmonics that pass faster than the knots of the logs.
+"""Attenuation of gear harmonics that pass faster than the knots of the smoothed logs.
 
 A harmonic of order n repeats at the frequency f = n v / (2 pi) when its gear turns at speed v. Of
 that, a least-squares spline of degree p on knots h apart keeps the share

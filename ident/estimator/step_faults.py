@@ -39,7 +39,7 @@ WHOLE, SURE = 0.1, 0.01  # signal periods off a whole number, to be named one; t
 # [rad], [s] a smaller step is something smooth that the model lacks
 SMALLEST: dict[Literal["encoder", "clock"], float] = {"encoder": 2e-4, "clock": 2e-3}
 MAX_FOUND = 6  # in the residual of one set of recordings
-AS_LIKELY = 25.0  # decrease of the cost, likewise, by which distinguishable instants differ
+AS_LIKELY = 25.0  # decrease of the cost too, by which distinguishable instants differ
 SIMILAR = 0.3  # of a clock step: how close the irregularity of the stamps that it left must come
 # Every so many instants are tried first, and all of them where one comes so close to the threshold
 _SCANNED, _NEARLY = 4, 0.8
@@ -58,7 +58,7 @@ class _Channel:
 def step_faults_in_logs(
     samples: Samples, clock: Clock, recording: int = 0
 ) -> tuple[StepFault, ...]:
-    """What the logs of one recording showed by themselves and no longer hold.
+    """Step faults that the logs of one recording showed by themselves and no longer hold.
 
     clock : as far as it is known. Times are on the ball-bar's clock without its steps.
     """

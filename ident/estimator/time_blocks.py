@@ -49,7 +49,7 @@ class TimeBlocks:
 
     @cached_property
     def folds(self) -> TimeBlocks:
-        """Those that are left out at once, as one block each."""
+        """The folds of a cross-validation, each as one block."""
         fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
         return self.added(*(fold == k for k in range(FOLDS)))
 
@@ -121,7 +121,7 @@ class TimeBlocks:
         return replace(self, gradient=gradient, covariance=covariance)
 
     def _apart(self, group: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-        """Of one block: W (G, G) as above, normal matrix (G, P), and the group's step (G,)."""
+        """For one block: W (G, G) as above, normal matrix (G, P), and the group's step (G,)."""
         (normal,), (gradient,) = self.normal, self.gradient
         mixed = normal[group]
         own = mixed[:, group] - mixed @ self.covariance @ mixed.T

@@ -105,7 +105,7 @@ def _left_out(fit: Fit) -> tuple[Array, int]:
 
 
 def mean_autocorrelation(fit: Fit) -> float:
-    """Of neighbours in the whitened residuals of a fit's recordings."""
+    """Mean autocorrelation of neighbours in the whitened residuals of a fit's recordings."""
     each = [
         autocorrelation(residual, point.recording.times, point.recording.smoothing)
         for point, _, residual in fit.recorded

@@ -83,7 +83,7 @@ def excess_noise(fit: Fit) -> ExcessNoise:
 
 @dataclass(frozen=True, eq=False)
 class _Likelihood:
-    """Of the components, for the loop-closure errors of one recording's N samples."""
+    """Likelihood of the components given the loop-closure errors of one recording's N samples."""
 
     error: Array  # (6, N) [m, rad]
     logged: Array  # (6, 6, N) covariance without the components

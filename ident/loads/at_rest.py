@@ -51,7 +51,7 @@ def regressors_at_rest(
 def state_at_rest(
     masses: MassModel | None, geometry: Geometry, q: Array, to_gear: Array, width: Array
 ) -> State:
-    """What regressors may depend on at logged angles q (N, J) [rad], without ball-bar.
+    """State of the robot at rest at logged angles q (N, J) [rad], without ball-bar.
 
     masses : None where no correction needs loads. to_gear : (J, J), gears = joints @ to_gear.
     width : (J,) [N m] of the transition between the flanks of the backlash.

@@ -129,7 +129,7 @@ def no_loads(joints: int, samples: int) -> Loads:
 
 
 def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Loads:
-    """Of the unloaded robot at rest at q (N, J) [rad], without ball-bar."""
+    """Loads of the unloaded robot at rest at q (N, J) [rad], without ball-bar."""
     robot = robot_frames(geometry, q)
     moments = joint_moments(robot, masses.arm, q, gravity=masses.gravity)
     return replace(

@@ -1,4 +1,4 @@
-"""What is not known of the masses that a fit takes as given.
+"""Uncertainty of the masses that a fit takes as given.
 
 A vector of deviations holds the tool's mass [kg] and first moment [kg m] in the flange's frame,
 then of each link its relative mass and its centre [m] (cell.payload.with_deviations). Files state
@@ -20,7 +20,7 @@ from cell.robot_angles import controller_to_joints
 from ident.loads.mass_columns import ARM, mass_columns
 
 LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of a link's mass; [m] of its centre; assumed
-# Likewise of the tool, with the hoses, cables and adapters that no file states
+# The same of the tool, with the hoses, cables and adapters that no file states
 TOOL_PRIOR, TOOL_CENTRE_PRIOR = 0.1, 5e-3
 LEFT_OUT = 3e-3  # of the variance of the loads that directions left out may have
 POSES, _SEED = 40, 7  # at which loads are compared
@@ -53,7 +53,7 @@ def deviated_cells(cell: Cell, covariance: Array) -> tuple[Cell, ...]:
     q = controller_to_joints(robot, axes)
     columns = mass_columns(cell, forward(nominal_chain(robot), q), q)
     changes = np.einsum("pjn,pd->djn", np.delete(columns, ARM, axis=0), factor)
-    spread = np.sqrt((changes**2).sum(axis=(0, 2)))  # every gear that carries counts alike
+    spread = np.sqrt((changes**2).sum(axis=(0, 2)))  # every gear that carries counts equally
     changes /= np.where(spread > 0.0, spread, 1.0)[:, None]
     turned, sizes, _ = np.linalg.svd(changes.reshape(len(changes), -1), full_matrices=False)
     beyond = 1.0 - np.cumsum(sizes**2) / (sizes**2).sum()

@@ -50,7 +50,7 @@ SURE = 3.0  # deviations from which the found masses replace the file's
 
 @dataclass(frozen=True, eq=False)
 class PayloadEstimate:
-    """What the torque logs say of the masses."""
+    """Masses as the torque logs give them, with their uncertainty."""
 
     payload: Masses
     stated: float  # [kg] mass of the tool in the file
@@ -81,7 +81,7 @@ def payload_from_torque(
 def payload_of_recordings(
     cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
 ) -> PayloadEstimate:
-    """As `payload_from_torque`; that of the first recording, where they are not of one tool."""
+    """Masses from the torque logs of recordings; of the first where the tools are not the same."""
     recordings = _of_recordings(cell, geometries, logs)
     if len(recordings) > 1:
         single = [_estimate(cell, [recording]) for recording in recordings]

@@ -63,7 +63,7 @@ class PositionUncertainty:
 
 
 class StatedUncertainty(Protocol):
-    """What is not known of an identified robot."""
+    """Uncertainty of an identified robot."""
 
     @property
     def discrepancy(self) -> float:

@@ -49,7 +49,7 @@ class CorrectedTargets:
     q: Array  # (N, J) [rad]
     position_before: Array  # (N,) [m] distance from the nominal pose with the nominal target
     angle_before: Array  # (N,) [rad]
-    position_after: Array  # (N,) [m] likewise with the corrected target
+    position_after: Array  # (N,) [m] the same with the corrected target
     angle_after: Array  # (N,) [rad]
 
 

@@ -1,4 +1,4 @@
-"""What moves the tool from where the nominal robot puts it to where the identified one does.
+"""Shares of single parameters in the TCP correction from nominal to identified robot.
 
 With the base aligned, the correction is to first order the sum of one field over the poses for each
 parameter and each correction, c = sum f_k. The derivatives are taken midway between both robots,
@@ -29,7 +29,7 @@ class CorrectionPart:
     name: str  # `ra2`; of coefficients what they have in common: `compliance2`, `ripple1`
     source: str  # name of the correction; empty for a parameter
     size: float  # [m] rms of the tool over the poses, by itself
-    sigma: float  # [m] standard deviation likewise
+    sigma: float  # [m] standard deviation of the same
     share: float  # of the mean square of the whole correction
 
 

@@ -1,4 +1,4 @@
-"""What is not known of an identified robot, and what that means for its tool at any pose.
+"""Uncertainty of an identified robot: its unknowns, and its tool at any pose.
 
 The unknowns are kinematic parameters, coefficients of corrections and masses that a fit took as
 given, with one covariance. The position error of the tool is linear in them, e(q) = A(q) x. No

@@ -57,8 +57,8 @@ def stamp_noise(residual: Array, speed: Array) -> tuple[float, Array]:
 def _sums(residual: Array, speed: Array) -> tuple[float, float]:
     """Sums above and below the fraction that is the variance of the stamps [s^2].
 
-    residual : (C, n) in units of the noise. speed : (C, n) [1/s] likewise. Channel first: sums over
-    six numbers of a row take numpy many times as long.
+    residual : (C, n) in units of the noise. speed : (C, n) [1/s] in the same units. Channel
+    first: sums over six numbers of a row take numpy many times as long.
     """
     clipped, speed = np.clip(residual, -CLIPPED, CLIPPED), np.ascontiguousarray(speed)
     products, squares = np.ascontiguousarray(clipped) * speed, speed * speed

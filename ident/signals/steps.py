@@ -166,7 +166,7 @@ def _clock_step(log: _Log, row: int) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class _Misfit:
-    """What one cubic for each channel leaves of the rows beside a clock step."""
+    """Residual of the rows beside a clock step, by one cubic for each channel."""
 
     left: Array  # (n, C) size in units of the noise
     spread: float  # its rms over the known values

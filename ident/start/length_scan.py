@@ -87,7 +87,7 @@ def best_lengths(
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """What is compared."""
+    """Tool positions and lengths that the scan compares."""
 
     points: Array  # (Nr, 3) [m]
     length: Array  # (Nb,) [m]

@@ -1,10 +1,10 @@
 """Where seats and targets are, by the nominal robot: starting values for the fit.
 
-Of points and poses by one linear least-squares problem: with R the seat's rotation, o its origin
-and t the target on the flange, `O_i + R_i t = R m_i + o` is linear in the nine elements of R, in o
-and in t. Of sockets likewise without R. Of lengths by trilateration, `2 p.o - |o|^2 = |p|^2 - L^2`,
-and refinement, from several trial targets. Poses that stand far off are left out and the solution
-repeated, so that a few wrong ones do not spoil the start.
+Points and poses are solved by one linear least-squares problem: with R the seat's rotation, o its
+origin and t the target on the flange, `O_i + R_i t = R m_i + o` is linear in the nine elements of
+R, in o and in t. Sockets are the same without R. Lengths are solved by trilateration,
+`2 p.o - |o|^2 = |p|^2 - L^2`, and refinement, from several trial targets. Poses that stand far off
+are left out and the solution repeated, so that a few wrong ones do not spoil the start.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _gathered(groups: Sequence[PoseGroup], chain: Chain) -> _Poses:
 
 
 def _points(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
-    """Of points: seats as whole frames, from the linear problem and then from rotations proper."""
+    """Placements from points: whole seat frames, by the linear problem, then proper rotations."""
     n, s = len(poses.origin), len(poses.names)
     matrix = np.zeros((n, 3, 12 * s + 3))
     for k in range(n):
@@ -118,7 +118,7 @@ def _points(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
 
 
 def _sockets(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
-    """Of sockets: `O_i = o - R_i t`."""
+    """Placements from sockets: `O_i = o - R_i t`."""
     s = len(poses.names)
     solution = _without_far(_placements_matrix(poses), poses.origin)
     seats = {
@@ -139,7 +139,7 @@ def _placements_matrix(poses: _Poses) -> Array:
 
 
 def _lengths(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placement], Placement]:
-    """Of lengths: the best refinement from a trial target on the flange, or near it."""
+    """Placements from lengths: the best refinement from a trial target on the flange or near it."""
     s, length = len(poses.names), poses.values[:, 0]
     trials = np.vstack((np.zeros((1, 3)), _TRIAL * np.eye(3), -_TRIAL * np.eye(3)))
     starts = trials if known is None else known.origin[None]
@@ -167,7 +167,7 @@ def _lengths(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placemen
 def _sighted(
     groups: Sequence[PoseGroup], poses: _Poses, known: Placement | None
 ) -> tuple[dict[str, Placement], Placement]:
-    """Of kinds that tell their seat by points: the best refinement from a trial target."""
+    """Placements by kinds that find their seat from points, the best from several trial targets."""
     kind, s = groups[0].kind, len(poses.names)
     trials = np.vstack((np.zeros((1, 3)), _TRIAL * np.eye(3), -_TRIAL * np.eye(3)))
     chosen = [poses.seat == j for j in range(s)]

@@ -2,7 +2,7 @@
 
 An algebraic fit of `|p - o|^2 = r^2`, then Gauss-Newton on `|p - o| - r` with the catalogue radius
 as prior. When the tool stays near a circle, the two centres at the rod's length on either side of
-its plane fit alike; both are tried and kept.
+its plane fit equally well; both are tried and kept.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ _NORMAL_QUARTILE = 0.6744897501960817  # median of |z|, z standard normal
 
 @dataclass(frozen=True, eq=False)
 class SampleFit:
-    """What paired samples say about geometry and clock."""
+    """Geometry and clock as paired samples give them."""
 
     fit: Fit
     iterations: int

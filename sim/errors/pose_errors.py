@@ -42,7 +42,7 @@ class DrawnHarmonics(Strict):
     count: Annotated[int, Field(ge=1, le=50)] = 4
     order_max: Annotated[int, Field(ge=1, le=400)] = 40
     amplitude_rad: NotNegative = 1.0e-4
-    """Of each. Assumed."""
+    """Amplitude of each harmonic. Assumed."""
 
 
 class UnitWeights(Strict):
@@ -81,7 +81,7 @@ class Unsettled(Strict):
 
     share: Share = 0.05
     fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
-    """Of the last move that was missing. Assumed."""
+    """Share of the last move that was missing. Assumed."""
 
 
 class Rounding(Strict):

@@ -146,7 +146,7 @@ def test_a_damaged_name_in_the_header_does_not_change_the_order_of_joints(damage
     assert [find(selector, names) for selector in selectors] == [[k] for k in range(6)]
     names[2] = damaged
     assert [find(selector, names) for selector in selectors] == [[]] * 6
-    assert "not alike but for one number that counts on" in why_not(selectors[0], names)
+    assert "not equal but for one number that counts on" in why_not(selectors[0], names)
 
 
 @pytest.mark.parametrize("separator", [" ", ","])

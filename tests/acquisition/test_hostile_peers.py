@@ -284,7 +284,7 @@ def as_answer_to(latest: bytes, earlier: bytes) -> bytes:
 
 
 def meddling(kind: str, answers: Sequence[bytes], rng: random.Random) -> bytes:
-    """What a recorder gets in place of its PLC's latest answer."""
+    """The answer that a recorder gets in place of its PLC's latest one."""
     latest, data = answers[-1], answers[-1][ads_proxy.DATA :]
     match kind:
         case "a second sender":

@@ -107,7 +107,7 @@ def test_time_between_measurements_counts() -> None:
 @pytest.mark.parametrize(("points", "point"), [(5, 0), (5, 3), (6, 5)])
 @pytest.mark.parametrize("kind", ["linear", "jolted"])
 def test_a_knocked_point_is_told_from_the_others(points: int, point: int, kind: str) -> None:
-    """Of five points and more in every case; of fewer another one may explain as much."""
+    """Every time with five points or more; with fewer another one may explain as much."""
     read, at = readings(kind, points, 3), 47
     read[at:, point] += [1.2e-4, -1.5e-4, 0.6e-4]
     fit, knocks = fit_with_knocks(read, np.full(read.shape[:2], SIGMA), np.ones(COUNT - 1))

@@ -60,4 +60,4 @@ def test_an_unknown_channel_is_bad_input(tables: tuple[Path, Path]) -> None:
 def test_channels_of_another_motion_are_not_acceptable(tables: tuple[Path, Path]) -> None:
     code, _, err = ballbar("align", *tables, "--channel", "x=v")
     assert code == 1
-    assert "no clock offset makes the channels of a.csv and b.csv move alike" in err
+    assert "no clock offset makes the channels of a.csv and b.csv move together" in err

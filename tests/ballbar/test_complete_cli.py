@@ -230,7 +230,7 @@ def tried_on(result: Identification, folder: Path) -> HeldOut:
 def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recording(
     together: Together, machine: RunData, name: str, error: float
 ) -> None:
-    """As after a collision: one parameter is no longer what it was."""
+    """A collision has changed one parameter."""
     result, geometry = machine.identification, machine.identification.robot.geometry
     bent = replace(result.robot, geometry=geometry.replaced({name: geometry[name] + error}))
     outcome = tried_on(replace(result, robot=bent), together.c)

@@ -77,7 +77,7 @@ def test_every_posture_of_a_kuka_robot_is_found_from_its_status_and_turn(name: s
 
 @pytest.mark.slow
 def test_cfx_tells_elbow_up_from_elbow_down_where_quadrants_do_not() -> None:
-    """Of an IRB 120, both of whose elbows are often within range and in the same quadrants."""
+    """Both elbows of an IRB 120 are often within range and in the same quadrants."""
     robot, rng = load_robot("irb120"), np.random.default_rng(2)
     drawn = rng.uniform(robot.axis_lower, robot.axis_upper, (60, 6))
     distinguished = 0

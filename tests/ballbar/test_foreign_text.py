@@ -71,7 +71,7 @@ def with_title(cell: Cell, title: str) -> Cell:
 
 
 def pose_plan_of(cell: Cell, text: str) -> PosePlan:
-    """What the writers of pose programs look at, with hostile text in it."""
+    """A plan as the writers of pose programs see it, with hostile text in it."""
     station = SimpleNamespace(seat=text, target=text)
     limits = SimpleNamespace(axis_margin_deg=1.0, clearance_m=0.01)
     setup = SimpleNamespace(

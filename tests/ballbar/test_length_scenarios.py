@@ -38,7 +38,7 @@ class Ring:
 
     @cache  # noqa: B019
     def identified(self, name: str, model: Literal["auto", "dh"] = "auto") -> Identification:
-        """What was identified from it."""
+        """The identification from it."""
         settings = load_scenario(name).identify.model_copy(update={"model": model})
         return identify_recordings([self.recorded(name)[0]], settings=settings).identification
 

@@ -24,7 +24,7 @@ SECOND = (
 
 
 def second_writer(folder: Path) -> str:
-    """What another process says that claims the folder."""
+    """The message of another process that claims the folder."""
     command = [sys.executable, "-c", SECOND, str(folder)]
     return subprocess.run(command, capture_output=True, text=True, check=False).stderr
 

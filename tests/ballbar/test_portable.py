@@ -57,7 +57,7 @@ def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def moved(work: Path, *names: str) -> Path:
-    """What a command wrote, elsewhere, and all it was made of deleted."""
+    """Files that a command wrote, moved elsewhere, with all their sources deleted."""
     elsewhere = work.parent / "elsewhere"
     elsewhere.mkdir()
     for name in names:

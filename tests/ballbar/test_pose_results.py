@@ -1,4 +1,4 @@
-"""What is done with a result of still poses: exports, a changed URDF, correct, verify, compare.
+"""Uses of a result of still poses: exports, a changed URDF, correct, verify, compare.
 
 The result is made without a fit: catalogue rows with drawn errors, joint errors, sag, two targets.
 """

@@ -69,7 +69,7 @@ def folder(nominal: Geometry) -> Iterator[Path]:
 
 
 def bound_by_permissions() -> None:
-    """What root runs next may no more than the owner of a file, as if not root."""
+    """The next processes of root may do no more than the owner of a file."""
     if os.geteuid() == 0:
         library = ctypes.CDLL(None)
         for right in (CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH):
@@ -77,7 +77,7 @@ def bound_by_permissions() -> None:
 
 
 def said(folder: Path, *commands: list[str]) -> list[str]:
-    """What each command prints, with the code it ends with, to a user who is not root."""
+    """Output and exit code of each command for a user who is not root."""
     done = subprocess.run(
         [sys.executable, "-c", CHILD, json.dumps(commands)],
         stdout=subprocess.PIPE,

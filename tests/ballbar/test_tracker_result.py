@@ -1,4 +1,4 @@
-"""What an optical tracker leaves in console, calibration.yaml and report."""
+"""An optical tracker in console, calibration.yaml and report."""
 
 from __future__ import annotations
 

@@ -399,7 +399,7 @@ def test_ballbars_and_other_instruments_share_a_folder_and_are_told_apart_by_sch
     assert load_ballbar("mine.yaml", relative_to=tmp_path).length == load_ballbar("lund_600").length
     for name in ("lund_600", str(mine)):
         with pytest.raises(
-            DescriptionError, match=r"is a ball-bar with encoders.*: drawwire_2m, qc20w"
+            DescriptionError, match=r"is a ball-bar with encoders.*: dial_gauge, drawwire_2m, qc20w"
         ):
             load_instrument(name)
     with pytest.raises(DescriptionError, match=r"Did you mean lund_600\? Valid names: lund_1200"):

@@ -174,7 +174,7 @@ TEXT: tuple[Mutation, ...] = (digit_changed, recoded, line_swapped, field_swappe
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What the recording's reader makes of a file."""
+    """Outcome of reading a file with the recording's reader."""
 
     t: NDArray[np.float64]  # (N,) [s]
     angles: NDArray[np.float64]  # (N, C) [rad]; of a force sensor [N, N m]

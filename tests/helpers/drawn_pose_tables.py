@@ -60,7 +60,7 @@ def point_table(
     scale: float = 1.0,
     seat: Array = SEAT,
 ) -> PoseTable:
-    """What a tracker measures at joint angles q (N, J) [rad] that the controller shows.
+    """Points that a tracker measures at joint angles q (N, J) [rad] that the controller shows.
 
     noise : [m] along each axis. zero : (J,) [rad] added to the angles by the robot. scale : of the
     measured values.

@@ -1,4 +1,4 @@
-"""What priors and noise allow, and whether stated intervals hold: of machines of tests/independent.
+"""Errors that priors and noise allow, and cover of stated intervals, for tests/independent.
 
 Bound: errors of the machine's unknowns are drawn from the white covariance of the fit, that of
 priors and noise without the inflation for autocorrelated residuals, and pushed through the Jacobian

@@ -31,7 +31,7 @@ SHAPE = Lissajous(  # of a bar of 1 m: within the IRB 2400's reach
 
 @dataclass(frozen=True, eq=False)
 class LengthRun:
-    """What was true, and the logs."""
+    """The true values, and the logs."""
 
     cell: Cell
     true: Geometry

@@ -139,7 +139,7 @@ BITS = (8, 16, 32, 64)
 
 
 def _signed(k: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """What a signed integer of so many bits holds after k increments."""
+    """Value of a signed integer of so many bits after k increments."""
     return (k + 128) % 256 - 128 if bits == 8 else k
 
 

@@ -1,4 +1,4 @@
-"""What the source files of the product import, read from their syntax trees."""
+"""Imports of the product's source files, read from their syntax trees."""
 
 from __future__ import annotations
 

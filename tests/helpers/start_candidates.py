@@ -15,7 +15,7 @@ from tests.helpers.synthetic_recording import NOMINAL
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """As much of a fit as the choice among hypotheses looks at."""
+    """The part of a fit that the choice among hypotheses looks at."""
 
     offset: float
     cost_per_residual: float

@@ -23,7 +23,7 @@ def figures(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
 
 
 def figures_with_failures(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
-    """As `figures`; seeds 2 to 5 fail in three ways, and seed 6 has one figure more."""
+    """Same as `figures`; seeds 2 to 5 fail in three ways, and seed 6 has one figure more."""
     if scenario.seed == 2:
         raise InputError(
             f"{folder / scenario.path.file}: no motion\nin {scenario.path.duration_s:g} s"
@@ -38,14 +38,14 @@ def figures_with_failures(scenario: Scenario, folder: Path) -> dict[str, float |
 
 
 def figures_or_death(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
-    """As `figures`; one seed ends its process, as too little memory would."""
+    """Same as `figures`; one seed ends its process, as too little memory would."""
     if scenario.seed == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return figures(scenario, folder)
 
 
 def path_text(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
-    """What the scenario's path file holds, to a worker that has only what was sent to it."""
+    """Content of the scenario's path file, for a worker that has only what was sent to it."""
     return {"text": (folder / scenario.path.file).read_text()}
 
 

@@ -1,4 +1,4 @@
-"""What several tests of the identification look at: a mechanism that is off, a minute of noise."""
+"""Fixtures of the identification's tests: a mechanism that is off, a minute of noise."""
 
 from __future__ import annotations
 

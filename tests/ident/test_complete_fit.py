@@ -146,7 +146,7 @@ def test_a_slip_that_only_the_residual_shows_is_found_and_sized() -> None:
 def test_a_slip_in_one_of_two_recordings_shows_in_it_by_itself(
     by_itself: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What shows only beside the other recording is no slip: their machines differ."""
+    """A step that shows only beside the other recording is no slip: their machines differ."""
     found = complete_fit.find_step_fault
     monkeypatch.setattr(
         complete_fit,

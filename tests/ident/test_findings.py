@@ -1,4 +1,4 @@
-"""What the residuals of still poses show: the last moves along which early readings err."""
+"""Residuals of still poses show the last moves along which early readings err."""
 
 from __future__ import annotations
 

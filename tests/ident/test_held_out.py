@@ -84,7 +84,7 @@ def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() ->
 
 @pytest.mark.slow
 def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() -> None:
-    """What a poor model leaves over passes for steps, so kinematics alone do not look for them."""
+    """The residual of a poor model passes for steps, so kinematics alone do not look for them."""
     options = FitOptions(model="complete", corrections=("gear_ripple",), samples=300)
     slipped = minute_logs(seed=4, ripple=1e-4, slip=(4, 30.0, 4e-4))
     complete = identified(3, options, ripple=1e-4)

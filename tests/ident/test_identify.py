@@ -62,7 +62,7 @@ def data(recorded: Recorded) -> RunData:
 
 @pytest.mark.slow
 def test_two_models_state_one_uncertainty_of_the_tool(recorded: Recorded) -> None:
-    """Of one recording: 0.0011 mm and 0.0167 mm stood under the same words.
+    """One recording had 0.0011 mm and 0.0167 mm under the same words.
 
     Kinematics took plate and ball-bar as exact and left them out. Both count them now, so the
     figures agree within what the models differ by otherwise: base tilt, Hayati angles, the rod.

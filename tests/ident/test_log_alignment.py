@@ -153,7 +153,7 @@ def test_logs_without_common_time_are_refused() -> None:
 
 @pytest.mark.slow
 def test_the_offset_at_the_first_row_and_the_skew_are_known_together() -> None:
-    """Of a line through even instants value and slope at its end correlate by -sqrt(3)/2."""
+    """Value and slope at the end of a line through even instants correlate by -sqrt(3)/2."""
     rng = np.random.default_rng(15)
     alignment = align_logs(*two_logs(wandering(rng), Clock(2.0, 0.0), rng))
     assert alignment.correlation == pytest.approx(-np.sqrt(0.75), abs=0.05)

@@ -1,4 +1,4 @@
-"""What a user may choose, and who hears of the progress."""
+"""Options of an identification, and who hears of its progress."""
 
 from __future__ import annotations
 

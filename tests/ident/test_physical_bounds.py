@@ -80,7 +80,7 @@ def test_a_length_is_pulled_from_its_prior_by_deviations_and_by_a_size_that_matt
 
 @pytest.mark.parametrize(("mass", "named"), [(-0.3, False), (-1.0, True), (0.2, False)])
 def test_a_mass_is_negative_beyond_its_uncertainty(fit: Fit, mass: float, named: bool) -> None:
-    """Of an empty flange the estimate is as often below zero as above."""
+    """The estimate of an empty flange is as often below zero as above."""
     payload = cast(
         "PayloadEstimate", SimpleNamespace(payload=SimpleNamespace(mass=mass), mass_sigma=0.3)
     )

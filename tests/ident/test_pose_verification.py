@@ -107,7 +107,7 @@ def drawn_change(robot: Stored, k: int, rng: np.random.Generator) -> tuple[PoseT
 
 @pytest.mark.slow
 def test_a_single_change_is_found_and_named(robot: Stored) -> None:
-    """Of 50 draws, half of each robot, at least 90 %. Measured: 300 of 300, of three robots."""
+    """At least 90 % of 50 draws, half of each robot. Measured: 300 of 300, of three robots."""
     rng = np.random.default_rng(3)
     right = 0
     for k in range(25):
@@ -118,7 +118,7 @@ def test_a_single_change_is_found_and_named(robot: Stored) -> None:
 
 
 def named_of(name: str, checks: int, **changes: Array) -> list[list[tuple[str, str]]]:
-    """What is named in each of some checks of a robot with one change since."""
+    """Causes that are named in each of some checks of a robot with one change since."""
     robot, out = stored(name, seed=1), []
     for k in range(checks):
         rng = np.random.default_rng([9, k])

@@ -1,4 +1,4 @@
-"""What is said of a log that was repaired."""
+"""Remarks on a log that was repaired."""
 
 from __future__ import annotations
 

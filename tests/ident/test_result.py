@@ -1,4 +1,4 @@
-"""What an identification holds, and the unloaded robot that follows from it."""
+"""The result of an identification, and the unloaded robot that follows from it."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def test_it_takes_no_part_in_the_fit(
 
 
 def log_of_another_robot(tracked: Recorded, **off: float) -> TrackerLog:
-    """As the tracker would follow a robot whose parameters are off by so much [m, rad]."""
+    """Points of a tracker that follows a robot whose parameters are off by so much [m, rad]."""
     true = tracked.simulation.motion.geometry
     geometry = true.replaced({name: true[name] + value for name, value in off.items()})
     return TrackerLog(*rows_of(tracked, geometry=geometry), NOISE)

@@ -43,7 +43,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Effects:
-    """What the files of no cell state; all absent by default."""
+    """Effects that the files of no cell state; all absent by default."""
 
     bearing: tuple[float, ...] = (0.0,) * 6  # [rad/(N m)] x1 y1 x2 y2 x3 y3
     lag: tuple[float, ...] = (0.0,) * 6  # [s] first-order filter of each logged motor

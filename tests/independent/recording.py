@@ -39,7 +39,7 @@ AGE = 150.0  # [s] from one recording to the next, of a robot that warms up expo
 
 @dataclass(frozen=True)
 class Faults:
-    """What goes wrong between a sound machine and its files; nothing by default."""
+    """Faults between a sound machine and its files; none by default."""
 
     robot: str = ""  # another robot's file
     forearm_error: float = 0.0  # [m] of the d4 that the robot's file states
@@ -60,7 +60,7 @@ class Faults:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What one recording was made from."""
+    """Machine, motion and faults that one recording was made from."""
 
     machine: Machine
     # [s] t_robot = offset + (1 + skew) t_ballbar, both from their first rows; the lag of motor 1,

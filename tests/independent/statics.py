@@ -44,7 +44,7 @@ BAR_SPEED = 0.02  # [rad/s] over which the ball-bar's friction rises
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """What the controller asks for, on a uniform grid of times."""
+    """Motion that the controller commands, on a uniform grid of times."""
 
     t: Array  # (N,) [s]
     joints: Array  # (N, 6) [rad]

@@ -44,7 +44,7 @@ def loaded(*words: object, **variables: str) -> set[str]:
 
 
 def in_functions(module: str, *functions: str) -> set[str]:
-    """What `reached` names of all modules that functions of a module import."""
+    """Modules that `reached` names of all that functions of a module import."""
     bodies = [f for f in tree(FILES[module]).body if getattr(f, "name", "") in functions]
     assert len(bodies) == len(functions)
     names = set().union(*(names_within(body) for body in bodies))
@@ -119,7 +119,7 @@ def test_the_replay_of_a_run_is_opened_without_the_libraries_that_write_it() -> 
 def test_an_identification_loads_nothing_of_simulation_or_other_commands(
     recorded: Recorded, tmp_path: Path
 ) -> None:
-    """As above, with what is imported within functions."""
+    """The same with what is imported within functions."""
     modules = loaded("identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out", "-q")
     assert "ident.identify" in modules
     # The report predicts what would help next by the planner, and the planner knows paths of sim.

@@ -135,7 +135,7 @@ def test_what_reads_and_identifies_never_speaks_of_the_truth_file(package: str) 
 
 @pytest.mark.slow
 def test_nothing_is_imported_from_a_test_or_by_a_test_from_a_benchmark() -> None:
-    """What tests and benchmarks share stands in tests/helpers."""
+    """Code that tests and benchmarks share stands in tests/helpers."""
     files = [
         file
         for folder in ("tests", "benchmarks", "generators")

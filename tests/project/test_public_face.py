@@ -1,4 +1,4 @@
-"""What a user of Python imports from `ballbar`, and the examples that do so."""
+"""Names that a user of Python imports from `ballbar`, and the examples that do so."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def row_of(page: str, key: str) -> str:
 
 
 def printed(row: str, name: str) -> str:
-    """What stands after the colon of a parameter."""
+    """Text after the colon of a parameter."""
     values: list[str] = re.findall(rf"^- `{re.escape(name)}: ([^`]*)`", row, flags=re.MULTILINE)
     assert len(values) == 1, f"{len(values)} times {name}"
     return values[0]

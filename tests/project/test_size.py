@@ -46,5 +46,5 @@ def test_a_function_fits_on_a_screen_or_two() -> None:
 
 @pytest.mark.slow
 def test_the_product_is_within_its_budget() -> None:
-    """What is added takes the place of something; a release sets the number to what it has."""
+    """An addition takes the place of something; a release sets the number to what it has."""
     assert product().code <= CODE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import re
 import tokenize
@@ -50,7 +51,14 @@ BANNED = (
     Word(r"alike in time", "autocorrelated"),
     Word(r"surprise", "normalised innovation"),
     Word(r"ledgers?", "import report"),
+    Word(r"likewise", "the same"),
+    Word(r"alike", "equal", r"\balike\("),
+    Word(r"anew", "again", r"seated anew there|bolted on anew|apart, anew at"),  # of results
+    Word(r"foretold|foretells?", "predicted"),
+    Word(r"reckon(s|ed|ing)?", "accounted for"),
+    Word(r"whoever", "anyone"),
 )
+FIRST_WORDS = ("Of", "Those", "As", "What", "Likewise")  # of a docstring that is no sentence
 
 
 def whole(pattern: str) -> str:
@@ -89,6 +97,16 @@ def words_in(text: str) -> Iterator[tuple[int, str]]:
                 yield number, f"{word.pattern}: say {word.instead}"
 
 
+def docstrings_in(source: str) -> Iterator[tuple[int, str]]:
+    """Line and fault of every docstring that begins as no sentence does."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            docstring = ast.get_docstring(node) or ""
+            first = re.match(r"[A-Z]\w*(?![\w-])", docstring)
+            if first and first[0] in FIRST_WORDS:
+                yield node.body[0].lineno, f"docstring begins with {first[0]}: write a sentence"
+
+
 def names_in(source: str) -> Iterator[tuple[int, str]]:
     """Line and fault of every name in a Python file that is none."""
     tokens = list(tokenize.generate_tokens(io.StringIO(source).readline))
@@ -114,7 +132,9 @@ def faults() -> list[str]:
     lines = []
     for file in files():
         text, name = file.read_text(), file.relative_to(ROOT)
-        every = [*words_in(text), *(names_in(text) if file.suffix == ".py" else [])]
+        every = [*words_in(text)]
+        if file.suffix == ".py":
+            every += [*names_in(text), *docstrings_in(text)]
         lines += [f"{name}:{number}: {fault}" for number, fault in sorted(every)]
     return lines
 
@@ -165,6 +185,21 @@ def test_a_banned_word_is_found_in_text_and_names(text: str) -> None:
 )
 def test_other_words_and_quotations_of_the_thesis_stay(text: str) -> None:
     assert not list(words_in(text))
+
+
+@pytest.mark.slow
+def test_a_docstring_of_a_test_begins_as_a_sentence_too() -> None:
+    """Also in what tests, benchmarks and examples share."""
+    for folder in ("benchmarks", "examples", "tests"):
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            assert not list(docstrings_in(file.read_text())), file
+
+
+@pytest.mark.parametrize("first", FIRST_WORDS)
+def test_a_docstring_without_a_subject_is_found(first: str) -> None:
+    source = f'def f() -> None:\n    """{first} the rows."""\n'
+    assert [number for number, _ in docstrings_in(source)] == [2]
+    assert not list(docstrings_in(source.replace(f"{first} the", f"{first}-if the")))
 
 
 def test_a_pronoun_is_found_where_it_is_a_name_and_nowhere_else() -> None:

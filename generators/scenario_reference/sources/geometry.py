@@ -34,7 +34,7 @@ GEOMETRY = (
     ),
     Source(
         "errors.thermal_growth",
-        "`a2 = a2(0) + a2_m s`, `d4` likewise; `s = t / T`, or `(1 - exp(-t / tau)) / (1 - "
+        "`a2 = a2(0) + a2_m s`, `d4` too; `s = t / T`, or `(1 - exp(-t / tau)) / (1 - "
         "exp(-T / tau))`, T the length of the run.",
         "Motion of either plant: the ball-bar keeps the tool's pose, joints and motors turn until "
         "the longer arm fits; before a rod or wire the tool moves. Loads stay as they are.",

@@ -249,7 +249,7 @@ BAR = (
         "Plant: ball-bar hinges.",
         "Ball-bar file, assumed.",
         "Nothing in the residual: steps of some urad where a ball-bar joint reverses, in both logs "
-        "alike.",
+        "equally.",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e6),
@@ -279,7 +279,7 @@ BAR = (
     ),
     Source(
         "errors.base_compliance",
-        "`x = F / k` alike in x, y and z.",
+        "`x = F / k`, equally in x, y and z.",
         "Plant: three slides under the ball-bar's base.",
         "Assumed: a steel adapter on a bolted plate. Thesis Fig. 5.8 measured base movement.",
         "Residual along the rod's force, as if the rod were softer.",

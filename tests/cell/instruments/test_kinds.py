@@ -64,7 +64,7 @@ def test_a_point_moves_with_each_value_as_stated(kind: Kind) -> None:
 
 @pytest.mark.parametrize("name", ["bearing", "plane"])
 def test_the_seat_follows_from_known_points(name: str) -> None:
-    """Of a plane its normal and height; where on it the seat is, it does not show."""
+    """A plane shows its normal and height, and not where on it the seat is."""
     kind = kinds()[name]
     spread = stands()
     if name == "plane":  # within the travel of its gauge

@@ -68,7 +68,7 @@ def test_no_other_columns_of_a_sound_robot_are_nearer_to_a_sphere() -> None:
 
 @pytest.mark.slow
 def test_without_encoders_a_reading_leaves_its_distance_from_the_sphere() -> None:
-    """As a share of the rod: axis 1 alone turns backwards, which no other reading puts right."""
+    """A share of the rod: axis 1 alone turns backwards, which no other reading puts right."""
     read = PATH.q * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
     bare = motion_of(PATH.t, read, np.zeros(0), np.zeros((0, 0)), ())
     readings = robot_columns(CELL.robot, NOMINAL, bare, tool_path(NOMINAL, read).rms)

@@ -121,7 +121,7 @@ def test_names_of_softer_gears_hold_their_knees() -> None:
     knees = [(0, 3.125), (2, 118.0)]
     names = [c.name for c in gear_softening(CELL.robot, knees).coefficients]
     assert knees_of(names) == knees
-    with pytest.raises(InputError, match=r"gear_softening.soft2: expected soft2_54.2 or alike"):
+    with pytest.raises(InputError, match=r"gear_softening.soft2: expected soft2_54.2 or similar"):
         knees_of(["soft2"])
 
 

@@ -49,7 +49,7 @@ def test_a_result_names_the_coefficients_of_its_robot_in_their_order(
 
 def test_joints_are_counted_from_1() -> None:
     """Joint 0 was the last channel, the bending of the plate."""
-    with pytest.raises(InputError, match="expected joint2_17_cos or alike"):
+    with pytest.raises(InputError, match="expected joint2_17_cos or similar"):
         orders_of(["joint0_2_cos"])
 
 

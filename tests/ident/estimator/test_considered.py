@@ -1,4 +1,4 @@
-"""What uncertain masses add to the uncertainty of a fit."""
+"""Uncertain masses add to the uncertainty of a fit."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ def test_marquardt_turns_a_step_that_overshoots_and_reaches_the_same_minimum() -
 
 
 def test_marquardts_damping_shortens_the_step_until_it_lowers_the_cost() -> None:
-    """Of one unknown the damped step is the full one divided by 1 + damping."""
+    """The damped step of one unknown is the full one divided by 1 + damping."""
     problem = line_of_arctan(3.0)
     now = problem.start()
     full, _ = gauss_newton_step(now)

@@ -1,4 +1,4 @@
-"""What one recording determines: counts and dependencies of thesis Tables 3.2 and 3.3, sec. 3.3."""
+"""One recording determines the counts and dependencies of thesis Tables 3.2 and 3.3, sec. 3.3."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def fitted(stated: float, *, alike: int = 1, held: bool = False) -> Fit:
 def test_priors_count_once_and_the_gradient_is_half_the_derivative_of_the_cost(
     measured: Measured,
 ) -> None:
-    """Of residuals, priors and known distances, a deviation off the priors' means."""
+    """Cost of residuals, priors and known distances, a deviation off the priors' means."""
     table = socket_table(TRUE, count=8) if measured == "socket" else table_of(TRUE, measured)
     model = model_of(table)
     mean, sigma = model.unknowns.mean, model.unknowns.sigma

@@ -1,4 +1,4 @@
-"""What smoothing takes from gear harmonics."""
+"""Smoothing attenuates gear harmonics."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ def test_a_pose_out_of_reach_is_said_to_be(robot: IdentifiedKinematics) -> None:
 def test_the_jacobian_is_the_difference_quotient_of_the_poses(
     cell: Cell, nominal: Geometry, robot: IdentifiedKinematics
 ) -> None:
-    """Of geometry to rounding; ripple of gears adds half a percent (order times amplitude)."""
+    """Exact to rounding for geometry; ripple of gears adds half a percent (order by amplitude)."""
     tool = np.eye(4)
     tool[:3, 3] = [0.1, 0.2, 0.3]
     rigid = kinematics(IdentifiedRobot(cell, nominal), nominal.robot, tool=tool)
@@ -199,7 +199,7 @@ def test_the_jacobian_is_the_difference_quotient_of_the_poses(
 
 
 def drawn_covariance(cell: Cell, nominal: Geometry, seed: int) -> ToolCovariance:
-    """Of all parameters of the robot, its gears and two directions of masses, all correlated."""
+    """All parameters of the robot, its gears and two directions of masses, all correlated."""
     rng = np.random.default_rng(seed)
     names = [p.name for p in nominal.table.parameters if p.side == "robot"]
     gears = joint_compliance(cell, (1, 2, 4, 5)).coefficients
@@ -279,7 +279,7 @@ def test_the_uncertainty_is_that_of_robots_one_standard_deviation_off_with_their
 
 @pytest.mark.slow
 def test_the_uncertainty_is_the_spread_of_drawn_robots(cell: Cell, nominal: Geometry) -> None:
-    """Of 400 robots a variance is known to 7 %, that of three directions together to 6 %."""
+    """From 400 robots a variance is known to 7 %, that of three directions together to 6 %."""
     robots, rng = Aligned(cell, nominal), np.random.default_rng(9)
     stated = robots.service.uncertainty(robots.q)
     root = robots.covariance.root

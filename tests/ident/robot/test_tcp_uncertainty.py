@@ -1,4 +1,4 @@
-"""What the stated uncertainty of the tool consists of, against robots drawn from the covariance."""
+"""The stated uncertainty of the tool, in parts, against robots drawn from the covariance."""
 
 from __future__ import annotations
 
