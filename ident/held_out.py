@@ -10,7 +10,7 @@ own unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -209,16 +209,23 @@ def closed_loop(
     return fit_pose(Pose(with_likely_tension(result), result.x, result.ballbars), excess)
 
 
-def freed(closed: Fit, machine: Machine) -> Fit:
+def freed(closed: Fit, machine: Machine, exchangeable: Mapping[str, float]) -> Fit:
     """The fit of `closed_loop` gone on with the machine as an unknown about where it was held.
 
     Free is what the machine's covariance names, each with the prior of an identification.
+    exchangeable : priors [m] of parameters that an identification takes as exact, free as well.
     """
-    layout = closed.model.unknowns
+    layout, x, table = closed.model.unknowns, closed.x, machine.robot.geometry.table
     known = np.isin(layout.names, machine.names)
-    sigma = np.where(known, layout.sigma / HELD, layout.sigma)
-    model = replace(closed.model, unknowns=replace(layout, sigma=sigma))
-    return fit_pose(Pose(model, closed.x, closed.ballbars), closed.excess)
+    layout = replace(layout, sigma=np.where(known, layout.sigma / HELD, layout.sigma))
+    added = sorted(set(exchangeable) - set(layout.names), key=table.index.__getitem__)
+    if added:
+        layout, x = layout.with_shared(np.array([table.index[name] for name in added]), x)
+        sigma = layout.sigma.copy()
+        sigma[[layout.names.index(name) for name in added]] = [exchangeable[n] for n in added]
+        layout = replace(layout, sigma=sigma)
+    model = replace(closed.model, unknowns=layout)
+    return fit_pose(Pose(model, x, closed.ballbars), closed.excess)
 
 
 def _held(layout: Unknowns, robot: IdentifiedRobot) -> Unknowns:

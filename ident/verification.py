@@ -22,8 +22,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from cell.arrays import Array
+from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
 from cell.descriptions import Cell, Robot
 from cell.geometry import parameter_named, parameter_table
 from ident.causes import Causes
@@ -51,9 +53,10 @@ DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
 # [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
+SCALE = 5e-4  # [1] of a length sensor that was exchanged
 # [rad], [m] standard deviations of what an unchanged machine is apart by
 WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
-    ("tool", "rod", "plate", "geometry", "ball-bar"), WANDER_LENGTH
+    ("tool", "rod", "length", "plate", "geometry", "ball-bar"), WANDER_LENGTH
 )
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
@@ -70,7 +73,9 @@ BLIND = 3e-4  # [rad] of an axis zero that may change unseen without being named
 class Cause:
     """One change since the identification that may explain a recording."""
 
-    kind: str  # axis, tool, rod, plate or gear; else geometry or ball-bar
+    # axis, tool, rod, plate or gear; of a sensed length `length` and `scale` in place of rod and
+    # plate; else geometry or ball-bar
+    kind: str
     axis: int  # from 1, of an axis or a gear; else 0
     names: tuple[str, ...]  # of the machine's unknowns that it moves
     columns: Array  # (U, K) change of the machine's unknowns per unit
@@ -87,9 +92,13 @@ class Cause:
             return f"parameter {self.names[0]}"
         if self.kind == "ball-bar":
             return "axes of the ball-bar"
-        return {"tool": "tool", "rod": "length of the rod", "plate": "length of the plate"}[
-            self.kind
-        ]
+        return {
+            "tool": "tool",
+            "rod": "length of the rod",
+            "plate": "length of the plate",
+            "length": "zero of the measured length",
+            "scale": "scale of the measured length",
+        }[self.kind]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +120,9 @@ class Explanation:
                 f"{words} by {size * 1e3:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad; resolver or "
                 "motor exchanged?)"
             )
-        if kind in ("rod", "plate"):
+        if kind == "scale":
+            return f"{words} by {size * 1e6:+.0f} ppm (sigma {sigma * 1e6:.0f} ppm; exchanged?)"
+        if kind in ("rod", "plate", "length"):
             return f"{words} by {size * 1e6:+.0f} um (sigma {sigma * 1e6:.0f} um; exchanged?)"
         if kind == "geometry":
             unit = "um" if parameter_named(self.cause.names[0]).is_length else "urad"
@@ -193,8 +204,10 @@ class RecordingVerification:
             each = ", or ".join(e.sentence for e in self.named)
             tail = "; this path does not tell which" if len(self.named) > 1 else ""
             return f"Changed since: {each}{tail}; {closure}."
+        sensed = any(e.cause.kind == "length" for e in self.explanations)
+        parts = "zero or scale of the length" if sensed else "rod, plate"
         return (
-            f"Changed: {closure}. No single cause (zero of an axis, tool, rod, plate, gear, "
+            f"Changed: {closure}. No single cause (zero of an axis, tool, {parts}, gear, "
             "another parameter) explains it clearly: identify again."
         )
 
@@ -215,13 +228,16 @@ def verify_recording(
 ) -> RecordingVerification:
     """Whether an identified machine still explains a recording, and if not, what changed.
 
-    logs : of the same robot, ball-bar and plate; clock, base pose and encoder offsets are fitted.
+    logs : of the same robot, instrument and plate; clock, base pose of the instrument and encoder
+        offsets are fitted.
 
     Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
     """
     cell = machine.robot.cell
     recording = recording_alone(cell, logs, options, listener)
     listener.progress("fitting the recording with the stored machine held, and free")
+    if _exchangeable(cell):
+        machine = _with_exchangeable(machine)
     compared = _compared(machine, recording, options)
     causes = single_causes(machine, compared.free)
     limit = compared.difference.limit(causes)
@@ -249,6 +265,8 @@ def verify_recording(
         single=single,
         blind=_blind(ranked, limit, cell.robot),
     )
+    if unseen := _unseen_clock(recording):
+        return replace(outcome, suspect=unseen)
     ambiguous = recording.start.ambiguous
     if outcome.comparable and not ambiguous:
         return outcome
@@ -266,6 +284,24 @@ def changed(machine: Machine, free: Fit, by: Explanation) -> Machine:
     if values is not None:
         values = values + [moves.get(name, 0.0) for name in names]
     return replace(machine, robot=replace(robot, geometry=geometry.replaced(moved), values=values))
+
+
+def _unseen_clock(recording: RecordingFit) -> str:
+    """Why a recording of a length does not determine its clock; empty where it does.
+
+    Its fit may then end at another clock, which passes for a change of the machine.
+    """
+    position = recording.fit.model.unknowns.own[0].clock
+    if position is None or not recording.samples.measures_length:
+        return ""
+    offset, skew = np.sqrt(np.diag(recording.fit.covariance))[position]
+    if offset <= UNSEEN_OFFSET and skew <= UNSEEN_SKEW:
+        return ""
+    return (
+        "a length that changes too little to tell its clock (sigma of the offset "
+        f"{offset * 1e3:.0f} ms, of the skew {skew * 1e6:.0f} ppm), so take a path along which it "
+        "changes more"
+    )
 
 
 def _suspect(cell: Cell, logs: Logs, *, ambiguous: bool) -> str:
@@ -299,15 +335,14 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
         names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
         return Cause(kind, axis, names, columns, np.array([s for _, s in known]))
 
-    zeros = _zeros(robot)
+    zeros, sensed = _zeros(robot), machine.robot.cell.ballbar.stroke is not None
     last = [f"r{kind}{robot.joints}" for kind in ("d", "a", "theta", "alpha", "beta")]
     sizes = [SHIFT, SHIFT, TURN, TURN, TURN]
     made = [cause("axis", axis, [(shares, ZERO)]) for axis, shares in zeros.items()]
-    made += [
-        cause("tool", 0, [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)]),
-        cause("rod", 0, [({"bd3": 1.0}, LENGTH)]),
-        cause("plate", 0, [({table.plate: 1.0}, LENGTH)]),
-    ]
+    made.append(cause("tool", 0, [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)]))
+    made.append(cause("length" if sensed else "rod", 0, [({"bd3": 1.0}, LENGTH)]))
+    if not sensed:
+        made.append(cause("plate", 0, [({table.plate: 1.0}, LENGTH)]))
     sigma = dict(zip(layout.names, layout.sigma.tolist(), strict=True))
     for gear in range(robot.joints):
         own = [
@@ -323,6 +358,10 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
     moves = {p.name: ({p.name: 1.0}, SHIFT if p.is_length else TURN) for p in others}
     made += [cause("geometry", 0, [moves[p.name]]) for p in others if p.side == "robot"]
     made.append(cause("ball-bar", 0, [moves[p.name] for p in others if p.side == "bar"]))
+    if sensed:  # a length that has to be scaled up shows a robot that is too small until it is
+        lengths = [p.name for p in table.parameters if p.name in place and p.is_length]
+        shares = {n: -machine.robot.geometry[n] for n in lengths if n.startswith("r")}
+        made.append(cause("scale", 0, [(shares, SCALE)]))
     return tuple(c for c in made if c is not None)
 
 
@@ -410,6 +449,30 @@ def _wander(causes: Sequence[Cause], unknowns: int) -> Array:
     return np.asarray(each @ each.T)
 
 
+def _exchangeable(cell: Cell) -> dict[str, tuple[float, float]]:
+    """[m] standard deviations of a change and of what its file states, of parameters that an
+    identification takes as exact.
+
+    Of a sensed length these are the tool's length and the zero of the length: a tool that was
+    bolted on again would otherwise pass for a change of the arm.
+    """
+    if cell.ballbar.stroke is None:
+        return {}
+    plate = parameter_table(cell.robot).plate
+    return {plate: (SHIFT, cell.plate.length_sigma), "bd3": (LENGTH, cell.ballbar.length_tolerance)}
+
+
+def _with_exchangeable(machine: Machine) -> Machine:
+    """The machine with `_exchangeable` parameters among its unknowns, as well as files state."""
+    exact = {
+        name: stated
+        for name, (_, stated) in _exchangeable(machine.robot.cell).items()
+        if name not in machine.names
+    }
+    covariance = block_diag(machine.covariance, np.diag(np.array([*exact.values()]) ** 2))
+    return replace(machine, names=(*machine.names, *exact), covariance=covariance)
+
+
 @dataclass(frozen=True, eq=False)
 class _Compared:
     """A recording with a machine held, and with it free."""
@@ -422,8 +485,11 @@ class _Compared:
 def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) -> _Compared:
     faults = step_faults_in_logs(recording.samples, recording.clock)
     closed = closed_loop(machine.robot, recording, options, faults, machine.excess, SILENT)
-    free = freed(closed, machine)
+    changes = {name: change for name, (change, _) in _exchangeable(machine.robot.cell).items()}
+    free = freed(closed, machine, changes)
     stated, names, layout = uncertainty(free), _free_names(machine, free), free.model.unknowns
+    before = dict(zip(closed.model.unknowns.names, closed.x, strict=True))
+    values = [before[n] if n in before else machine.robot.geometry[n] for n in names]
     at = np.array([layout.names.index(name) for name in names])
     own = np.array([machine.names.index(name) for name in names])
     wander = _wander(single_causes(machine, free), at.size)
@@ -435,7 +501,7 @@ def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) ->
     smoothed = smoothing_covariance(free, machine.robot.cell)[np.ix_(at, at)]
     error = seen @ (machine.covariance[np.ix_(own, own)] + wander) @ seen.T
     difference = _Difference(
-        x=free.x[at] - closed.x[at],
+        x=free.x[at] - np.array(values),
         seen=seen,
         covariance=error + noise + smoothed + UNSETTLED * white,
         blocks=stated.blocks,

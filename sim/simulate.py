@@ -63,18 +63,22 @@ def simulate(
     *,
     relative_to: Path,
     recorded: RobotLog | None = None,
+    machine: TrueMachine | None = None,
     on_motion: MotionCallback | None = None,
 ) -> Simulation:
     """Run the plant and decide which rows the loggers will write.
 
     relative_to : folder of the scenario, for the files that it names. recorded : the robot's log of
-        path.recording, where there is one. on_motion : called with each stretch of the motion.
+        path.recording, where there is one. machine : in place of the one that the scenario draws,
+        for instance the same with one part exchanged. on_motion : called with each stretch of the
+        motion.
 
     Raises InputError for a scenario that cannot be run.
     """
     refuse_sample_errors(settings.errors)
     seed = settings.recording_seed
-    machine = true_machine(settings, relative_to=relative_to)
+    if machine is None:
+        machine = true_machine(settings, relative_to=relative_to)
     cell, instrument, robot = machine.cell, machine.instrument, machine.cell.robot
     period = robot_period(settings.logs, robot)
     path = scenario_path(

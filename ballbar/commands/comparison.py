@@ -74,10 +74,12 @@ def verify(
 
     An unchanged robot fails in about 2 of 100 checks. Where something changed, a single cause is
     named if it explains the change. Of a recording: the zero of an axis, the tool, the length of
-    rod or plate, a gear; only clock, base pose and encoder offsets are fitted. Of still poses: the
-    zero of a joint, a target that moved, the scale of the measured values, one bad pose; only the
-    seats (and new targets) are fitted. Exits with 1 when the calibration does not hold, and with 2
-    when these measurements cannot tell.
+    rod or plate (of a sensed length its zero and scale), a gear; only clock, base pose and encoder
+    offsets are fitted. Of still poses: the zero of a joint, a target that moved, the scale of the
+    measured values, one bad pose; only the seats (and new targets) are fitted. A result of
+    recordings, still poses among them or not, takes either; a result of still poses alone takes
+    still poses. Exits with 1 when the calibration does not hold, and with 2 when these measurements
+    cannot tell.
     """
     from ballbar.result.verification import (
         exit_code,

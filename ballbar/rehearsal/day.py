@@ -20,7 +20,7 @@ from ballbar.rehearsal.second_path import plan_second_path
 from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_recordings, validated
+from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
@@ -118,7 +118,7 @@ def rehearse(day: Day, fault: str | None) -> Rehearsal:
     _recorded(day, "path2")
     data, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
     targets = _corrected(day)
-    _verified(day, data)
+    _verified(day)
     result = data.identification
     return Rehearsal(
         scenario=scenario,
@@ -290,12 +290,8 @@ def _mean_and_max(values: Array) -> dict[str, float]:
     return {"mean": float(values.mean()), "max": float(values.max())}
 
 
-def _verified(day: Day, data: RunData) -> None:
-    """One more path against the result: held out, if the scenario names one.
-
-    Of a sensed length it is validated instead: `verify` calls unchanged machines changed there
-    (docs/limits.md).
-    """
+def _verified(day: Day) -> None:
+    """One more path against the result: held out, if the scenario names one."""
     scenario = day.scenario
     file = scenario.accept.held_out_file or scenario.path.file
     changes = {
@@ -305,19 +301,15 @@ def _verified(day: Day, data: RunData) -> None:
     _simulated(day, "path3", scenario.model_copy(update=changes))
     path = _taken(day, "path3", "path3", identify=False)
     day.progress("verifying")
-    folder = day.recording("path3")
-    if scenario.cell.instrument is None:
-        outcome, _ = verify_folder(day.folder / RESULT, folder)
-        assert isinstance(outcome, RecordingVerification)  # the robot moved
-        name, met, ratio = "verify with path3", bool(outcome.holds), outcome.innovation
-        sentence = outcome.sentence
-    else:
-        held_out = validated([folder], data, scenario.identify)[0].outcome
-        name, met = "validate on path3", bool(held_out.acceptable)
-        ratio = held_out.normalised_innovation
-        sentence = held_out.sentence
-    figures: dict[str, object] = {"holds": met, "innovation": float(ratio), "lost": path.lost}
-    day.done(name, sentence, figures, met=met and not path.lost)
+    outcome, _ = verify_folder(day.folder / RESULT, day.recording("path3"))
+    assert isinstance(outcome, RecordingVerification)  # the robot moved
+    figures: dict[str, object] = {
+        "holds": outcome.holds,
+        "innovation": outcome.innovation,
+        "lost": path.lost,
+    }
+    met = outcome.holds and not path.lost
+    day.done("verify with path3", outcome.sentence, figures, met=met)
 
 
 def _mm(length: float) -> str:

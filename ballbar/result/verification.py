@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from ballbar.result.calibration_file import CalibrationFile
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path
+from ident.machine_at_rest import arm_at_rest, table_at_rest
 from ident.options import SILENT, Listener
 from ident.pose_verification import Verification, verify
 from ident.start.automatic import StartError
@@ -25,6 +27,7 @@ from ident.start.placements import PoseStartError
 from ident.verdict import Status
 from ident.verification import RecordingVerification, verify_recording
 
+MEAN_LENGTH = math.sqrt(8.0 / math.pi)  # of a normal error of unit deviation along three axes
 # [K] from which a difference of temperature is named: a length of 1 m of steel grows by 24 um.
 WARMER = 2.0
 
@@ -35,9 +38,9 @@ def verify_folder(
     """Whether a calibration.yaml holds for the recording or the still poses in a folder.
 
     Returns also what is to be said of the temperatures and of the reading. Raises InputError for
-    measurements of another kind than the result's, of a sensed length while the robot moves, or of
-    another robot, ball-bar or plate; for those that cannot be read, are too few, or do not fit
-    together; and for a result of recordings without covariance.
+    a recording where still poses alone were identified; for measurements of another robot,
+    instrument or plate, and those that cannot be read, are too few, or do not fit together; and for
+    a result of recordings without covariance.
     """
     calibration = Calibration.load(result)
     try:
@@ -52,11 +55,27 @@ def verify_folder(
 
 
 def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification, tuple[str, ...]]:
-    mean, path = calibration.cross_validated, pose_file_path(folder)
+    """The still poses of a folder; a machine that recordings identified is held at rest."""
+    path = pose_file_path(folder)
     _check_same(calibration, path.parent, {"robot": load_poses_file(path).robot})
     read = import_poses(path)
-    outcome = verify(calibration.identified_robot(), calibration.targets, mean, read.table)
-    return outcome, reading_remarks(read.report)
+    table, targets = read.table, calibration.targets
+    if calibration.of_logs:
+        machine = calibration.machine(calibration.cell())
+        arm = arm_at_rest(machine, targets, _spread_of_groups(calibration.file))
+        mean, table = MEAN_LENGTH * arm.discrepancy, table_at_rest(machine.robot, table)
+    else:
+        arm, mean = calibration.identified_robot(), calibration.cross_validated
+    return verify(arm, targets, mean, table), reading_remarks(read.report)
+
+
+def _spread_of_groups(file: CalibrationFile) -> float:
+    """[m] along each axis, how far still poses lie from the machine that was identified with them;
+    0 where there were none.
+    """
+    squares = [(g.poses, g.position_rms_m**2) for g in file.groups]
+    count = sum(poses for poses, _ in squares)
+    return math.sqrt(sum(n * s for n, s in squares) / (3 * count)) if count else 0.0
 
 
 def _verify_recording(
@@ -66,12 +85,6 @@ def _verify_recording(
     recorded = recording.description
     names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
     _check_same(calibration, folder, names)
-    if recording.length_log is not None:
-        raise InputError(
-            f"{folder}: a length hardly tells its own clock, so one short recording of it cannot "
-            f"be held against a result. Take `ballbar identify --validate {folder} ...`, or ten "
-            "still poses."
-        )
     logs = logs_of(distinct_names([folder])[0], recording)
     outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
     warmth = temperature_remarks(content, recorded.temperature_C)

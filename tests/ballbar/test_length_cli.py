@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -60,8 +61,24 @@ def test_check_shows_the_length_log(identified: tuple[LengthRun, Path, str]) -> 
     assert "length log: " in out
 
 
-def test_a_length_is_not_verified_but_validated(identified: tuple[LengthRun, Path, str]) -> None:
+def test_a_result_of_a_length_holds_for_its_own_recording(
+    identified: tuple[LengthRun, Path, str],
+) -> None:
     out = identified[1]
-    code, _, err = ballbar("verify", out, out.parent / "wire")
-    assert code == 2
-    assert "Take `ballbar identify --validate" in err
+    code, said, err = ballbar("verify", out, out.parent / "wire")
+    assert (code, said.startswith("Holds: the loop closes to ")) == (0, True), said + err
+
+
+def test_a_wire_that_was_hooked_in_elsewhere_is_named(
+    identified: tuple[LengthRun, Path, str], tmp_path: Path
+) -> None:
+    """The length from its zero to its hook is longer by 0.3 mm, on another path."""
+    run, out, _ = identified
+    again = wire_run(Clock(0.2, 2e-5), seed=7, zero=run.zero + 3e-4, motion=2)
+    write_folder(again, tmp_path / "wire", "drawwire_2m")
+    code, said, err = ballbar("verify", out, tmp_path / "wire", "--json")
+    assert code == 1, err
+    (best, *rest) = json.loads(said)["causes"]
+    assert (best["kind"], best["parameters"], best["named"]) == ("length", ["bd3"], True)
+    assert best["size"][0] == pytest.approx(3e-4, abs=4.0 * best["sigma"][0])
+    assert not any(cause["named"] for cause in rest)

@@ -1,0 +1,113 @@
+"""A machine that recordings identified, held against still poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.mixed_fit import still_points
+from cell.chain import forward
+from cell.descriptions import Cell
+from cell.geometry import Geometry
+from cell.placement import Placement
+from cell.poses import PoseGroup, PoseTable
+from ident.corrections import CORRECTIONS
+from ident.identify import identify_together
+from ident.machine_at_rest import arm_at_rest, table_at_rest
+from ident.pose_verification import Verification, verify
+from ident.recording_fit import Logs
+from ident.result import Machine
+from ident.robot.identified import IdentifiedRobot
+from sim.truth import Truth
+from tests.helpers.drawn_robots import recorded, scenario_of
+
+SEED, MEASURED = 3, 2e-5  # [m] of still poses along each axis
+Run = tuple[Cell, Logs, Truth]
+
+
+def test_bare_rows_at_the_angles_at_rest_stand_as_the_robot_does(
+    cell: Cell, nominal: Geometry
+) -> None:
+    """Gears yield, and bearings tilt beside the joints: to first order, 3e-8 m of 0.3 mm."""
+    corrections = tuple(CORRECTIONS[n](cell, ()) for n in ("joint_compliance", "bearing_tilt"))
+    coefficients = [c for correction in corrections for c in correction.coefficients]
+    values = np.array([c.mean + c.sigma for c in coefficients])
+    robot = IdentifiedRobot(cell, nominal, corrections, values)
+    q = np.array([0.1, 0.2, -0.3, 0.4, 0.8, 0.5]) + 0.2 * np.random.default_rng(1).uniform(
+        -1.0, 1.0, (10, 6)
+    )
+    assert np.abs(robot.deflected(q)[1]).max() > 1e-5
+    group = PoseGroup(
+        measured="point",
+        seat="tracker",
+        target="reflector",
+        q=q,
+        values=np.zeros((10, 3)),
+        sigma=np.ones((10, 3)),
+        rows=np.arange(10),
+        file="points.csv",
+    )
+    (still,) = table_at_rest(robot, PoseTable("points", cell.robot, (group,))).groups
+    assert forward(nominal.robot, still.q).poses() == pytest.approx(robot.poses(q), abs=1e-7)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A recording of a drawn robot with everything on."""
+    return recorded(scenario_of("irb2400", "a", SEED, 120.0), tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture(scope="module")
+def alone(run: Run) -> Machine:
+    return identify_together(run[0], [run[1]]).machine
+
+
+def checked(
+    machine: Machine,
+    run: Run,
+    targets: Mapping[str, Placement],
+    *,
+    seed: int = 301,
+    turned: int = 0,
+    moved: float = 0.0,
+) -> Verification:
+    """Twelve points of today; the zero of an axis turned by 1 mrad, or the target moved [m]."""
+    cell, _, truth = run
+    (group,) = still_points(cell, truth, seed).groups
+    q = group.q.copy()
+    if turned:
+        q -= 1e-3 * np.asarray(cell.robot.controller_to_joint)[turned - 1]
+    known = {name: replace(p, origin=p.origin - [0.0, 0.0, moved]) for name, p in targets.items()}
+    table = PoseTable("today", cell.robot, (replace(group, q=q),))
+    arm = arm_at_rest(machine, known, MEASURED)
+    return verify(arm, known, MEASURED, table_at_rest(machine.robot, table))
+
+
+@pytest.mark.slow
+def test_still_poses_are_held_against_a_robot_that_recordings_identified(
+    run: Run, alone: Machine
+) -> None:
+    for seed in range(301, 307):
+        outcome = checked(alone, run, {}, seed=seed)
+        assert outcome.causes == (), outcome.sentence
+        assert outcome.outside == 0
+    for axis in (2, 3, 4, 5):
+        (named,) = checked(alone, run, {}, turned=axis).named
+        assert (named.kind, named.name) == ("axis", str(axis))
+        assert named.size[0] == pytest.approx(1e-3, abs=4.0 * named.sigma[0])
+
+
+@pytest.mark.slow
+def test_a_target_that_was_identified_with_recordings_and_moved_is_named(run: Run) -> None:
+    cell, logs, truth = run
+    result = identify_together(cell, [logs], still_points(cell, truth, SEED))
+    assert result.poses is not None
+    targets = {name: entry.placement for name, entry in result.poses.targets.items()}
+    assert checked(result.machine, run, targets).causes == ()
+    (named,) = checked(result.machine, run, targets, moved=3e-4).named
+    assert (named.kind, named.name) == ("target", "reflector")
+    assert named.size == pytest.approx([0.0, 0.0, 3e-4], abs=4.0 * named.sigma.max())
+    assert checked(result.machine, run, targets, turned=3).named[0].name == "3"
