@@ -159,7 +159,7 @@ def _refuse_unfit(seat: _Seat) -> None:
         raise LogError(
             f"{file}:{line}: the reference points lie {least[far[0]] * 1e3:.4g} mm or more from "
             f"where most measurements of seat {seat.name} have them. If the instrument was set up "
-            "again, give each set-up its own seat; else name the same points in the same order."
+            "anew, give each set-up its own seat; else name the same points in the same order."
         )
 
 

@@ -189,9 +189,9 @@ class Sound:
     processor_s: float
     slowest_s: float  # processor time of one update
     model: str
-    foretold_s: float  # of the recording, from which its end was foretold, half time or later
-    foretold: float  # largest and smallest uncertainty foretold from then on, over the last
-    least_foretold: float
+    predicted_s: float  # of the recording, from which its end was predicted, half time or later
+    predicted: float  # largest and smallest uncertainty predicted from then on, over the last
+    least_predicted: float
     last_mm: float
 
 
@@ -200,7 +200,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
     changes = _everything_on() if full else {}
     source = recorded(scratch / "sound", seed, seconds, **changes)
     growing = GrowingRecording(source, scratch / "grow", CLOCK)
-    alarms, foretold, since = Counter[str](), defaultdict[str, list[float]](list), np.inf
+    alarms, predicted, since = Counter[str](), defaultdict[str, list[float]](list), np.inf
     begun, slowest = time.process_time(), 0.0
     watch, now = Watch(growing.folder, duration=growing.seconds, pool=AtOnce()), 0.0
     while now < growing.seconds:
@@ -212,7 +212,7 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
         for alarm in state.alarms:
             alarms[f"{alarm.kind} at {alarm.raised:.0f} s: {alarm.sentence[:80]}"] += 1
         if now > 0.5 * growing.seconds and state.estimate and state.tcp_sigma_end:
-            foretold[state.estimate.model].append(state.tcp_sigma_end)
+            predicted[state.estimate.model].append(state.tcp_sigma_end)
             since = min(since, now)
     last = watch.finish(now + STEP).estimate
     assert last is not None
@@ -224,9 +224,9 @@ def sound(seed: int, scratch: Path, seconds: float, *, full: bool) -> Sound:
         processor_s=round(time.process_time() - begun, 1),
         slowest_s=round(slowest, 2),
         model=last.model,
-        foretold_s=since,
-        foretold=round(max(foretold[last.model], default=np.nan) / last.tcp_sigma, 3),
-        least_foretold=round(min(foretold[last.model], default=np.nan) / last.tcp_sigma, 3),
+        predicted_s=since,
+        predicted=round(max(predicted[last.model], default=np.nan) / last.tcp_sigma, 3),
+        least_predicted=round(min(predicted[last.model], default=np.nan) / last.tcp_sigma, 3),
         last_mm=round(1e3 * last.tcp_sigma, 5),
     )
 

@@ -127,7 +127,7 @@ def row(
         "tcp_max_without_scale_mm": float(tcp.error_without_scale.max()) * 1e3,
         "tcp_sigma_mm": float(found.robot.tcp_sigma.mean()) * 1e3,
         "sigma_without_scale_mm": float(found.robot.tcp.without_scale.mean()) * 1e3,
-        "foretold_without_scale_mm": "" if plan is None else float(np.median(plan.tcp)) * 1e3,
+        "predicted_without_scale_mm": "" if plan is None else float(np.median(plan.tcp)) * 1e3,
     }  # fmt: skip
 
 

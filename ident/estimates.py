@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, parameter_named
-from cell.placement import Placement
 from cell.statistics import rms
 from ident.causes import beside_fit
 from ident.consistency import AGREED, consistency
@@ -38,18 +37,11 @@ from ident.remarks import (
     unlike_tools,
     wrong_ratios,
 )
-from ident.result import (
-    FitStatistics,
-    Identification,
-    PlacementEstimate,
-    RecordingEstimate,
-    Residuals,
-    RobotEstimate,
-    TableEstimate,
-)
+from ident.result import FitStatistics, Identification, RecordingEstimate, Residuals, RobotEstimate
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.signals.step_fault import StepFault
+from ident.table_estimate import TableEstimate, table_estimate
 from ident.tracker import check_tracker
 from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge, masses_in_doubt
 
@@ -133,7 +125,7 @@ def result_of(
         names = [estimate.name for estimate in estimates]
         if cause := beside_fit(cell, fit, names):
             verdict = verdict.with_cause(cause)
-    poses = _poses(fit, stated)
+    poses = table_estimate(fit, stated.covariance)
     for remark in _remarks(cell, fit, options, robot, stated, orders, poses, complete=complete):
         verdict = verdict.with_warning(remark)
     return Identification(robot, estimates, statistics, verdict, poses)
@@ -172,33 +164,6 @@ def _remarks(
         _contradiction(poses, rms(robot.tcp_sigma)) if poses else "",
     ]
     yield from filter(None, remarks)
-
-
-def _poses(fit: Fit, stated: Uncertainty) -> TableEstimate | None:
-    """Seats, targets and errors of the still poses of a fit; None where it has none."""
-    layout, count = fit.model.unknowns, len(fit.model.recordings)
-    if fit.model.table is None:
-        return None
-    sigma = np.sqrt(np.diag(stated.covariance))
-
-    def placed(
-        place: Callable[[Array, str], Placement], parts: dict[str, slice]
-    ) -> dict[str, PlacementEstimate]:
-        return {
-            name: PlacementEstimate(place(fit.x, name), sigma[part][:3], name in layout.framed)
-            for name, part in parts.items()
-        }
-
-    points = fit.linear.evaluations[count:]
-    return TableEstimate(
-        table=fit.model.table,
-        seats=placed(layout.seat, layout.seats),
-        targets=placed(layout.target, layout.targets),
-        errors=tuple(np.linalg.norm(point.closure.error[:3], axis=0) for point in points),
-        ignored=sum(int((weight == 0.0).sum()) for weight in fit.linear.robust[count:]),
-        unexplained=fit.excess.position,
-        declared=float(np.median(np.concatenate([p.position_sigma.ravel() for p in points]))),
-    )
 
 
 def _contradiction(poses: TableEstimate, tcp_sigma: float) -> str:

@@ -19,6 +19,7 @@ from ident.findings import Findings, scale_of
 from ident.pose_verdict import judge_poses
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.pose_covariance import PoseCovariance
+from ident.table_estimate import TableEstimate, table_estimate
 from ident.table_steps import renamed
 from ident.verdict import Verdict
 
@@ -39,6 +40,13 @@ class PoseIdentification:
     def verdict(self) -> Verdict:
         """Status, sentence and warnings."""
         return judge_poses(self)
+
+    @cached_property
+    def poses(self) -> TableEstimate:
+        """Seats, targets and errors of the poses."""
+        estimate = table_estimate(self.fit, self.fit.covariance)
+        assert estimate is not None  # it is of still poses
+        return estimate
 
     @property
     def sigma(self) -> dict[str, float]:

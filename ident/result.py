@@ -17,8 +17,6 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
-from cell.placement import Placement
-from cell.poses import PoseTable
 from cell.statistics import rms
 from ident.corrections import as_in_result, correction_of_result
 from ident.estimator.identifiability import DroppedParameter
@@ -29,6 +27,7 @@ from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.tool_covariance import ToolCovariance
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start
+from ident.table_estimate import TableEstimate
 from ident.tracker import TrackerCheck
 from ident.verdict import Verdict
 
@@ -165,37 +164,6 @@ class RecordingEstimate:
     @property
     def samples(self) -> int:
         return int(self.after.t.size)
-
-
-@dataclass(frozen=True, eq=False)
-class PlacementEstimate:
-    """Where a seat stands in the robot's base frame, or a target in the flange's."""
-
-    placement: Placement
-    sigma: Array  # (3,) [m] of its position
-    whole: bool  # whether its orientation was identified too
-
-
-@dataclass(frozen=True, eq=False)
-class TableEstimate:
-    """Still poses that were fitted together with recordings."""
-
-    table: PoseTable
-    seats: dict[str, PlacementEstimate]
-    targets: dict[str, PlacementEstimate]
-    errors: tuple[Array, ...]  # (N,) [m] distance of each measurement from the model, by group
-    ignored: int  # poses so far from the model that they do not count
-    unexplained: float  # [m] along each axis, beyond the noise of instrument and joints
-    declared: float  # [m] noise of the instrument along each axis, median
-
-    @property
-    def sentence(self) -> str:
-        """How well the robot explains the poses."""
-        error = np.concatenate(self.errors)
-        mean, high = (f"{v * 1e3:.3f} mm" for v in (error.mean(), error.max()))
-        lost = f", {self.ignored} of them too far off to count" * (self.ignored > 0)
-        poses = f"{error.size} still poses of {self.table.name}"
-        return f"{poses}{lost}: mean error {mean}, largest {high}"
 
 
 @dataclass(frozen=True)

@@ -60,13 +60,18 @@ def _logs(data: RunData) -> list[InputFile]:
         for file in input_files(recording, folder):
             several = len(data.read) > 1
             files.append(replace(file, name=f"{name}/{file.name}") if several else file)
-    return files
+    return files + _pose_files([(name, folder) for name, folder, _ in data.tables])
 
 
 def _tables(run: PoseRun) -> list[InputFile]:
     """poses.yaml of every table."""
-    folders = [(name, folder) for name, folder, _ in run.folders]
+    folders = [(name, folder) for name, folder, _ in run.tables]
     folders += [(outcome.name, folder) for folder, _, outcome in run.held_out]
+    return _pose_files(folders)
+
+
+def _pose_files(folders: list[tuple[str, Path]]) -> list[InputFile]:
+    """poses.yaml of tables by their names."""
     files = []
     for name, folder in folders:
         path = pose_file_path(folder)

@@ -108,39 +108,35 @@ def _row(
 
 def place_sections(run: Run) -> list[Section]:
     """Fitted ranges, seats and targets, the groups of poses, and the findings of the import."""
-    if isinstance(run, RunData):
+    poses, tables = run.identification.poses, run.tables
+    if poses is None:
         return []
-    result = run.identification
-    layout, x = result.fit.model.unknowns, result.fit.x
-    deviations = np.sqrt(np.diag(result.fit.covariance))
-    placements = []
-    for kind, places, place in (
-        ("seat", layout.seats, layout.seat),
-        ("target", layout.targets, layout.target),
-    ):
-        for name, part in places.items():
-            origin: Array = place(x, name).origin
-            placements.append((f"{kind} {name}", _mm(origin), _mm(deviations[part][:3])))
-    ends = np.rad2deg([result.table.q.min(axis=0), result.table.q.max(axis=0)])
+    ends = np.rad2deg([poses.table.q.min(axis=0), poses.table.q.max(axis=0)])
+    placements = [
+        (f"{kind} {name}", _mm(estimate.placement.origin), _mm(estimate.sigma))
+        for kind, places in (("seat", poses.seats), ("target", poses.targets))
+        for name, estimate in places.items()
+    ]
     groups = [
         (
-            p.still.seat,
-            p.still.target,
-            p.still.file,
-            p.still.size,
-            QUANTITIES[p.still.measured],
-            significant(float(np.linalg.norm(p.closure.error[:3], axis=0).mean()) * MM, 3),
+            group.seat,
+            group.target,
+            group.file,
+            group.size,
+            QUANTITIES[group.measured],
+            significant(float(error.mean()) * MM, 3),
         )
-        for p in result.fit.linear.evaluations
+        for group, error in zip(poses.table.groups, poses.errors, strict=True)
     ]
     return [
         section(
             "places.html",
             {"ranges": "Fitted ranges", "places": "Seats and targets"},
+            alone=not isinstance(run, RunData),
             ranges=[(j, f"{a:.1f}", f"{b:.1f}") for j, (a, b) in enumerate(ends.T, start=1)],
             placements=placements,
             groups=groups,
-            findings=[f for _, _, content in run.folders for f in content.report.findings],
+            findings=[f for _, _, content in tables for f in content.report.findings],
         )
     ]
 

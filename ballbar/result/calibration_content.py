@@ -44,7 +44,7 @@ from cell.statistics import rms
 from ident.corrections.base import Coefficient
 from ident.estimator.fit import Fit
 from ident.estimator.priors import belongs_to_recording, shared_names
-from ident.result import PlacementEstimate, TableEstimate
+from ident.table_estimate import PlacementEstimate, TableEstimate
 
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
 _UNIT = re.compile(r"_(?:m|rad|s)$")
@@ -94,7 +94,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
 
 def calibration_of_poses(run: PoseRun) -> CalibrationFile:
     """The content of calibration.yaml for still poses, which is checked once it is written."""
-    result, description = run.identification, run.folders[0][2].description
+    result, description = run.identification, run.tables[0][2].description
     fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
     sigma, gain, robot = result.sigma, result.information_gain, result.identified_robot()
     return CalibrationFile.model_construct(
@@ -122,18 +122,10 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
             )
             for o in (result.search.orders if result.search else ())
         ),
-        seats={name: _placement(fit, name, part) for name, part in layout.seats.items()},
-        targets={name: _placement(fit, name, part) for name, part in layout.targets.items()},
+        seats=_placements(result.poses.seats),
+        targets=_placements(result.poses.targets),
         ranges=_ranges(robot.lower, robot.upper),
-        recordings=tuple(
-            _entry(
-                GroupEntry,
-                point.still,
-                poses=point.still.size,
-                position_rms_m=float(np.sqrt((point.closure.error[:3] ** 2).sum(axis=0).mean())),
-            )
-            for point in fit.linear.evaluations
-        ),
+        recordings=tuple(_groups(result.poses)),
         cross_validation=_entry(CrossValidationEntry, result.cross_validation),
         fit=FitEntry.model_construct(
             status=verdict.status,
@@ -226,19 +218,6 @@ def _ranges(lower: Array, upper: Array) -> tuple[RangeEntry, ...]:
     return tuple(
         RangeEntry.model_construct(lower_rad=float(low), upper_rad=float(high))
         for low, high in zip(lower, upper, strict=True)
-    )
-
-
-def _placement(fit: Fit, name: str, part: slice) -> PlacementEntry:
-    """A seat, or a target, whose unknowns are a part of the vector."""
-    layout = fit.model.unknowns
-    place = (layout.seat if layout.seats.get(name) == part else layout.target)(fit.x, name)
-    deviations = np.sqrt(np.diag(fit.covariance)[part][:3])
-    turn = rotvec_from_matrix(place.rotation[:, :, None])[:, 0]
-    return PlacementEntry.model_construct(
-        position_m=tuple(place.origin.tolist()),
-        position_sigma_m=tuple(deviations.tolist()),
-        rotation_vector_rad=tuple(turn.tolist()) if name in layout.framed else None,
     )
 
 

@@ -86,7 +86,7 @@ class PoseRun:
     """An identification from still poses with what was read, and the simulation behind it."""
 
     name: str
-    folders: tuple[tuple[str, Path, PoseImport], ...]  # name, folder and content, as fitted
+    tables: tuple[tuple[str, Path, PoseImport], ...]  # name, folder and content, as fitted
     identification: PoseIdentification
     held_out: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
     simulation: PoseSimulation | None = None

@@ -36,7 +36,7 @@ def write_calibration(path: Path, run: Run) -> None:
         file, recorded = calibration_of(run), run.recordings[0].folder
         described = ["robot", "instrument", "plate"]
     else:
-        file, recorded = calibration_of_poses(run), pose_file_path(run.folders[0][1]).parent
+        file, recorded = calibration_of_poses(run), pose_file_path(run.tables[0][1]).parent
         described = ["robot"]
     copied = {
         key: copied_description(path.parent, key, recorded / name)

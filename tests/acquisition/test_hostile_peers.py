@@ -1,4 +1,4 @@
-"""Whoever else sends to a recorder, on loopback: it does not end, nor hang, nor take it as data."""
+"""Other senders to a recorder, on loopback, neither end it nor hang it, nor become its data."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(original: Path, tmp_path: Path) -> Path:
-    """The recording anew, its files linked but for the tracker's and recording.yaml."""
+    """The recording again, its files linked but for the tracker's and recording.yaml."""
     (tmp_path / "raw").mkdir()
     for path in (original / "raw").iterdir():
         if path.name != "tracker.csv":

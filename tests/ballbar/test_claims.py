@@ -572,7 +572,7 @@ def test_every_claim_of_the_thesis_comes_out_as_stated(
 
 @pytest.mark.long
 def test_every_check_of_runs_can_fail_and_can_be_met(quickly: list[Judged]) -> None:
-    """Random factors from 1e-6 to 1e6, of every run or of all alike, turn each check over; so do
+    """Random factors from 1e-6 to 1e6, of every run or one of all, turn each check over; so do
     results that are the same in every run.
 
     With either parameter set: what the core set does not fit has no error there.

@@ -142,7 +142,7 @@ def test_a_held_out_path_needs_its_limit_and_a_path_to_stand_beside(tmp_path: Pa
 
 @pytest.mark.long
 def test_a_run_tries_the_robot_on_the_held_out_path(tmp_path: Path) -> None:
-    """With the kinematic plant; noise of both recordings is drawn alike, their motions differ."""
+    """With the kinematic plant; noise of both recordings is drawn equally, their motions differ."""
     file, out = tmp_path / "own.yaml", tmp_path / "out"
     held = f"{{held_out_ratio: 0.5, held_out_file: {PATHS}/irb2400_b.yaml}}"
     file.write_text(SHORT.replace("PATHS", PATHS).replace("{tcp_mean_mm: 0.05}", held))

@@ -1,4 +1,4 @@
-"""`ballbar check` and `ballbar new --poses`: still poses on the page, as JSON, and made anew."""
+"""`ballbar check` and `ballbar new --poses`: still poses on the page, as JSON, and made again."""
 
 import json
 from pathlib import Path

@@ -186,7 +186,7 @@ def reached(result: Result, payload: Payload | None, q: Array) -> Array:
 def test_the_controller_takes_the_identified_robot_from_the_new_targets_to_the_nominal_poses(
     tmp_path: Path, result: Result
 ) -> None:
-    """The controller is the nominal chain, solved anew from the numbers of the corrected text."""
+    """The controller is the nominal chain, solved again from the numbers of the corrected text."""
     robot = result.robot
     done = corrected(tmp_path / "weld.mod", module(robot), result)
     chain, payload = nominal_chain(robot), Payload(4.2, np.array([0.005, 0.0, 0.09]))

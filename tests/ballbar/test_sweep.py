@@ -437,7 +437,7 @@ def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Pa
         assert list(point.results["distance_mm_mrad"]) == list(rows["distance_mm_mrad"].dropna())
 
 
-# -- the same bytes, whoever computes them and however often they stop
+# -- the same bytes by any workers, however often they stop
 
 
 @pytest.fixture(scope="module")

@@ -82,7 +82,7 @@ def test_a_burst_of_damaged_values_is_found_and_nothing_else(rows: tuple[int, ..
 
 def test_a_burst_shows_at_its_edges_and_its_inside_is_suspect_too() -> None:
     t, values = log()
-    values[200:209, 1] += 3e-3  # alike, so that those in the middle agree with one another
+    values[200:209, 1] += 3e-3  # equal, so that those in the middle agree with one another
     mask = suspects(t, values, sigmas=DAMAGED)[0]
     assert mask[200:209, 1].all()
     assert not mask[:, 0].any()

@@ -71,7 +71,7 @@ def drawn(seed: int) -> Truth:
 
 
 def recorded(truth: Truth, path: str, duration: float, rng: np.random.Generator) -> Logs:
-    """Logs of one path, the ball-bar's base placed and its encoders mounted anew."""
+    """Logs of one path, the ball-bar's base placed and its encoders mounted again."""
     cell, true = truth.cell, truth.geometry
     place = {name: true[name] + PLACED * rng.standard_normal() for name in ("ox", "oy", "oz")}
     place |= {name: TILTED * rng.standard_normal() for name in ("otx", "oty")}

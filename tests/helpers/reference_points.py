@@ -68,7 +68,7 @@ def errors(fit: ReferenceFit, kind: str, seed: int) -> tuple[Array, Array]:
 
 
 def errors_of_single_measurements(read: Array, kind: str, seed: int) -> Array:
-    """(E, 3) [m] likewise, each measurement moved onto the true points by itself."""
+    """(E, 3) [m] the same, each measurement moved onto the true points by itself."""
     true, seen = targets(kind, seed, len(read))
     steady, points = np.empty_like(seen), POINTS[: read.shape[1]]
     for n, own in enumerate(read):

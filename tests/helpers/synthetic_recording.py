@@ -79,7 +79,7 @@ def recording(
     noise: float | Array = 0.0,
     encoder_noise: float | None = None,
     stretch: float = 0.0,
-    alike: int = 1,
+    repeated: int = 1,
     stated: float = 1e-5,
     seed: int = 0,
 ) -> Samples:
@@ -87,10 +87,10 @@ def recording(
 
     noise : [rad] of the robot's angles, of each joint where it is (6,). encoder_noise : [rad] of
     the encoders' readings; the same where it is not given. stretch : [m] of the rod. All are
-    white, or the same over `alike` samples. stated : [rad] the noise that both logs claim.
+    white, or the same over `repeated` samples. stated : [rad] the noise that both logs claim.
     """
     rng, path = np.random.default_rng(seed), minute()
-    rows = 1 if alike == 1 else alike * ROWS_PER_SAMPLE
+    rows = 1 if repeated == 1 else repeated * ROWS_PER_SAMPLE
 
     def random(columns: int) -> Array:
         drawn = rng.standard_normal((-(-path.t.size // rows), columns))

@@ -82,7 +82,7 @@ def test_an_unchanged_robot_is_called_changed_in_about_two_of_a_hundred(robot: S
     alarms = 0
     for _ in range(100):
         q = robot.angles(rng)
-        seat = SEAT + rng.uniform(-0.2, 0.2, 3)  # set up anew
+        seat = SEAT + rng.uniform(-0.2, 0.2, 3)  # set up again
         alarms += not robot.check(point_table(robot.drawn, q, NOISE, rng, seat=seat)).holds
     assert alarms <= 0.04 * 100
 

@@ -36,7 +36,7 @@ def machine() -> Machine:
 
 
 def verified(machine: Machine, true: Geometry, seed: int = 2) -> RecordingVerification:
-    """With the encoders mounted anew."""
+    """With the encoders mounted again."""
     mounted = true.replaced({"btheta2": 0.3, "btheta5": -0.2})
     return verify_recording(machine, minute_logs(true=mounted, seed=seed), options=OPTIONS)
 

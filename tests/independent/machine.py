@@ -94,7 +94,7 @@ class Machine:
     """A robot that holds a plate and a ball-bar."""
 
     rows: Array  # (6, 5) DH rows of the robot, as of `homes`
-    bar_rows: Array  # (5, 5) likewise
+    bar_rows: Array  # (5, 5) the same of the ball-bar
     arm: Mechanism
     bar: Mechanism
     compliance: Array  # (K, K) [rad/(N m), m/N] of the arm's coordinates other than its gears

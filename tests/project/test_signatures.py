@@ -52,9 +52,9 @@ _OWN = {"self", "cls"}
 def swappable_functions() -> list[str]:
     """Functions of more than MOST_PARAMETERS of which two could be swapped unnoticed."""
     return [
-        f"{file}:{node.lineno} {node.name}: several {', '.join(alike)}"
+        f"{file}:{node.lineno} {node.name}: several {', '.join(swappable)}"
         for file, node in nodes()
-        if isinstance(node, ast.FunctionDef) and (alike := swappable_parameters(node))
+        if isinstance(node, ast.FunctionDef) and (swappable := swappable_parameters(node))
     ]
 
 
@@ -69,17 +69,17 @@ def test_no_two_of_many_parameters_can_be_swapped_unnoticed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("signature", "alike"),
+    ("signature", "swappable"),
     [
         ("a: int, b: int, c: str, d: bytes, e: set, f: dict, g: list", ["int"]),
         ("a: int, *, b: int, c: str, d: str, e: set, f: dict, g: list", []),
         ("self, a: int, b: int, c: str, d: str, e: set, f: dict", []),
     ],
 )
-def test_what_can_be_swapped(signature: str, alike: list[str]) -> None:
+def test_what_can_be_swapped(signature: str, swappable: list[str]) -> None:
     (function,) = ast.parse(f"def f({signature}): ...").body
     assert isinstance(function, ast.FunctionDef)
-    assert swappable_parameters(function) == alike
+    assert swappable_parameters(function) == swappable
 
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ BANNED = (
     Word(r"ledgers?", "import report"),
     Word(r"likewise", "the same"),
     Word(r"alike", "equal", r"\balike\("),
-    Word(r"anew", "again", r"seated anew there|bolted on anew|apart, anew at"),  # of results
+    Word(r"anew", "again", r"anew (there|at \{)|anew, (give|or bent)|bolted on anew"),  # of results
     Word(r"foretold|foretells?", "predicted"),
     Word(r"reckon(s|ed|ing)?", "accounted for"),
     Word(r"whoever", "anyone"),

@@ -69,8 +69,8 @@ def test_a_planted_mechanism_and_clock_are_found_within_their_stated_noise(
 
 
 def test_samples_count_by_their_noise_at_the_estimate_and_not_at_the_start(found: Fit) -> None:
-    anew = normal_equations(found.model, found.x, found.ballbars, found.excess)
-    assert anew.data_cost == pytest.approx(found.linear.data_cost, rel=1e-6)
+    again = normal_equations(found.model, found.x, found.ballbars, found.excess)
+    assert again.data_cost == pytest.approx(found.linear.data_cost, rel=1e-6)
 
 
 def test_chi_square_per_degree_of_freedom_is_one_with_the_right_noise(found: Fit) -> None:

@@ -49,7 +49,7 @@ def test_a_contradiction_is_in_standard_deviations_of_the_sum() -> None:
     assert {"ra6", "bd3"} <= {unknowns.names[i] for i in lengths.unknowns}
     assert lengths.apart == pytest.approx(30e-6 / np.hypot(plate, ROD), rel=0.01)
     assert lengths.widening == lengths.apart
-    assert lengths.off == pytest.approx(30e-6, rel=0.01)  # together, whoever of them is wrong
+    assert lengths.off == pytest.approx(30e-6, rel=0.01)  # together, whichever of them is wrong
 
 
 def test_lengths_that_agree_are_not_made_surer() -> None:

@@ -72,7 +72,7 @@ def test_every_column_is_the_derivative_of_the_whitened_error(machine: CompleteM
     assert {"force_gain", "offset", "skew", "clock_step1", "tension5", "ra2", "bd3", "ox"} < set(
         layout.names
     )
-    some = [*range(knots.start), *range(knots.start + 4, knots.stop, 10)]  # knots are all alike
+    some = [*range(knots.start), *range(knots.start + 4, knots.stop, 10)]  # knots are equal
     for i, name in ((i, layout.names[i]) for i in some):
         h = 1e-4 * min(layout.sigma[i], 1e-2)
         ahead, behind = (

@@ -131,11 +131,11 @@ def test_an_order_is_found_in_few_blocks_whose_size_differs() -> None:
 
 @pytest.mark.slow
 def test_the_statistic_of_few_blocks_is_exceeded_as_often_as_chi_square() -> None:
-    """Scores of 20 blocks alike: of chi-square with two degrees 1 % exceed 9.21."""
+    """Scores of 20 equal blocks: of chi-square with two degrees 1 % exceed 9.21."""
     rng, blocks, trials = np.random.default_rng(4), 20, 20000
     scores = rng.normal(size=(trials, 2, blocks))
-    alike = np.broadcast_to(np.eye(2)[:, :, None], (trials, 2, 2, blocks))
-    each = left_out(scores, alike, prior=1e9)
+    equal = np.broadcast_to(np.eye(2)[:, :, None], (trials, 2, 2, blocks))
+    each = left_out(scores, equal, prior=1e9)
     variance = np.einsum("cig,cjg->cij", each, each)
     total = scores.sum(axis=2)
     plain = np.einsum("ci,cij,cj->c", total, np.linalg.inv(variance), total)

@@ -37,17 +37,17 @@ def true_geometry() -> Geometry:
     return geometry_of_chain(parameter_table(TRUE.robot), TRUE.chain)
 
 
-def fitted(stated: float, *, alike: int = 1, held: bool = False) -> Fit:
+def fitted(stated: float, *, repeated: int = 1, held: bool = False) -> Fit:
     """Points with noise of NOISE; stated : [m] what their file says of it.
 
-    alike : how often each pose stands in the table, with the same noise. held : the robot at its
+    repeated : how often each pose stands in the table, with the same noise. held : the robot at its
     true parameters, so that only seat and target are unknown.
     """
     q = angles(TRUE.name, 200)
     (drawn,) = table_of(TRUE, "point", q=q, noise=NOISE).groups
-    sigma = np.full((alike * len(q), 3), stated)
+    sigma = np.full((repeated * len(q), 3), stated)
     repeated = group(
-        "point", "tracker", np.tile(q, (alike, 1)), np.tile(drawn.values, (alike, 1)), sigma
+        "point", "tracker", np.tile(q, (repeated, 1)), np.tile(drawn.values, (repeated, 1)), sigma
     )
     model = model_of(PoseTable(TRUE.name, TRUE.robot, (repeated,)))
     if held:
@@ -115,10 +115,10 @@ def test_the_covariance_is_that_of_the_noise_and_not_of_the_stated_one() -> None
     assert deviations[1][0] > NOISE / np.sqrt(200)
 
 
-@pytest.mark.parametrize("alike", [1, 4])
-def test_errors_that_neighbouring_poses_share_inflate_the_covariance(alike: int) -> None:
+@pytest.mark.parametrize("repeated", [1, 4])
+def test_errors_that_neighbouring_poses_share_inflate_the_covariance(repeated: int) -> None:
     """The same errors four times tell as much as once: deviations are twice those of white ones."""
-    fit = fitted(NOISE / 10.0, alike=alike, held=True)
+    fit = fitted(NOISE / 10.0, repeated=repeated, held=True)
     ratio = np.sqrt(np.diag(robust_covariance(fit)) / np.diag(fit.covariance))[-9:]
     # 32 regions scatter by an eighth, and no factor is below 1
-    assert np.median(ratio) == pytest.approx(np.sqrt(alike), rel=0.2)
+    assert np.median(ratio) == pytest.approx(np.sqrt(repeated), rel=0.2)

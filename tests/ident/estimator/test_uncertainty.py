@@ -38,7 +38,7 @@ PARAMETERS = np.array(
 )
 # Of the minute's 19 blocks eight unknowns, clock included, leave enough to tell their scatter.
 FEW = np.array([INDEX[name] for name in ("btheta1", "ox", "oy", "oz", "bd3", "ra2")])
-ALIKE = 5
+REPEATED = 5
 
 
 def fitted(samples: Samples, sigma: Array | None = None, parameters: Array = PARAMETERS) -> Fit:
@@ -54,7 +54,7 @@ def white(noisy: Samples) -> Fit:
 @pytest.fixture(scope="module")
 def slow() -> Fit:
     """The same noise in five samples after each other: they tell as much as one."""
-    return fitted(recording(noise=1e-5, alike=ALIKE, seed=31), parameters=FEW)
+    return fitted(recording(noise=1e-5, repeated=REPEATED, seed=31), parameters=FEW)
 
 
 def scores(influence: Array, times: Array) -> tuple[Array, Array]:
@@ -110,7 +110,7 @@ def test_autocorrelated_residuals_inflate_the_standard_deviations_by_the_known_f
 ) -> None:
     stated = uncertainty(slow)
     # Blocks of 15 samples cut some of the runs of five, and the fit absorbs a part of 19 blocks.
-    assert 0.75 * np.sqrt(ALIKE) < np.median(stated.inflation) < 1.1 * np.sqrt(ALIKE)
+    assert 0.75 * np.sqrt(REPEATED) < np.median(stated.inflation) < 1.1 * np.sqrt(REPEATED)
     # 4 of 5 neighbours are the same, less what the fit absorbs
     assert 0.55 < stated.autocorrelation < 0.8
     ratio = np.sqrt(np.diag(stated.covariance) / np.diag(slow.covariance))
@@ -128,14 +128,14 @@ def test_stated_deviations_hold_over_many_seeds_of_slow_noise() -> None:
     """Mean square of the normalised errors: 5 if the residuals were taken for white."""
     robust, white = [], []
     for seed in range(20):
-        fit = fitted(recording(noise=1e-5, alike=ALIKE, seed=100 + seed), parameters=FEW)
+        fit = fitted(recording(noise=1e-5, repeated=REPEATED, seed=100 + seed), parameters=FEW)
         names = fit.model.unknowns.names
         true = np.array([NOMINAL[name] for name in names[:-2]] + [0.0, 0.0])
         robust.append((fit.x - true) ** 2 / np.diag(uncertainty(fit).covariance))
         white.append((fit.x - true) ** 2 / np.diag(fit.covariance))
     # 160 values, correlated within a seed: a fifth of sampling error, about 5 and about 1.4, since
     # of 19 blocks the fit absorbs a part
-    assert np.mean(white) == pytest.approx(ALIKE, rel=0.6)
+    assert np.mean(white) == pytest.approx(REPEATED, rel=0.6)
     assert 0.8 < np.mean(robust) < 2.2
     assert np.mean(white) > 2.5 * np.mean(robust)
 

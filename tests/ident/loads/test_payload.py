@@ -144,9 +144,9 @@ def test_recordings_under_two_tools_are_not_pooled() -> None:
     assert second == pytest.approx(2.5 * body.mass, abs=1.5)
     assert estimate.payload.mass == first
     assert f"recording 2 for {second:.1f} kg" in unlike_tools(estimate)
-    alike = payload_of_recordings(CELL, [NOMINAL] * 2, [logged(CELL), logged(CELL, seed=2)])
-    assert alike.each == ()
-    assert unlike_tools(alike) == ""
+    equal = payload_of_recordings(CELL, [NOMINAL] * 2, [logged(CELL), logged(CELL, seed=2)])
+    assert equal.each == ()
+    assert unlike_tools(equal) == ""
 
 
 def test_each_link_of_a_cell_has_its_own_deviation() -> None:

@@ -142,12 +142,12 @@ def test_c_ptheta_tells_bd2_from_balpha2_and_c_p_does_not(
     closed: Angles, nominal: Geometry
 ) -> None:
     """Thesis Table 3.2: bd2 | balpha2 stands in the row of C_P only, ra6 | ba5 in both."""
-    for name, alike in (("position", True), ("position_angles", False)):
+    for name, equal in (("position", True), ("position_angles", False)):
         pair = columns_of(name, closed, nominal, "bd2", "balpha2")
         assert (
             np.linalg.svd(pair / np.linalg.norm(pair, axis=1, keepdims=True), compute_uv=False)[-1]
             < 1e-9
-        ) == alike
+        ) == equal
         plate = columns_of(name, closed, nominal, "ra6", "ba5")
         assert np.abs(plate.sum(axis=0)).max() < 1e-12
 
