@@ -13,12 +13,9 @@ from ident.held_out import LoopClosure
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.result import Machine
+from ident.single_causes import LENGTH, ZERO, Cause, Explanation
 from ident.verification import (
     FALSE_ALARMS,
-    LENGTH,
-    ZERO,
-    Cause,
-    Explanation,
     RecordingVerification,
     _Difference,
     _wander,
