@@ -1,0 +1,155 @@
+"""Single changes of a machine since its identification that may explain a new recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cell.arrays import Array
+from cell.descriptions import Cell, Robot
+from cell.geometry import parameter_table
+from ident.corrections.base import GEAR
+from ident.estimator.fit import Fit
+from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
+from ident.result import Machine
+
+# [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
+# bolted on anew or bent, a rod or a plate exchanged
+ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
+SCALE = 5e-4  # [1] of a length sensor that was exchanged
+# [rad], [m] standard deviations of what an unchanged machine is apart by
+WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
+    ("tool", "rod", "length", "plate", "geometry", "ball-bar"), WANDER_LENGTH
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """One change since the identification that may explain a recording."""
+
+    # axis, tool, rod, plate or gear; of a sensed length `length` and `scale` in place of rod and
+    # plate; else geometry or ball-bar
+    kind: str
+    axis: int  # from 1, of an axis or a gear; else 0
+    names: tuple[str, ...]  # of the machine's unknowns that it moves
+    columns: Array  # (U, K) change of the machine's unknowns per unit
+    prior: Array  # (K,) standard deviation of each unit: of an axis zero [rad]
+
+    @property
+    def words(self) -> str:
+        """A phrase for the part that changed."""
+        if self.kind == "axis":
+            return f"zero of axis {self.axis}"
+        if self.kind == "gear":
+            return f"gear of axis {self.axis}"
+        if self.kind == "geometry":
+            return f"parameter {self.names[0]}"
+        if self.kind == "ball-bar":
+            return "axes of the ball-bar"
+        return {
+            "tool": "tool",
+            "rod": "length of the rod",
+            "plate": "length of the plate",
+            "length": "zero of the measured length",
+            "scale": "scale of the measured length",
+        }[self.kind]
+
+
+def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
+    """The single causes that move unknowns of a free fit; those of gears where it has them.
+
+    Beside the usual ones every other parameter of the arm, and those of the ball-bar together: the
+    many coefficients of a gear would take up a change of these.
+    """
+    robot, layout = machine.robot.cell.robot, free.model.unknowns
+    place = {name: k for k, name in enumerate(free_names(machine, free))}
+    table = parameter_table(robot)
+
+    def cause(
+        kind: str, axis: int, moved: Sequence[tuple[dict[str, float], float]]
+    ) -> Cause | None:
+        """moved : unknowns and their shares for each unit, and the unit's prior."""
+        known = [(shares, s) for shares, s in moved if shares and all(n in place for n in shares)]
+        if not known:
+            return None
+        columns = np.zeros((len(place), len(known)))
+        for k, (shares, _) in enumerate(known):
+            columns[[place[n] for n in shares], k] = list(shares.values())
+        names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
+        return Cause(kind, axis, names, columns, np.array([s for _, s in known]))
+
+    zeros, sensed = _zeros(robot), machine.robot.cell.ballbar.stroke is not None
+    last = [f"r{kind}{robot.joints}" for kind in ("d", "a", "theta", "alpha", "beta")]
+    sizes = [SHIFT, SHIFT, TURN, TURN, TURN]
+    made = [cause("axis", axis, [(shares, ZERO)]) for axis, shares in zeros.items()]
+    made.append(cause("tool", 0, [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)]))
+    made.append(cause("length" if sensed else "rod", 0, [({"bd3": 1.0}, LENGTH)]))
+    if not sensed:
+        made.append(cause("plate", 0, [({table.plate: 1.0}, LENGTH)]))
+    sigma = dict(zip(layout.names, layout.sigma.tolist(), strict=True))
+    for gear in range(robot.joints):
+        own = [
+            ({c.name: 1.0}, float(np.sqrt(2.0)) * sigma[c.name])
+            for correction in machine.robot.corrections
+            for c in correction.coefficients
+            if c.channel == GEAR + gear
+        ]
+        if own:  # and with the gear, the zero of its axis
+            made.append(cause("gear", gear + 1, [*own, (zeros[gear + 1], ZERO)]))
+    usual = {name for c in made if c is not None for name in c.names}
+    others = [p for p in table.parameters if p.name in place and p.name not in usual]
+    moves = {p.name: ({p.name: 1.0}, SHIFT if p.is_length else TURN) for p in others}
+    made += [cause("geometry", 0, [moves[p.name]]) for p in others if p.side == "robot"]
+    made.append(cause("ball-bar", 0, [moves[p.name] for p in others if p.side == "bar"]))
+    if sensed:  # a length that has to be scaled up shows a robot that is too small until it is
+        lengths = [p.name for p in table.parameters if p.name in place and p.is_length]
+        shares = {n: -machine.robot.geometry[n] for n in lengths if n.startswith("r")}
+        made.append(cause("scale", 0, [(shares, SCALE)]))
+    return tuple(c for c in made if c is not None)
+
+
+def _zeros(robot: Robot) -> dict[int, dict[str, float]]:
+    """Joint angles that the zero of each axis moves, and by how much; of axis 1 the base alone."""
+    return {
+        axis: {f"rtheta{j}": float(share) for j, share in enumerate(row, start=1) if share}
+        for axis, row in enumerate(robot.controller_to_joint, start=1)
+    }
+
+
+def free_names(machine: Machine, free: Fit) -> list[str]:
+    """Names of the machine's unknowns that were free, in the order of its covariance."""
+    return [name for name in machine.names if name in free.model.unknowns.names]
+
+
+def covariance_of_wander(causes: Sequence[Cause], unknowns: int) -> Array:
+    """(U, U) covariance of what an unchanged machine is apart by `WANDERS`."""
+    shifts = [c.columns * WANDERS[c.kind] for c in causes if c.kind in WANDERS]
+    each = np.concatenate([np.zeros((unknowns, 1)), *shifts], axis=1)
+    return np.asarray(each @ each.T)
+
+
+def exchangeable(cell: Cell) -> dict[str, tuple[float, float]]:
+    """[m] standard deviations of a change and of what its file states, of parameters that an
+    identification takes as exact.
+
+    Of a sensed length these are the tool's length and the zero of the length: a tool that was
+    bolted on again would otherwise pass for a change of the arm.
+    """
+    if cell.ballbar.stroke is None:
+        return {}
+    plate = parameter_table(cell.robot).plate
+    return {plate: (SHIFT, cell.plate.length_sigma), "bd3": (LENGTH, cell.ballbar.length_tolerance)}
+
+
+def with_exchangeable(machine: Machine) -> Machine:
+    """The machine with `exchangeable` parameters among its unknowns, as well as files state."""
+    exact = {
+        name: stated
+        for name, (_, stated) in exchangeable(machine.robot.cell).items()
+        if name not in machine.names
+    }
+    covariance = block_diag(machine.covariance, np.diag(np.array([*exact.values()]) ** 2))
+    return replace(machine, names=(*machine.names, *exact), covariance=covariance)
