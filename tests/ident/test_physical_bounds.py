@@ -7,9 +7,9 @@ from typing import cast
 import pytest
 
 from ident.complete_fit import fit_complete
+from ident.estimates import pulled, unphysical
 from ident.estimator.fit import Fit
 from ident.estimator.step_faults import MAX_FOUND
-from ident.identify import pulled, unphysical
 from ident.loads.payload import PayloadEstimate
 from ident.options import FitOptions
 from ident.physical_bounds import FORCE, impossible
