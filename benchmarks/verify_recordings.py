@@ -129,7 +129,7 @@ def _moved(truth: Truth, moves: dict[str, float]) -> Truth:
 def changed_length(
     truth: TrueMachine, kind: str, rng: np.random.Generator
 ) -> tuple[TrueMachine, str, float]:
-    """As `changed`, of a robot whose tool a length is measured to."""
+    """Same as `changed`, for a robot to whose tool a length is measured."""
     low, high = OF_LENGTHS[kind]
     size = float(np.exp(rng.uniform(np.log(low), np.log(high))) * rng.choice([-1.0, 1.0]))
     true, table, name = truth.true, truth.true.table, kind

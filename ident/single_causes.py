@@ -1,12 +1,4 @@
-"""The single changes of a machine since its identification that may explain a recording.
-
-Each moves some unknowns of the machine, by columns, within a prior of the size that such changes
-have.
-
-A sensed length shows the position of the tool alone, and no scale but its own. The tool's length
-and the zero of the sensor, which an identification takes as exact where their files do, are free
-as well, so that a tool or a sensor that was exchanged does not pass for a change of the arm.
-"""
+"""Single changes of a machine since its identification that may explain a new recording."""
 
 from __future__ import annotations
 
@@ -18,15 +10,20 @@ from scipy.linalg import block_diag
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
-from cell.geometry import parameter_named, parameter_table
+from cell.geometry import parameter_table
 from ident.corrections.base import GEAR
 from ident.estimator.fit import Fit
+from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
 from ident.result import Machine
 
 # [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
 # bolted on anew or bent, a rod or a plate exchanged
 ZERO, SHIFT, TURN, LENGTH = 2e-3, 5e-4, 2e-3, 1e-4
 SCALE = 5e-4  # [1] of a length sensor that was exchanged
+# [rad], [m] standard deviations of what an unchanged machine is apart by
+WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
+    ("tool", "rod", "length", "plate", "geometry", "ball-bar"), WANDER_LENGTH
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,39 +56,6 @@ class Cause:
             "length": "zero of the measured length",
             "scale": "scale of the measured length",
         }[self.kind]
-
-
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """One cause and how well it explains a recording."""
-
-    cause: Cause
-    size: Array  # (K,) [rad], [m] or SI of the coefficients
-    sigma: Array  # (K,)
-    evidence: float  # logarithm of the Bayes factor against no change
-
-    @property
-    def sentence(self) -> str:
-        """The cause, its size, and what usually is behind it."""
-        size, sigma = float(self.size[0]), float(self.sigma[0])
-        kind, words = self.cause.kind, self.cause.words
-        if kind == "axis":
-            return (
-                f"{words} by {size * 1e3:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad; resolver or "
-                "motor exchanged?)"
-            )
-        if kind == "scale":
-            return f"{words} by {size * 1e6:+.0f} ppm (sigma {sigma * 1e6:.0f} ppm; exchanged?)"
-        if kind in ("rod", "plate", "length"):
-            return f"{words} by {size * 1e6:+.0f} um (sigma {sigma * 1e6:.0f} um; exchanged?)"
-        if kind == "geometry":
-            unit = "um" if parameter_named(self.cause.names[0]).is_length else "urad"
-            return f"{words} by {size * 1e6:+.0f} {unit} (sigma {sigma * 1e6:.0f} {unit}; bent?)"
-        if kind == "ball-bar":
-            return f"{words} (bent, or taken apart?)"
-        if kind == "tool":
-            return f"{words} (bolted on anew, or bent?)"
-        return f"{words} (transmission error, compliance or backlash; gear exchanged?)"
 
 
 def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
@@ -158,6 +122,13 @@ def _zeros(robot: Robot) -> dict[int, dict[str, float]]:
 def free_names(machine: Machine, free: Fit) -> list[str]:
     """Names of the machine's unknowns that were free, in the order of its covariance."""
     return [name for name in machine.names if name in free.model.unknowns.names]
+
+
+def covariance_of_wander(causes: Sequence[Cause], unknowns: int) -> Array:
+    """(U, U) covariance of what an unchanged machine is apart by `WANDERS`."""
+    shifts = [c.columns * WANDERS[c.kind] for c in causes if c.kind in WANDERS]
+    each = np.concatenate([np.zeros((unknowns, 1)), *shifts], axis=1)
+    return np.asarray(each @ each.T)
 
 
 def exchangeable(cell: Cell) -> dict[str, tuple[float, float]]:

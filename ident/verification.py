@@ -26,6 +26,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
 from cell.descriptions import Cell, Robot
+from cell.geometry import parameter_named
 from ident.causes import Causes
 from ident.estimator.fit import Fit
 from ident.estimator.smoothed_harmonics import smoothing_covariance
@@ -39,13 +40,12 @@ from ident.held_out import (
     normalised_innovation,
     recording_alone,
 )
-from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit
 from ident.result import Machine
 from ident.single_causes import (
     Cause,
-    Explanation,
+    covariance_of_wander,
     exchangeable,
     free_names,
     single_causes,
@@ -55,10 +55,6 @@ from ident.verdict import MISFIT
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged machine that call it changed
 DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine
-# [rad], [m] standard deviations of what an unchanged machine is apart by
-WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
-    ("tool", "rod", "length", "plate", "geometry", "ball-bar"), WANDER_LENGTH
-)
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
 UNSETTLED = 0.01
@@ -68,6 +64,39 @@ RIVAL = 3.0
 ROUNDS = 3  # of taking a change away and fitting again: one of a milliradian is not linear
 SEEN = 4.0  # deviations by which a change must stand out
 BLIND = 3e-4  # [rad] of an axis zero that may change unseen without being named
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One cause and how well it explains a recording."""
+
+    cause: Cause
+    size: Array  # (K,) [rad], [m] or SI of the coefficients
+    sigma: Array  # (K,)
+    evidence: float  # logarithm of the Bayes factor against no change
+
+    @property
+    def sentence(self) -> str:
+        """The cause, its size, and what usually is behind it."""
+        size, sigma = float(self.size[0]), float(self.sigma[0])
+        kind, words = self.cause.kind, self.cause.words
+        if kind == "axis":
+            return (
+                f"{words} by {size * 1e3:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad; resolver or "
+                "motor exchanged?)"
+            )
+        if kind == "scale":
+            return f"{words} by {size * 1e6:+.0f} ppm (sigma {sigma * 1e6:.0f} ppm; exchanged?)"
+        if kind in ("rod", "plate", "length"):
+            return f"{words} by {size * 1e6:+.0f} um (sigma {sigma * 1e6:.0f} um; exchanged?)"
+        if kind == "geometry":
+            unit = "um" if parameter_named(self.cause.names[0]).is_length else "urad"
+            return f"{words} by {size * 1e6:+.0f} {unit} (sigma {sigma * 1e6:.0f} {unit}; bent?)"
+        if kind == "ball-bar":
+            return f"{words} (bent, or taken apart?)"
+        if kind == "tool":
+            return f"{words} (bolted on anew, or bent?)"
+        return f"{words} (transmission error, compliance or backlash; gear exchanged?)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,13 +341,6 @@ class _Difference:
         return float(np.quantile(best, 1.0 - FALSE_ALARMS))
 
 
-def _wander(causes: Sequence[Cause], unknowns: int) -> Array:
-    """(U, U) covariance of what an unchanged machine is apart by `WANDERS`."""
-    shifts = [c.columns * WANDERS[c.kind] for c in causes if c.kind in WANDERS]
-    each = np.concatenate([np.zeros((unknowns, 1)), *shifts], axis=1)
-    return np.asarray(each @ each.T)
-
-
 @dataclass(frozen=True, eq=False)
 class _Compared:
     """A recording with a machine held, and with it free."""
@@ -338,7 +360,7 @@ def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) ->
     values = [before[n] if n in before else machine.robot.geometry[n] for n in names]
     at = np.array([layout.names.index(name) for name in names])
     own = np.array([machine.names.index(name) for name in names])
-    wander = _wander(single_causes(machine, free), at.size)
+    wander = covariance_of_wander(single_causes(machine, free), at.size)
     white, inflation = free.covariance[np.ix_(at, at)], stated.inflation[at]
     # what the priors of the recording's own unknowns contribute is noise as the data's part is
     by_data = white - white @ (white / layout.sigma[at][:, None] ** 2)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.mixed_fit import still_points
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_results import write_pose_table
 from tests.helpers.simulated_recordings import Recorded
+from tests.helpers.tracker_points import still_points
 
 pytestmark = pytest.mark.slow
 

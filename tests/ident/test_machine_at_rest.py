@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.mixed_fit import still_points
 from cell.chain import forward
 from cell.descriptions import Cell
 from cell.geometry import Geometry
@@ -23,6 +22,7 @@ from ident.result import Machine
 from ident.robot.identified import IdentifiedRobot
 from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
+from tests.helpers.tracker_points import still_points
 
 SEED, MEASURED = 3, 2e-5  # [m] of still poses along each axis
 Run = tuple[Cell, Logs, Truth]

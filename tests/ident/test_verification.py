@@ -13,12 +13,12 @@ from ident.held_out import LoopClosure
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.result import Machine
-from ident.single_causes import LENGTH, ZERO, Cause, Explanation
+from ident.single_causes import LENGTH, ZERO, Cause, covariance_of_wander
 from ident.verification import (
     FALSE_ALARMS,
+    Explanation,
     RecordingVerification,
     _Difference,
-    _wander,
     verify_recording,
 )
 from tests.helpers.minute_logs import TRUE, minute_logs
@@ -132,7 +132,7 @@ def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() ->
     for x in (np.array([2e-5, 0.0]), np.array([0.0, 1e-5])):
         sure = _Difference(x, np.eye(2), stated, blocks=20)
         assert sure.ranked(causes)[0].evidence > sure.limit(causes)
-        honest = replace(sure, covariance=stated + _wander(causes, 2))
+        honest = replace(sure, covariance=stated + covariance_of_wander(causes, 2))
         assert honest.ranked(causes)[0].evidence < honest.limit(causes)
 
 
