@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array, read_only
 from cell.descriptions import Robot
-from cell.instruments import kind_named, kinds
+from cell.instruments import kind_named
 from cell.instruments.base import Kind
 
 Measured = str  # name of a kind of instrument
-COLUMNS = {kind.name: kind.columns for kind in kinds().values()}  # values of one pose
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,9 +39,9 @@ from cell.descriptions import Robot
 from cell.errors import InputError, LogError
 from cell.file_units import METRES, AngleUnit
 from cell.instrument import Instrument
+from cell.instruments import kind_named
 from cell.load import instrument_names, load_instrument, load_robot, robot_names
 from cell.pose_file import PoseTime
-from cell.poses import COLUMNS
 
 T = TypeVar("T")
 Columns = list[int | str]
@@ -155,7 +155,7 @@ def _values(
         return {}
     seen = value_columns(table.columns, measured, [str(column) for column in joints["columns"]])
     question = f"which columns hold {_KINDS[measured]}? A difference is written as `x_t - x_dif`."
-    counts = (COLUMNS[measured], *((7,) if measured == "pose" else ()))
+    counts = (kind_named(measured).columns, *((7,) if measured == "pose" else ()))
     columns = table.named_columns(answers.values, question, seen, counts)
     names = [str(column) for column in columns]
     logged = table.values(joints["columns"] or [f"rax_{k + 1}" for k in range(robot.joints)])
