@@ -116,8 +116,8 @@ def _run_poses(
     if as_json:
         say_json(run_data(data, folder))
     say_identification(out, data)
-    if data.simulation is not None and data.comparison is not None:
-        out.print(escape(data.simulation.plant))
+    if data.simulated_poses is not None and data.comparison is not None:
+        out.print(escape(data.simulated_poses.plant))
         say_pose_comparison(out, data.comparison)
     _say_limits(data.limits)
     out.print(f"Look at {escape(str(folder / 'report.html'))}")

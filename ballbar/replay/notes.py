@@ -15,7 +15,7 @@ from ballbar.replay.parameters import units_of
 from ballbar.report.motion import rms_norm
 from ballbar.report.numbers import with_and_without
 from ballbar.result.compare import Comparison
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.truth.limits import Limit
 from ballbar.units import MM, MS, PPM, UM, URAD, US
 from cell.foreign_text import markdown
@@ -25,9 +25,9 @@ from ident.result import FitStatistics, Identification, RecordingEstimate, Robot
 Rows = list[tuple[str, str]]
 
 
-def replay_notes(run: Run) -> str:
+def replay_notes(run: RunData) -> str:
     """Verdict and remarks; of logs key figures, dropped parameters, machine and recordings too."""
-    if isinstance(run, RunData):
+    if run.recordings:
         return _notes_of_logs(run)
     verdict = run.identification.verdict
     sentences = (run.name, verdict.sentence, *(outcome.sentence for outcome in run.outcomes))

@@ -29,7 +29,7 @@ from ballbar.replay.series import Series, log_series, recording_series, truth_se
 from ballbar.replay.still_poses import log_still_poses, still_layout
 from ballbar.replay.true_tool import TrueTool, true_tool
 from ballbar.report.motion import CellMotion, cell_motion
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 
 # fixed: the viewer keeps one layout per application
 APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"
@@ -47,7 +47,7 @@ class _Part:
     series: dict[str, Series]
 
 
-def write_replay(path: Path, run: Run) -> None:
+def write_replay(path: Path, run: RunData) -> None:
     """Write the replay of one run as an .rrd file, whole or not at all; folders are made."""
     view, log = _prepared(run)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -61,7 +61,7 @@ def write_replay(path: Path, run: Run) -> None:
         aside.unlink(missing_ok=True)
 
 
-def send_replay(address: str, run: Run) -> None:
+def send_replay(address: str, run: RunData) -> None:
     """Send the same to a viewer that is open."""
     view, log = _prepared(run)
     with _stream(run) as stream:
@@ -69,12 +69,11 @@ def send_replay(address: str, run: Run) -> None:
         log(stream)
 
 
-def recording_id(run: Run) -> str:
+def recording_id(run: RunData) -> str:
     """The name of the run and a digest of logs and estimates: the same run, the same id."""
-    digest = hashlib.sha256()
-    if not isinstance(run, RunData):
-        digest.update(run.identification.table.q.tobytes())
-        return f"{run.name}-{digest.hexdigest()[:12]}"
+    digest, poses = hashlib.sha256(), run.identification.poses
+    if poses is not None:
+        digest.update(poses.table.q.tobytes())
     for fitted in run.recordings:
         log = fitted.recording.robot_log
         for values in (log.t, log.q, fitted.estimate.geometry.values):
@@ -82,18 +81,18 @@ def recording_id(run: Run) -> str:
     return f"{run.name}-{digest.hexdigest()[:12]}"
 
 
-def _prepared(run: Run) -> tuple[rrb.Blueprint, Callable[[rr.RecordingStream], None]]:
+def _prepared(run: RunData) -> tuple[rrb.Blueprint, Callable[[rr.RecordingStream], None]]:
     """The layout of a replay, and what writes its content."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return still_layout(), partial(_log, run=run, parts=())
     parts = [_part(run, fitted) for fitted in run.recordings]
     return layout(_shown(run, parts)), partial(_log, run=run, parts=parts)
 
 
-def _log(stream: rr.RecordingStream, run: Run, parts: Sequence[_Part]) -> None:
+def _log(stream: rr.RecordingStream, run: RunData, parts: Sequence[_Part]) -> None:
     stream.send_recording_name(run.name)
     stream.log(NOTES, _page(replay_notes(run)), static=True)
-    if not isinstance(run, RunData):
+    if not run.recordings:
         log_still_poses(stream, run)
         return
     robot = run.identification.robot
@@ -157,8 +156,8 @@ def _page(text: str) -> rr.TextDocument:
 
 
 @contextmanager
-def _stream(run: Run) -> Iterator[rr.RecordingStream]:
-    application = APPLICATION if isinstance(run, RunData) else STILL_APPLICATION
+def _stream(run: RunData) -> Iterator[rr.RecordingStream]:
+    application = APPLICATION if run.recordings else STILL_APPLICATION
     # without properties: they would hold the time of writing, and make the files of one run differ
     stream = rr.RecordingStream(application, recording_id=recording_id(run), send_properties=False)
     try:

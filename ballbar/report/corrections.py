@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.report.numbers import MISSING, capitalised, decimals_for, fixed, significant
-from ident.estimates import MOSTLY_PRIOR
+from ident.fitted_robot import MOSTLY_PRIOR
 from ident.result import CoefficientEstimate, CorrectionEstimate, RobotEstimate
 
 _UNITS = {

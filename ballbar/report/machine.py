@@ -15,15 +15,15 @@ from ballbar.report.recording import OVERVIEW, overview_cells
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.report.tracker import tracker_section
 from ballbar.result.compare import z_rms
-from ballbar.result.run_data import Run, RunData, Validation
+from ballbar.result.run_data import RunData, Validation
 from ballbar.units import MM
 from ident.estimator.uncertainty import correlated_groups
 from ident.held_out import HeldOut
 
 
-def machine_section(run: Run) -> list[Section]:
+def machine_section(run: RunData) -> list[Section]:
     """Held-out recordings, parameters, corrections, fit, and an overview of the recordings."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return []
     robot, comparison = run.identification.robot, run.comparison
     covariance, corrections = robot.covariance, correction_tables(robot)
@@ -62,7 +62,7 @@ def machine_section(run: Run) -> list[Section]:
     ]
 
 
-def held_out_imports(run: Run) -> list[Section]:
+def held_out_imports(run: RunData) -> list[Section]:
     """How the held-out recordings were read."""
     if not isinstance(run, RunData) or not run.validations:
         return []
