@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.errors import InputError
-from planning.candidate import Space, folded, space_of
+from planning.candidate import Space, folded
 from planning.coarse import BATCH
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, objective
 from planning.screen import screen, tally
@@ -37,7 +37,7 @@ def first_path(
     nearest = (np.inf, "")
     while time.monotonic() - since < seconds:
         rod = rods[tried // (BATCH * BATCHES) % len(rods)]
-        evaluator, space = given[rod], space_of(given[rod].request)
+        evaluator, space = given[rod], given[rod].space
         genomes = rng.random((BATCH * BATCHES, space.size))
         screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
         tried += len(genomes)

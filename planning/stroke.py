@@ -1,6 +1,6 @@
 """Predicted length of a telescoping bar along a trajectory.
 
-The nominal robot keeps the length at the middle of the stroke. Robots with errors of the expected
+The nominal robot keeps the length near the middle of the stroke. Robots with errors of the expected
 size, and a seat that is placed to a millimetre, change it by `u . (J e - o)`: u the direction of
 the rod, J e the tool's displacement by the robot's errors e, o that of the seat, which is set so
 that the bar begins in the middle.
@@ -35,6 +35,7 @@ class Lengths:
     """Lengths of the bar with DRAWS robots on one trajectory."""
 
     length: Array  # (DRAWS, N) [m]
+    commanded: Array  # (N,) [m] with the nominal robot
     stroke: tuple[float, float]  # [m]
 
     @property
@@ -45,10 +46,9 @@ class Lengths:
 
     @property
     def scale(self) -> float:
-        """Factor on the robots' errors with which all stay in the middle half of the stroke."""
+        """Factor on the robots' errors with which they take a quarter of the stroke each way."""
         low, high = self.stroke
-        middle = self.length[:, :1]  # where each begins
-        return float(0.25 * (high - low) / np.abs(self.length - middle).max())
+        return float(0.25 * (high - low) / np.abs(self.length - self.commanded).max())
 
     @property
     def warning(self) -> str:
@@ -82,4 +82,4 @@ def predicted_lengths(model: StrokeModel, trajectory: Trajectory) -> Lengths:
     change = model.errors.T @ np.stack(along) - model.seat.T @ rod
     change -= change[:, :1] * (rod * rod[:, :1]).sum(axis=0)
     commanded = np.linalg.norm(trajectory.tip - trajectory.nominal.origin, axis=1)
-    return Lengths(commanded + change, model.stroke)
+    return Lengths(commanded + change, commanded, model.stroke)

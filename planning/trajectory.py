@@ -99,8 +99,10 @@ def trajectories_of_many(
     nominal = nominal_geometry(cell, np.zeros(3))
     (t, phase), m = _times(timing, step), len(positions)
     b = angles_of(shapes, phase).reshape(-1, BAR_ROWS)
-    poses = bar_frames(nominal, b).poses()
+    bar = bar_frames(nominal, b)
+    poses = bar.poses()
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
+    poses[:, :3, 3] += np.tile(shapes.lengthening(phase), m)[:, None] * bar.z[2].T
     if has_closed_form(nominal.robot):
         branches = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
         counted = np.flatnonzero(allowed.T)
