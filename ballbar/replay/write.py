@@ -17,17 +17,23 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+import yaml
 
+from acquisition.report import report_lines
 from ballbar.replay.blueprint import Shown, layout
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
 from ballbar.replay.events import log_events, recording_events
-from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
-from ballbar.replay.series import log_series, recording_series, truth_series
+from ballbar.replay.series import log_series, recording_series, true_tool, truth_series
 from ballbar.replay.still_poses import log_still_poses, still_layout
-from ballbar.replay.true_tool import true_tool
 from ballbar.report.motion import cell_motion
+from ballbar.report.numbers import with_and_without
+from ballbar.report.parameters import left_at_nominal, parameter_groups
+from ballbar.report.recording import overview
+from ballbar.report.section import template
+from ballbar.report.summary import summary
+from ballbar.report.tcp_view import tcp_view
 from ballbar.result.run_data import FittedRecording, Run, RunData
 
 # fixed: the viewer keeps one layout per application
@@ -130,3 +136,40 @@ def _stream(run: Run) -> Iterator[rr.RecordingStream]:
             yield stream
     finally:
         stream.disconnect()
+
+
+def replay_notes(run: Run) -> str:
+    """Verdict, key figures and remarks; of logs the parameters of machine and recordings too."""
+    if not isinstance(run, RunData):
+        return template("notes.md").render(run=run, summary=summary(run, None, ""), moving=False)
+    robot, comparison = run.identification.robot, run.comparison
+    return template("notes.md").render(
+        run=run,
+        summary=summary(run, tcp_view(run), ""),
+        moving=True,
+        stated=with_and_without(robot.tcp.sigma, robot.tcp.without_scale, robot.cell),
+        left_at_nominal=left_at_nominal(robot),
+        groups=parameter_groups(robot, comparison),
+        recordings=[
+            (r.name, overview(r), parameter_groups(r.estimate, comparison)) for r in run.recordings
+        ],
+    )
+
+
+def scenario_page(data: RunData, fitted: FittedRecording) -> str:
+    """The scenario of a simulated run, or what the recording says of itself; its import report."""
+    file = fitted.folder / "recording.yaml"
+    parts = ["# What was simulated" if data.scenario else "# What was recorded"]
+    if data.scenario is not None:
+        settings = data.scenario.model_dump(mode="json", exclude_unset=True)
+        parts.append(_code(yaml.safe_dump(settings, sort_keys=False, width=100)))
+    if file.is_file():
+        parts += ["## recording.yaml", _code(file.read_text(encoding="utf-8"))]
+    lines = report_lines(fitted.recording.report)
+    parts += ["## How the files were read", _code("\n".join(lines))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _code(text: str) -> str:
+    """A block of text, indented: no fence is safe from what a file may contain."""
+    return "\n".join(f"    {line}" for line in text.splitlines())

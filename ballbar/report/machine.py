@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from ballbar.report.corrections import (
+from ballbar.report.maps import correlation_map
+from ballbar.report.parameters import (
     coefficient_text,
     coefficients_at_prior,
     correction_tables,
+    left_at_nominal,
+    not_requested,
+    parameter_groups,
     parameters_at_prior,
 )
-from ballbar.report.maps import correlation_map
-from ballbar.report.parameters import left_at_nominal, not_requested, parameter_groups
 from ballbar.report.recording import overview
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.compare import z_rms

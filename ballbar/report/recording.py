@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from ballbar.report import residual_figures as figures
+from ballbar.report import recording_figures as figures
 from ballbar.report.cell_picture import cell_picture
-from ballbar.report.log_figures import log_figures
 from ballbar.report.maps import sphere_maps
-from ballbar.report.marks import mark_sentences, marks
-from ballbar.report.motion import cell_motion, rms_norm
+from ballbar.report.motion import cell_motion, mark_sentences, marks, rms_norm
 from ballbar.report.numbers import MISSING, significant, to_sigma
 from ballbar.report.parameters import parameter_groups, taken_as_nominal
+from ballbar.report.recording_figures import log_figures
 from ballbar.report.recording_text import (
     TENSION_SOURCES,
     clock_rows,

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from ballbar.report.numbers import capitalised, significant
-from ballbar.report.residual_figures import norms_over_time
+from ballbar.report.recording_figures import norms_over_time
 from cell.foreign_text import markdown
 
 MACHINE = "Machine"  # row of the navigation

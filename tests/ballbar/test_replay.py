@@ -19,11 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from ballbar.replay import write as replay
 from ballbar.replay.blueprint import rounded_up
-from ballbar.replay.notes import replay_notes
 from ballbar.replay.scene import magnification, quat_from_z, quat_xyzw
-from ballbar.replay.true_tool import base_alignment, true_tool
+from ballbar.replay.series import base_alignment, true_tool
 from ballbar.replay.viewer import ViewerError, chosen_replay, open_viewer, serve_web, web_server
-from ballbar.replay.write import recording_id, write_replay
+from ballbar.replay.write import recording_id, replay_notes, write_replay
 from ballbar.report.motion import cell_motion
 from ballbar.report.numbers import significant
 from ballbar.report.shapes import Body, cell_bodies

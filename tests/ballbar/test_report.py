@@ -20,7 +20,7 @@ from rich.console import Console
 
 from acquisition.recording import read_recording
 from ballbar.figure_style import BEFORE
-from ballbar.replay.notes import replay_notes
+from ballbar.replay.write import replay_notes
 from ballbar.report import page as report_page
 from ballbar.report import tcp_view
 from ballbar.report.cell_picture import cell_picture
