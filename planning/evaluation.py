@@ -35,12 +35,18 @@ from planning.crlb import (
     predictions,
     predictor,
 )
-from planning.force import ForceModel, Forces, force_model, predicted_forces
+from planning.force import (
+    ForceModel,
+    Forces,
+    StrokeModel,
+    force_model,
+    predicted_forces,
+    stroke_model,
+)
 from planning.known import Known
 from planning.limits import Violation, violations
 from planning.request import PlanLimits, PlanRequest, tightened
 from planning.screen import UNREACHED, screen
-from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from sim.plant.effects import servo_gains
 

@@ -14,8 +14,7 @@ import numpy as np
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, genome_of
 from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
-from planning.first import descent
-from planning.plan import PathPlan
+from planning.plan import PathPlan, descent
 from planning.questions import Question, changed
 from planning.workspace import Region
 

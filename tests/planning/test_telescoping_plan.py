@@ -32,16 +32,13 @@ from ident.verdict import Status
 from planning.candidate import SWING, PathCandidate, genome_of, rounded, space_of
 from planning.crlb import EXACT, predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
-from planning.first import first_path
-from planning.force import ERROR
+from planning.force import DRAWS, ERROR, predicted_lengths, stroke_model
 from planning.limits import violations
-from planning.plan import assess
+from planning.plan import assess, first_path
 from planning.planned_scenario import length_data
 from planning.questions import check_questions, question
 from planning.request import Cup, PlanLimits, load_request
-from planning.stroke import DRAWS, predicted_lengths, stroke_model
-from planning.targets import SAG, targets_of
-from planning.trajectory import Trajectory, trajectories, trajectories_of_many
+from planning.trajectory import SAG, Trajectory, targets_of, trajectories, trajectories_of_many
 from planning.verify import checks, run_in_plant, violations_in
 from planning.what_if import answers
 from sim.path import Lissajous
@@ -480,8 +477,8 @@ def test_what_if_the_sensor_were_better(evaluator: Evaluator) -> None:
 @pytest.fixture
 def few_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
     """An eighth of the candidates of a search, which find a first path as well."""
-    monkeypatch.setattr("planning.first.BATCHES", 1)
-    monkeypatch.setattr("planning.first.TRIED", 4)
+    monkeypatch.setattr("planning.plan.BATCHES", 1)
+    monkeypatch.setattr("planning.plan.TRIED", 4)
 
 
 @pytest.mark.slow
