@@ -19,12 +19,12 @@ from scipy.spatial.transform import Rotation
 
 from ballbar.replay import write as replay
 from ballbar.replay.blueprint import rounded_up
-from ballbar.replay.notes import replay_notes
 from ballbar.replay.scene import magnification, quat_from_z, quat_xyzw
-from ballbar.replay.true_tool import base_alignment, true_tool
+from ballbar.replay.series import base_alignment, true_tool
 from ballbar.replay.viewer import ViewerError, chosen_replay, open_viewer, serve_web, web_server
-from ballbar.replay.write import recording_id, write_replay
+from ballbar.replay.write import recording_id, replay_notes, write_replay
 from ballbar.report.motion import cell_motion
+from ballbar.report.numbers import significant
 from ballbar.report.shapes import Body, cell_bodies
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
@@ -239,14 +239,16 @@ def test_recording_id_tells_runs_apart_and_knows_them_again(run, real):
 def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
     notes = replay_notes(run)
     assert notes.startswith(f"# minute\n\n**{run.identification.verdict.sentence}**")
-    before, after = run.comparison.tcp_nominal.mean * 1e3, run.comparison.tcp.mean * 1e3
-    assert f"| TCP error before, mean (largest) | {before:.3f} (" in notes
-    assert f"| TCP error after, mean (largest) | {after:.4f} (" in notes
-    rows = [line.split(" | ") for line in notes.splitlines() if line.startswith("| ra2 |")]
+    before, after = run.comparison.tcp_nominal, run.comparison.tcp
+    means = " → ".join(significant(error.mean * 1e3) for error in (before, after))
+    assert f"| TCP error, before → after | {means} mm |" in notes
+    assert f"| TCP error after, largest | {significant(after.maximum * 1e3)} mm |" in notes
+    (row,) = [line.split(" | ") for line in notes.splitlines() if line.startswith("| ra2 |")]
     result = run.identification
-    assert [f"{result.robot.geometry['ra2'] * 1e3:.4f} mm"] == [row[2] for row in rows]
+    decimals = len(row[2].partition(".")[2])
+    assert row[2] == f"{result.robot.geometry['ra2'] * 1e3:.{decimals}f}"
     assert all(f"| {name} |" in notes for name in result.sigma)
-    assert all(f"| {d.name} | {d.reason}" in notes for d in result.robot.dropped)
+    assert all(f"- {d.name}, kept at" in notes for d in result.robot.dropped)
     assert "| 0.05 mm | yes |" in notes
     assert "| iterations | 11 | 10 | NO |" in notes
     assert "TCP error" not in replay_notes(real)

@@ -23,11 +23,10 @@ from rerun.experimental import ViewerClient
 from ballbar.replay.entities import PARAMETERS
 from ballbar.replay.events import recording_events
 from ballbar.replay.live import LiveRun
-from ballbar.replay.notes import scenario_page
 from ballbar.replay.parameters import HALF, LEFT, RIGHT
 from ballbar.replay.series import clock_error_series, recording_series
 from ballbar.replay.viewer import _rerun, chosen_replay
-from ballbar.replay.write import write_replay
+from ballbar.replay.write import scenario_page, write_replay
 from ballbar.report.motion import cell_motion
 from ballbar.result.run_data import RunData
 from ballbar.sphere_coverage import PATCHES, coverage, even_directions

@@ -20,15 +20,15 @@ from rich.console import Console
 
 from acquisition.recording import read_recording
 from ballbar.figure_style import BEFORE
-from ballbar.replay.notes import replay_notes
+from ballbar.replay.write import replay_notes
 from ballbar.report import page as report_page
 from ballbar.report import tcp_view
 from ballbar.report.cell_picture import cell_picture
-from ballbar.report.clock import clock_rows
 from ballbar.report.maps import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
 from ballbar.report.page import write_report
 from ballbar.report.provenance import without_folders
+from ballbar.report.recording_text import clock_rows
 from ballbar.report.shapes import PAINT, PLATE_BLUE
 from ballbar.report.terminal import _clock, say_identification
 from ballbar.result.calibration_content import calibration_of
