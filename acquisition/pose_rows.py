@@ -131,9 +131,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         if np.isnan(values).any()
     ]
     shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
-    left_out = rows.remark(
-        "empty field", f"no number in {shown}; row left out.", ~complete, "repaired"
-    )
+    left_out = rows.remark("empty field", f"no number in {shown}; row left out.", ~complete)
     summaries = tuple(
         FileSummary(
             file=source.file,
@@ -169,7 +167,7 @@ def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> F
         temperature = rows.numbers(warmth)[:, 0]
         sentence = f"no number in {warmth[0].written}; the temperatures of the file are not used."
         missing = np.isnan(temperature)
-        findings += rows.remark("temperature not used", sentence, missing, "repaired")
+        findings += rows.remark("temperature not used", sentence, missing)
         temperature = None if missing.any() else temperature
     return FilePoses(
         PoseGroup(
@@ -276,13 +274,13 @@ def pose_stamps(
     if not all(cells):
         empty = np.array([not cell for cell in cells])
         sentence = "empty stamps; the times are not used."
-        return None, rows.remark("time not used", sentence, empty, "repaired")
+        return None, rows.remark("time not used", sentence, empty)
     # A spreadsheet that shows 14 digits as 2.02E+13 has cut date and time to the month; numbers in
     # exponent form that tell most poses apart are whole.
     cut = np.array([bool(_EXPONENT.fullmatch(cell)) for cell in cells])
     if cut.any() and len(set(cells)) <= 0.5 * len(cells):
         sentence = f"{cells[int(cut.argmax())]}: cut by a spreadsheet; the times are not used."
-        return None, rows.remark("time not used", sentence, cut, "repaired")
+        return None, rows.remark("time not used", sentence, cut)
     if all(map(_DIGITS.fullmatch, cells)) and time.form is None:
         cells = [_DIGITS.sub(r"\1-\2-\3 \4:\5:\6\7", cell) for cell in cells]
     column = TimeCells(rows.file, selector, cells, rows.line)

@@ -258,7 +258,7 @@ def _read_tracker(
     if hidden.any():
         sentence = "no point, or zeros: the LED was hidden; row left out."
         kind, flag = "hidden LED", RowFlag.INVALID
-        table = table.remarked(kind, "repaired", sentence, rows=hidden, flag=flag)
+        table = table.remarked(kind, sentence, rows=hidden, flag=flag)
         refuse_few(table, int(np.count_nonzero(~hidden)))
     rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T

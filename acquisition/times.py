@@ -230,7 +230,7 @@ def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ..
         return out, ()
     sentence = "in exponent form, rounded to no worse than 1 ms by a spreadsheet."
     lines = time.line[rounded]
-    return out, (finding("rounded stamp", "repaired", time.file, sentence, lines=lines),)
+    return out, (finding("rounded stamp", time.file, sentence, lines=lines),)
 
 
 def _wrong(time: TimeCells, row: int, what: str) -> LogError:

@@ -173,13 +173,13 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
     drop = absent.any(axis=1)
     if drop.any():
         sentence = "9E9 stands for no value; row left out."
-        table = table.remarked("sentinel", "repaired", sentence, rows=drop)
+        table = table.remarked("sentinel", sentence, rows=drop)
     zero = ~drop & (angles == 0.0).all(axis=1)
     first = int(np.argmin(zero)) if not zero.all() else 0
     # A robot that starts at zero leaves it slowly.
     if first and np.abs(angles[first]).max() > MOVES:
         sentence = "all angles are 0 before the first true ones; rows left out."
-        table = table.remarked("zeros at the start", "repaired", sentence, rows=np.arange(first))
+        table = table.remarked("zeros at the start", sentence, rows=np.arange(first))
         drop[:first] = True
     if not drop.any():
         return table
@@ -199,5 +199,5 @@ def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
         sentence = (
             f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the right robot?"
         )
-        table = table.remarked("axis beyond its limits", "warning", sentence, rows=rows)
+        table = table.remarked("axis beyond its limits", sentence, rows=rows)
     return table

@@ -61,7 +61,7 @@ def read_json_lines(path: Path, file: str, time: str, layout: Layout) -> tuple[T
     table = one_file({}, file, text.number, text.findings)
     if damaged.size:
         sentence = "no JSON object with all keys; treated as torn line and dropped."
-        table = table.remarked("torn line", "repaired", sentence, rows=damaged).take(complete)
+        table = table.remarked("torn line", sentence, rows=damaged).take(complete)
     rows = [sample for sample, whole in zip(samples, complete, strict=True) if sample and whole]
     dtype = {"integer": np.int64}
     columns = {

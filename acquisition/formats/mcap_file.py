@@ -82,7 +82,7 @@ def mcap_messages(
                 f"the bag is cut off: no whole record behind byte {complete} of {size}; what "
                 "stands before it is read."
             )
-            findings.append(finding("torn end", "repaired", file, sentence, count=1))
+            findings.append(finding("torn end", file, sentence, count=1))
 
 
 def _records(stream: mmap.mmap, size: int) -> Iterator[McapRecord]:

@@ -51,9 +51,9 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
     table = one_file({time: stamps}, file, np.arange(1, holds.size + 1), findings)
     sentence = f"{topic}: messages without the joints {', '.join(wanted)}; left out."
-    table = table.remarked("other joints", "warning", sentence, rows=~holds)
+    table = table.remarked("other joints", sentence, rows=~holds)
     sentence = "header.stamp is zero; message left out."
-    table = table.remarked("no stamp", "repaired", sentence, rows=holds & (stamps == 0))
+    table = table.remarked("no stamp", sentence, rows=holds & (stamps == 0))
     chosen = np.flatnonzero(holds & (stamps != 0))
     if not chosen.size:
         raise LogError(
@@ -147,7 +147,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
             f"{log.name} beside it holds messages that the recorder had not yet moved in; run "
             "`ros2 bag reindex` or convert."
         )
-        findings.append(finding("write-ahead log", "warning", file, sentence, count=1))
+        findings.append(finding("write-ahead log", file, sentence, count=1))
     _check_size(path, file)
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
     connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
@@ -186,7 +186,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
                 yield topics[key][0], _blob(data, f"{file}: {topics[key][0]}")
         if lost:
             sentence = "the numbers of the messages have gaps."
-            findings.append(finding("missing messages", "warning", file, sentence, count=lost))
+            findings.append(finding("missing messages", file, sentence, count=lost))
     except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
         raise LogError(
             f"{file}: the database cannot be read ({error}): damaged, or cut off. SQLite's "

@@ -74,7 +74,7 @@ def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table,
             f"no line {', '.join(unknown)} in the metadata: whether a channel was scaled is "
             "unknown."
         )
-        findings.append(finding("scaling unknown", "warning", file, sentence, count=1))
+        findings.append(finding("scaling unknown", file, sentence, count=1))
     for channel in channels:
         findings += _kind_findings(file, channel, wanted[channel.name])
     common = reduce(np.intersect1d, [channel.time_ns for channel in channels])
@@ -87,7 +87,7 @@ def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table,
     if missing:
         kind = "channels of different length"
         sentence = f"{missing} times at which not every channel has a value; left out."
-        findings.append(finding(kind, "repaired", file, sentence, count=missing))
+        findings.append(finding(kind, file, sentence, count=missing))
     columns: dict[str, NDArray[Any]] = {time: common}
     for channel in channels:
         dtype = np.int64 if wanted[channel.name] == "integer" else np.float64
@@ -124,7 +124,7 @@ def _channels(
     if torn.size:
         sentence = "the fields do not fit the groups of columns; treated as torn line and dropped."
         lines = export.number[torn]
-        findings.append(finding("torn line", "repaired", export.file, sentence, lines=lines))
+        findings.append(finding("torn line", export.file, sentence, lines=lines))
     for group, rows in zip(export.groups, present, strict=True):
         names = export.meta["Name"][group.start + 1 : group.stop]
         if only is not None and not set(names) & set(only):
@@ -237,7 +237,7 @@ def _grid_findings(
         "damaged."
     )
     kind = "off the sample time"
-    return [finding(kind, "warning", export.file, sentence, lines=line[late])]
+    return [finding(kind, export.file, sentence, lines=line[late])]
 
 
 def _end_findings(export: Export, channels: list[Channel]) -> list[Finding]:
@@ -251,7 +251,7 @@ def _end_findings(export: Export, channels: list[Channel]) -> list[Finding]:
         f"the last row is at {last / 1e9:.9g} s, the preamble ends the export at {span / 1e9:.9g} "
         "s. Is the file cut?"
     )
-    return [finding("end of export", "warning", export.file, sentence, count=1)]
+    return [finding("end of export", export.file, sentence, count=1)]
 
 
 def _kind_findings(file: str, channel: Channel, kind: str) -> list[Finding]:
@@ -273,7 +273,7 @@ def _kind_findings(file: str, channel: Channel, kind: str) -> list[Finding]:
         f"{channel.name!r} has an offset or scale factor in the Scope; the values are read as they "
         "stand."
     )
-    return [finding("scaled channel", "warning", file, sentence, count=1)]
+    return [finding("scaled channel", file, sentence, count=1)]
 
 
 def _is_number(cell: str, value: float) -> bool:

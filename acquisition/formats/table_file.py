@@ -67,7 +67,7 @@ def _without_comments(text: LogText) -> LogText:
     lines = list(text.lines)
     if header is not None:
         lines[first - 1], comment[first - 1] = header, False
-    entry = finding("comment line", "repaired", text.file, "skipped.", lines=text.number[comment])
+    entry = finding("comment line", text.file, "skipped.", lines=text.number[comment])
     rows = np.flatnonzero(~comment)
     return replace(
         text,

@@ -118,7 +118,7 @@ def text_of(content: Content, file: str) -> LogText:
     decoded, findings = _decode(content.raw), list(content.findings)
     if decoded.encoding != "utf-8":
         sentence = f"read as {decoded.encoding}."
-        findings.append(finding("encoding", "repaired", file, sentence, count=1))
+        findings.append(finding("encoding", file, sentence, count=1))
     text = decoded.text.rstrip("\0")
     if len(text) > _LARGE:
         ends = text.count("\n") + text.count("\r")
@@ -129,7 +129,7 @@ def text_of(content: Content, file: str) -> LogText:
     if stripped := (len(decoded.text) - len(text)) * decoded.width:
         first, last = decoded.size - stripped, decoded.size - 1
         sentence = f"bytes {first} to {last} are NUL (power loss); left out."
-        findings.append(finding("NUL block at the end", "repaired", file, sentence, count=1))
+        findings.append(finding("NUL block at the end", file, sentence, count=1))
     if "\0" in text:
         raise LogError(_nul_inside(text, decoded, file))
     if not text:
@@ -143,7 +143,7 @@ def text_of(content: Content, file: str) -> LogText:
     if not all(lines) or any(map(str.isspace, lines)):
         filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
         blank = np.flatnonzero(~filled) + 1
-        findings.append(finding("blank line", "repaired", file, "skipped.", lines=blank))
+        findings.append(finding("blank line", file, "skipped.", lines=blank))
         lines, number = [line for line in lines if line.strip()], number[filled]
     if not lines:
         raise LogError(f"{file}: the file holds no complete line. Copy it again.")
@@ -164,7 +164,7 @@ def _refuse_long(lines: list[str], file: str) -> None:
 def unterminated(file: str, line: int) -> Finding:
     """The finding for a last line that was cut off."""
     sentence = "the last line has no line end, so it may be cut inside a number; dropped."
-    return finding("unterminated last line", "repaired", file, sentence, lines=[line])
+    return finding("unterminated last line", file, sentence, lines=[line])
 
 
 def read_bytes(path: Path, file: str) -> Content:
@@ -223,7 +223,7 @@ def _unpacked(packed: Any, file: str, stored: int) -> Content:
                 part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
             except EOFError:
                 sentence = "what it holds up to there is read."
-                findings.append(finding("packed file cut off", "repaired", file, sentence, count=1))
+                findings.append(finding("packed file cut off", file, sentence, count=1))
                 break
             if not part:
                 break
