@@ -46,7 +46,7 @@ _IEC = re.compile(
     r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?",
     re.IGNORECASE,
 )
-_FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
+FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
 _REMEDY = "Correct the cell, or declare the form of the stamps in recording.yaml under `time`."
 _WRAP = 2**32
@@ -74,7 +74,7 @@ _COUNTS: dict[str, _Count] = {
     "ms-32bit": _Count(10**6, wraps=True, words="ms in 32 bits"),
     "ns-32bit": _Count(1, wraps=True, words="ns in 32 bits"),
     "filetime": _Count(
-        100, _FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"
+        100, FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"
     ),
     "dc": _Count(1, -_DC_1970, (5.0e17, 1.14e18), words="ns since 2000 (distributed clock)"),
     "unix-s": _Count(10**9, 0, (1.45e9, 2.1e9), words="s since 1970"),
