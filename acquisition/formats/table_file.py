@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from acquisition.formats.messages import rsi_text
 from acquisition.formats.rapid import holds_jointtargets, jointtarget_text
 from acquisition.formats.registry import container_of
-from acquisition.formats.rsi import rsi_text
 from acquisition.formats.workbook import holds_workbook, workbook_text
 from acquisition.report import finding
 from acquisition.table.fields import SEPARATORS, is_number, split_fields

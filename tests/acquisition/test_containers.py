@@ -235,7 +235,7 @@ JSON_REFUSED = {
     ),
     "times that are no whole numbers": (
         lambda t: t.replace('"time": 165', '"time": 0.165'),
-        "Whole numbers are needed for time",
+        "is not a whole number",
     ),
     "no joints": (lambda t: t.replace('"J3"', '"K3"'), "J3 missing"),
     "no JSON": (lambda t: t.replace("{", ""), "is no JSON object"),
