@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,14 +38,12 @@ from acquisition.measured_values import (
 )
 from acquisition.report import FileSummary, Finding
 from acquisition.table.quantities import PoseRows, Quantity, read_rows
-from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
+from acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
 from cell.arrays import Array
-from cell.dialect import TimeForm
-from cell.errors import DescriptionError, LogError
+from cell.errors import LogError
 from cell.file_units import METRES, RADIANS
 from cell.pose_file import NamedColumn, PoseTime
 from cell.poses import PoseGroup
-from cell.schema_errors import nearest
 
 _DIGITS = re.compile(r"(\d{4})(\d\d)(\d\d)(\d\d)(\d\d)(\d\d)(\.\d+)?")  # 20200714163904
 _EXPONENT = re.compile(r"[+-]?[0-9.,]+[eE][+-]?[0-9]+")
@@ -284,25 +281,10 @@ def pose_stamps(
     if all(map(_DIGITS.fullmatch, cells)) and time.form is None:
         cells = [_DIGITS.sub(r"\1-\2-\3 \4:\5:\6\7", cell) for cell in cells]
     column = TimeCells(rows.file, selector, cells, rows.line)
-    return stamps_ns(column, _form(time, column))
-
-
-def _form(time: PoseTime, column: TimeCells) -> TimeForm:
-    """The form of stamps, declared or shown by the first one."""
     if time.form is not None:
-        if time.form not in TIME_FORMS:
-            raise DescriptionError(
-                f"poses.yaml: unknown form of time {time.form!r}."
-                f"{nearest(time.form, get_args(TimeForm), noun='form')}"
-            )
-        return next(form for form in TIME_FORMS if form == time.form)
-    form = recognised(str(column.cells[0]), TIME_FORMS)
-    if form is None:
-        raise LogError(
-            f"{column.location(0)} does not show its form. Declare it in poses.yaml: `time: "
-            f"{{column: {time.column}, form: s}}`; forms: {', '.join(TIME_FORMS)}."
-        )
-    return form
+        return stamps_ns(column, checked_form(time.form, "poses.yaml"))
+    declare = f"in poses.yaml: `time: {{column: {time.column}, form: s}}`"
+    return stamps_ns(column, form_shown(column, TIME_FORMS, declare))
 
 
 def _labels(rows: PoseRows, declared: str | NamedColumn, column: str | None) -> tuple[str, ...]:

@@ -27,10 +27,10 @@ from acquisition.faults.encoders import (
     with_status_checked,
 )
 from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
-from acquisition.faults.gear_torques import gear_torques
 from acquisition.faults.other_angles import with_angle_jumps_checked
 from acquisition.faults.robot_angles import (
     AngleReading,
+    gear_torques,
     moves,
     pop_angles_inplace,
     with_limits_checked,

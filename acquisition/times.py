@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
 from cell.dialect import TimeForm
-from cell.errors import LogError
+from cell.errors import DescriptionError, LogError
+from cell.schema_errors import nearest
 
 Stamps = NDArray[np.int64]
 TIME_FORMS: tuple[TimeForm, ...] = get_args(TimeForm)
@@ -134,6 +135,31 @@ def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
         if between is not None and between[0] <= value <= between[1]:
             fits.append(form)
     return fits[0] if len(fits) == 1 else None
+
+
+def checked_form(declared: str, place: str) -> TimeForm:
+    """The form of time stamps of that name. Raises DescriptionError, beginning with `place`."""
+    for form in TIME_FORMS:
+        if form == declared:
+            return form
+    choices = nearest(declared, TIME_FORMS, noun="form")
+    raise DescriptionError(f"{place}: unknown form of time {declared!r}.{choices}")
+
+
+def form_shown(time: TimeCells, forms: Sequence[TimeForm], declare: str) -> TimeForm:
+    """The form that the first, middle and last stamp show.
+
+    declare : how it can be declared instead, such as "in recording.yaml: `time: ms`".
+    Raises LogError if they show none, or several.
+    """
+    rows = {0, len(time.cells) // 2, len(time.cells) - 1}
+    shown = {recognised(str(time.cells[row]), forms) for row in rows} - {None}
+    if len(shown) == 1:
+        return next(form for form in forms if form in shown)
+    raise LogError(
+        f"{time.location(0)}: the form of the time stamps does not show. Declare it {declare}; "
+        f"forms: {', '.join(TIME_FORMS)}."
+    )
 
 
 def stamps_ns(time: TimeCells, form: TimeForm) -> tuple[Stamps, tuple[Finding, ...]]:

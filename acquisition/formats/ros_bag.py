@@ -20,10 +20,11 @@ from acquisition.formats.columns import one_file, wanted_columns
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
+from acquisition.table.text import require_file
 from cell.errors import DescriptionError, LogError
 
 if TYPE_CHECKING:
-    from acquisition.formats.joint_state import JointState
+    from acquisition.formats.ros_messages import JointState
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _SQLITE = b"SQLite format 3\0"
@@ -67,11 +68,7 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
 
 def _check_stored(path: Path, file: str) -> None:
     """Raises LogError if there is no such file, or one of no size that a bag has."""
-    if not path.is_file():
-        raise LogError(
-            f"{file}: no such file (looked for {path}). "
-            "Correct the name in recording.yaml, or copy the file there."
-        )
+    require_file(path, file)
     size = path.stat().st_size
     if not size:
         raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
@@ -86,8 +83,7 @@ def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[Jo
     Raises LogError if the bag or a message is damaged, or there are none.
     """
     try:
-        from acquisition.formats.joint_state import decode  # noqa: PLC0415 - needs the extra `ros`
-        from acquisition.formats.mcap_file import mcap_messages  # noqa: PLC0415
+        from acquisition.formats.ros_messages import decode, mcap_messages  # noqa: PLC0415
     except ImportError as error:
         raise DescriptionError(
             f"{file}: ROS bags need the package {error.name}, which is not installed. Install the "

@@ -347,5 +347,4 @@ def _is_number(cell: str, value: float | None = None) -> bool:
 
 def _wrong(place: str, line: int | None, what: str) -> LogError:
     """The error about a damaged export; place : the file, with what stands before `what`."""
-    where = place if line is None else f"{place}:{line}"
-    return LogError(f"{where}: {what} Export it again.")
+    return LogError(f"{place}{'' if line is None else f':{line}'}: {what} Export it again.")

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from acquisition.report import Finding, finding
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
 from cell import selectors
 from cell.errors import LogError
 

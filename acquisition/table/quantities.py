@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from acquisition.formats.table_file import FileKind
 from acquisition.report import Finding, finding
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE, Kind, Layout, Remedies
 from acquisition.table.table import Form, text_table
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
 from cell.file_units import METRES, RADIANS

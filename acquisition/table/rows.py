@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
-from acquisition.table.fields import SEPARATORS, split_fields
 from acquisition.table.header import Header, Layout, Remedies
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, split_fields
 from cell.errors import LogError, UnfinishedLogError
 
 # Share of the lines: a recorder that loses more is not torn, it writes something else.

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from acquisition.flags import Flags, RowFlag
 from acquisition.report import Finding, finding
 from acquisition.table.fast_path import FINE, clean_columns
-from acquisition.table.fields import SEPARATORS, split_fields
 from acquisition.table.header import Header, Kind, Layout, read_header
 from acquisition.table.rows import PlainRows, plain_rows
-from acquisition.table.text import Content, LogText, open_filled, text_of
+from acquisition.table.text import SEPARATORS, Content, LogText, open_filled, split_fields, text_of
 from cell.errors import LogError
 
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
