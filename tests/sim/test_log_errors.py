@@ -448,7 +448,7 @@ def test_the_truth_counts_the_rows_that_are_lost_and_doubled(lossy: Run) -> None
     robot, bar = np.rint(lossy.robot()[0] / PERIOD).astype(int), lossy.ballbar() // 10_000_000
     for side, place in (("robot", robot), ("ballbar", bar)):
         different, stated = np.unique(place), lossy.truth.logs.rows[side]
-        assert stated.taken == place[-1] + 1
+        assert stated.taken > place[-1]  # the last ones may be lost
         assert stated.taken - stated.dropped == different.size
         assert stated.duplicated == place.size - different.size
 
