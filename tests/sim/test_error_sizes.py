@@ -10,7 +10,7 @@ plant are measured there (test_log_errors), those of paired samples in tests/bal
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ import pytest
 
 from cell.arrays import Array
 from cell.dialect import ABB_PERIOD
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
 from cell.robot_angles import motors_to_joints
 from sim.errors.plant_errors import PlantErrors
@@ -257,14 +257,11 @@ PLANT: dict[str, Callable[[], Size]] = {
 # --- geometry
 
 
-def true_of(chosen: ErrorSettings, **stated: Any) -> Geometry:
-    return true_geometry(NOMINAL, chosen, transmission=CELL.robot.transmission, **stated)
-
-
 def drawn_geometry(kind: bool, **errors: Any) -> Array:
     """Deviations [m] of lengths (kind True) or [rad] of angles, of 400 machines."""
     chosen = ErrorSettings.model_validate(errors)
-    true = np.stack([true_of(chosen, plate_sigma=7e-6, seed=seed).values for seed in SEEDS])
+    cell = replace(CELL, plate=replace(CELL.plate, length_sigma=7e-6))
+    true = np.stack([true_geometry(NOMINAL, chosen, cell, seed=seed).values for seed in SEEDS])
     of_kind = np.array([p.is_length for p in NOMINAL.table.parameters]) == kind
     drawn = (true - NOMINAL.values)[:, of_kind]
     return np.asarray(drawn[:, drawn.any(axis=0)])
@@ -372,7 +369,7 @@ def outlier_sizes(side: str) -> Size:
 def zeros() -> Size:
     """Zeros of a sensed length, one a seed."""
     drawn = [
-        true_of(ErrorSettings(), plate_sigma=0.0, seed=s, zero_sigma=2e-3)["bd3"]
+        true_geometry(NOMINAL, ErrorSettings(), CELL, seed=s, zero_sigma=2e-3)["bd3"]
         for s in range(1000)
     ]
     return spread(np.array(drawn) - NOMINAL["bd3"], 2e-3)

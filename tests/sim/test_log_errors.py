@@ -530,16 +530,7 @@ STATIC: dict[str, dict[str, Any]] = {
 def drawn(errors: dict[str, Any], seed: int) -> Array:
     """(P,) [m, rad] deviations from nominal."""
     asked = ErrorSettings.model_validate(errors)
-    return (
-        true_geometry(
-            NOMINAL,
-            asked,
-            plate_sigma=CELL.plate.length_sigma,
-            transmission=CELL.robot.transmission,
-            seed=seed,
-        ).values
-        - NOMINAL.values
-    )
+    return true_geometry(NOMINAL, asked, CELL, seed=seed).values - NOMINAL.values
 
 
 @pytest.mark.slow

@@ -90,12 +90,7 @@ def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> No
     path = reference_path(cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.1)
     for seed in range(4):
         errors = plant_errors(table=seed == 0)
-        true = set_without_strain(
-            true_geometry(
-                nominal, errors, plate_sigma=0.0, transmission=cell.robot.transmission, seed=seed
-            ),
-            path.q[:1],
-        )
+        true = set_without_strain(true_geometry(nominal, errors, cell, seed=seed), path.q[:1])
         effects = plant_effects(errors, cell, seed)
         plant = Plant(cell, true, effects, cell.robot.servo["soft"])
         run = prepare(plant, path, timestep=1e-3, gravity_compensation=True)
