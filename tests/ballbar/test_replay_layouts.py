@@ -31,7 +31,7 @@ from cell.logs import BallBarLog
 from ident.identify import identify
 from ident.options import FitOptions, Listener
 from tests.helpers.identified_run import simulated_run
-from tests.helpers.replay_files import chunks, free_port, values, verified
+from tests.helpers.replay_files import chunks, entities, free_port, values, verified
 
 SECOND = 1e-9  # of the ns in a file
 
