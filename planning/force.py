@@ -144,6 +144,7 @@ class Lengths:
     """Lengths of the bar with DRAWS robots on one trajectory."""
 
     length: Array  # (DRAWS, N) [m]
+    commanded: Array  # (N,) [m] with the nominal robot
     stroke: tuple[float, float]  # [m]
 
     @property
@@ -154,10 +155,9 @@ class Lengths:
 
     @property
     def scale(self) -> float:
-        """Factor on the robots' errors with which all stay in the middle half of the stroke."""
+        """Factor on the robots' errors with which they take a quarter of the stroke each way."""
         low, high = self.stroke
-        middle = self.length[:, :1]  # where each begins
-        return float(0.25 * (high - low) / np.abs(self.length - middle).max())
+        return float(0.25 * (high - low) / np.abs(self.length - self.commanded).max())
 
     @property
     def warning(self) -> str:
@@ -191,4 +191,4 @@ def predicted_lengths(model: StrokeModel, trajectory: Trajectory) -> Lengths:
     change = model.errors.T @ np.stack(along) - model.seat.T @ rod
     change -= change[:, :1] * (rod * rod[:, :1]).sum(axis=0)
     commanded = np.linalg.norm(trajectory.tip - trajectory.nominal.origin, axis=1)
-    return Lengths(commanded + change, model.stroke)
+    return Lengths(commanded + change, commanded, model.stroke)

@@ -71,7 +71,7 @@ def first_path(
     nearest = (np.inf, "")
     while time.monotonic() - since < seconds:
         rod = rods[tried // (BATCH * BATCHES) % len(rods)]
-        evaluator, space = given[rod], space_of(given[rod].request)
+        evaluator, space = given[rod], given[rod].space
         genomes = rng.random((BATCH * BATCHES, space.size))
         screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
         tried += len(genomes)
@@ -243,9 +243,9 @@ def plans(
             best = ranked(progress.incumbents, pool) or best  # none yet where Ctrl-C came at once
     took = since()
     for start in best:
-        candidate = rounded(space_of(request).candidate(start.genome))
+        evaluator = of_rods[start.rod]
         yield replace(
-            assess(of_rods[start.rod], candidate),
+            assess(evaluator, rounded(evaluator.space.candidate(start.genome))),
             evaluated=tried + progress.evaluated,
             seconds=took,
             stopped=progress.stopped,
@@ -262,20 +262,24 @@ def hints(request: PlanRequest, relative_to: Path) -> list[RatedCandidate]:
     rods = request.cell.rods
     starts = []
     for file in (relative_to / name for name in request.start_from):
-        shape, position = known_path(file)
+        shape, position = known_path(file, telescoping=request.telescoping)
         candidate = PathCandidate(shape, middle if position is None else np.array(position))
         genome = genome_of(space, candidate)
         starts += [RatedCandidate(rod, genome, INFEASIBLE) for rod in rods]
     return starts
 
 
-def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
+def known_path(
+    file: Path, *, telescoping: bool = False
+) -> tuple[Lissajous, tuple[float, ...] | None]:
     """The shape of a path file, and the ball-bar's position [m] if the file states it.
 
-    Raises DescriptionError for a bad file.
+    telescoping : whether the rod may change its length.
+
+    Raises DescriptionError for a bad file, InputError for one whose rod would have to telescope.
     """
     content = load_model(file, LissajousFile)
-    if content.rod:
+    if content.rod and not telescoping:
         raise InputError(f"{file}: paths are planned for a rigid rod. Leave out `rod`.")
     return lissajous(content), content.ballbar_position_m
 

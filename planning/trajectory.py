@@ -99,8 +99,10 @@ def trajectories_of_many(
     nominal = nominal_geometry(cell, np.zeros(3))
     (t, phase), m = _times(timing, step), len(positions)
     b = angles_of(shapes, phase).reshape(-1, BAR_ROWS)
-    poses = bar_frames(nominal, b).poses()
+    bar = bar_frames(nominal, b)
+    poses = bar.poses()
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
+    poses[:, :3, 3] += np.tile(shapes.lengthening(phase), m)[:, None] * bar.z[2].T
     if has_closed_form(nominal.robot):
         branches = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
         counted = np.flatnonzero(allowed.T)
@@ -173,7 +175,7 @@ class Targets:
     t: Array  # (K,) [s] at which each is to be reached
     axes: Array  # (K, J) [deg] as the controller shows them
     dwells: Array  # (K,) [s] at the targets; 0 where the robot passes
-    sag: float  # [m] by which the tool leaves the sphere between them
+    sag: float  # [m] by which the rod's length is off between them
 
 
 def targets_of(cell: Cell, trajectory: Trajectory, timing: PlanTiming) -> Targets:
@@ -184,7 +186,7 @@ def targets_of(cell: Cell, trajectory: Trajectory, timing: PlanTiming) -> Target
         ends = _piece_ends(timing)
         spaced = [np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ends]
         t = np.concatenate(spaced)
-        sag = _sag(trajectory, np.asarray(spline(t)))
+        sag = _sag(trajectory, t, np.asarray(spline(t)))
         if sag <= SAG:
             break
     targets, dwells = _dwells(t, timing)
@@ -216,8 +218,9 @@ def _dwells(t: Array, timing: PlanTiming) -> tuple[NDArray[np.bool_], Array]:
     return targets, dwell[targets]
 
 
-def _sag(trajectory: Trajectory, q: Array) -> float:
-    """[m] largest distance of the tool from the sphere half way between targets q (K, J) [rad]."""
-    between = 0.5 * (q[1:] + q[:-1])
-    rod = robot_frames(trajectory.nominal, between).tip.T - trajectory.nominal.origin
-    return float(np.abs(np.linalg.norm(rod, axis=1) - trajectory.nominal["bd3"]).max())
+def _sag(trajectory: Trajectory, t: Array, q: Array) -> float:
+    """[m] largest error of the rod's length half way between targets q (K, J) [rad] at t (K,)."""
+    rod = robot_frames(trajectory.nominal, 0.5 * (q[1:] + q[:-1])).tip.T - trajectory.nominal.origin
+    commanded = np.linalg.norm(trajectory.tip - trajectory.nominal.origin, axis=1)
+    there = CubicSpline(trajectory.t, commanded)(0.5 * (t[1:] + t[:-1]))
+    return float(np.abs(np.linalg.norm(rod, axis=1) - there).max())
