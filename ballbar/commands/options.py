@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import sys
 from collections.abc import Callable
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, getdoc, signature
+from operator import getitem
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
+from typer.models import ArgumentInfo, OptionInfo
 
 from ballbar.terminal import silence
+
+Command = Callable[..., None]
+_ENTRY = re.compile(r"\n(?=--[a-z-]+[^\n]* : |[A-Z]+ : )")
 
 
 def _scenario(name: Path) -> Path:
@@ -72,7 +78,67 @@ def command_line() -> str:
     return shlex.join(["ballbar", *sys.argv[1:]])
 
 
-def with_options(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def purpose(docstring: str) -> str:
+    """What a command is for, as its docstring says it: without example and parameters."""
+    return _ENTRY.split(docstring)[0].partition("\n\nExample: ")[0].strip()
+
+
+def command(app: typer.Typer, panel: str | None = None) -> Callable[[Command], Command]:
+    """Registers a command whose docstring describes its arguments and options.
+
+    Below the purpose stand an example and, in the order of the signature, the parameters that no
+    annotation describes; a line that goes on is indented:
+
+        Example: `ballbar watch runs/monday --accuracy 0.05`
+
+        DIR : Folder with recording.yaml.
+        --duration SECONDS : Time that the recording will take.
+    """
+
+    def registered(function: Command) -> Command:
+        docstring = getdoc(function) or ""
+        head, *entries = (" ".join(part.split()) for part in _ENTRY.split(docstring))
+        described = iter(entries)
+        parameters = list(signature(function, eval_str=True).parameters.values())
+        for place, each in enumerate(parameters):
+            kind, *info = get_args(each.annotation) if _is_annotated(each) else [each.annotation]
+            if not info or info[0].help is None:
+                described_type = getitem(Annotated, (kind, _info(next(described), *info)))
+                parameters[place] = each.replace(annotation=described_type)
+        assert not list(described), f"{function.__name__} has fewer parameters than described"
+        _set_parameters(function, parameters)
+        function.__doc__ = purpose(docstring)
+        example = head.partition("Example: ")[2]
+        app.command(epilog=f"Example: {example}", rich_help_panel=panel)(function)
+        return function
+
+    return registered
+
+
+def _is_annotated(parameter: Parameter) -> bool:
+    """Whether a parameter's annotation describes it, or limits it."""
+    return get_origin(parameter.annotation) is Annotated
+
+
+def _set_parameters(function: Command, parameters: list[Parameter]) -> None:
+    """Gives a function the parameters that typer reads."""
+    vars(function)["__signature__"] = Signature(parameters)
+    function.__annotations__ = {each.name: each.annotation for each in parameters}
+
+
+def _info(entry: str, *limits: ArgumentInfo | OptionInfo) -> ArgumentInfo | OptionInfo:
+    """Name, form and meaning of a parameter from its line `--name FORM : meaning`."""
+    declared, _, meaning = entry.partition(" : ")
+    flag, _, form = declared.partition(" ")
+    option = flag.startswith("--")
+    (info,) = limits or (typer.Option() if option else typer.Argument(),)
+    info.help, info.metavar = meaning, (form if option else flag) or None
+    if option:
+        info.param_decls = (flag,)
+    return info
+
+
+def with_options(kind: type[Any]) -> Callable[[Command], Command]:
     """A command whose parameter `options` stands for one option for each field of a dataclass."""
     hints = get_type_hints(kind, include_extras=True)
     fields = [
@@ -80,7 +146,7 @@ def with_options(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..
         for name, field in signature(kind).parameters.items()
     ]
 
-    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+    def decorated(command: Command) -> Command:
         parameters = list(signature(command, eval_str=True).parameters.values())
         place = [parameter.name for parameter in parameters].index("options")
 
@@ -90,8 +156,7 @@ def with_options(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..
             command(*words, options=options, **given)
 
         parameters[place : place + 1] = fields
-        vars(run)["__signature__"] = Signature(parameters)
-        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        _set_parameters(run, parameters)
         return run
 
     return decorated
