@@ -122,7 +122,7 @@ def watch(
     with ExitStack() as stack:
         in_window = None
         if live:
-            from ballbar.record.view import live_window
+            from ballbar.replay.window import live_window
             from ballbar.watch.view import APPLICATION, WatchView, layout
 
             stream = stack.enter_context(live_window(APPLICATION, layout()))

@@ -14,9 +14,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ballbar.replay.blueprint import blueprint
 from ballbar.replay.entities import CELL, LEGEND, NOTES, POSE, Branch
 from ballbar.replay.scene import log_body, log_frame, log_legend, magnification, spaced
+from ballbar.replay.window import blueprint
 from ballbar.report.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEEL, Colour
 from ballbar.report.shapes import robot_bodies
 from ballbar.result.run_data import PoseRun

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ballbar.report.clock import clock_rows
 from ballbar.report.motion import rms_norm
 from ballbar.report.numbers import MISSING, listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
+from ballbar.report.recording_text import clock_rows
 from ballbar.report.tcp_view import TcpView
 from ballbar.result.run_data import PoseRun, Run, RunData
 from ballbar.units import MM, MS, UM, URAD

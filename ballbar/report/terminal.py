@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 
-from ballbar.report.corrections import coefficients_at_prior, parameters_at_prior
 from ballbar.report.numbers import with_and_without
-from ballbar.report.parameters import parameter_count
-from ballbar.report.rod_force import TENSION_SOURCES
+from ballbar.report.parameters import coefficients_at_prior, parameter_count, parameters_at_prior
+from ballbar.report.recording_text import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
 from ballbar.result.run_data import FittedRecording, Run, RunData
 from ballbar.units import MM, PPM, US

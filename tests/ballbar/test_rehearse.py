@@ -32,9 +32,8 @@ from cell.files import write_yaml
 from cell.load import load_robot
 from ident.robot.inverse_calibration import TargetError
 from planning.request import PlanRequest
-from sim.live.delivery import Pace
+from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import device_logs
-from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import CLOCK, record

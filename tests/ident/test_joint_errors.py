@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ballbar.report.corrections import correction_tables
+from ballbar.report.parameters import correction_tables
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import robot_frames
