@@ -25,7 +25,7 @@ from cell.arrays import Array
 from cell.files import write_whole
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.regions import joint_regions
-from ident.held_out_poses import placed
+from ident.held_machine import placed
 from ident.identify_poses import JointErrors, PoseOptions, identify_poses
 from ident.pose_result import PoseIdentification
 from ident.robot.accuracy import position_error

@@ -23,8 +23,7 @@ from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell
 from cell.poses import KnownDistance, PoseGroup, PoseTable
 from cell.recording import load_recording_file
-from ident.held_out import held_out
-from ident.held_out_poses import held_out_poses
+from ident.held_out import held_out, held_out_poses
 from ident.identify import identify_together
 from ident.identify_poses import PoseOptions, Progress, identify_poses
 from ident.options import SILENT, FitOptions, Listener

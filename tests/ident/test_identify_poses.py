@@ -16,7 +16,7 @@ from ident.corrections.unit_weights import PRIOR as SAG_PRIOR
 from ident.cross_validation import PLACES, cross_validated, places_of, with_folds
 from ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
 from ident.findings import findings_of, lengths_of
-from ident.held_out_poses import PoseHeldOut, held_out_poses
+from ident.held_out import PoseHeldOut, held_out_poses
 from ident.identify_poses import JointErrors, PoseOptions, identify_poses, linearised, sag
 from ident.pose_result import PoseIdentification, position_errors
 from ident.pose_verdict import judge_poses
