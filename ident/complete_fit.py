@@ -21,6 +21,7 @@ from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, comple
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.priors import declared_sigma, robot_unknowns, with_tails
 from ident.estimator.robust_fit import robust_weights
 from ident.estimator.sample_times import close_times
 from ident.estimator.samples import Samples, samples_of
@@ -202,12 +203,21 @@ def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:
 
     Encoder slips stay, and the tension is as likely as it turned out.
     """
-    model = with_likely_tension(result)
+    model = with_likely_priors(result)
     slips = [c for c in result.model.corrections if c.name == ENCODER_JUMPS]
     corrections = (*chosen, *slips)
     coefficients = [c for correction in corrections for c in correction.coefficients]
     layout, x = model.unknowns.with_coefficients(coefficients, result.x)
     return Pose(replace(model, corrections=corrections, unknowns=layout), x, result.ballbars)
+
+
+def with_likely_priors(result: Fit) -> Model:
+    """`with_likely_tension`, and the tails of the priors of the robot's parameters."""
+    model = with_likely_tension(result)
+    layout = model.unknowns
+    sigma, robot = declared_sigma(layout), robot_unknowns(layout)
+    sigma[robot] = with_tails(sigma[robot], (result.x - layout.mean)[robot])
+    return replace(model, unknowns=replace(layout, sigma=sigma))
 
 
 def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = None) -> Fit:
@@ -216,7 +226,7 @@ def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = Non
     pose : where the first begins, if not at the result.
     """
     for k in range(1, NOISE_PASSES + 1):
-        begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
+        begin = pose or Pose(with_likely_priors(result), result.x, result.ballbars)
         begin, pose = replace(begin, robust=_robust(result)), None
         excess, iterations = excess_noise(result), result.iterations
         del result  # large with many samples

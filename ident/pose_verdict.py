@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.poses import PoseGroup, PoseTable
 from ident.cross_validation import at_one_place, only_lengths
-from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
+from ident.estimator.priors import FAR, robot_prior
 from ident.estimator.regions import distinct_poses
 from ident.verdict import Status, Verdict
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ident.pose_result import PoseIdentification
 
 STRANGE = 3e-3  # [m] cross-validated: industrial robots, identified, stay below 0.5 mm
-PULL = 5.0  # prior deviations: a joint's offset set wrongly, or another robot
 OVERFITTED = 1.8  # cross-validated error over that of the fitted poses
 NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 LOST = 0.1  # of the poses: so many outliers have a cause
@@ -174,7 +173,7 @@ def _of_parameters(result: PoseIdentification) -> list[str]:
     far = []
     for i, parameter in enumerate(layout.parameters):
         off = float(x[i] - layout.mean[i])
-        if abs(off) > PULL * (STILL_LENGTH_PRIOR if parameter.is_length else STILL_ANGLE_PRIOR):
+        if abs(off) > FAR * robot_prior(parameter):
             unit = "mm" if parameter.is_length else "mrad"
             far.append(f"{parameter.name} {off * 1e3:+.2f} {unit}")
     if not far:

@@ -29,6 +29,7 @@ from ident.estimator.priors import (
     fixed_names,
     held_names,
     prior_sigma,
+    robot_prior,
     shared_names,
 )
 from ident.estimator.unknowns import NOWHERE, Own, Placed, PlacedPoses, Unknowns
@@ -40,10 +41,6 @@ CLOCK_PRIOR = 1.0, 1e-3  # offset [s] and skew [1] around what the start has fou
 STEP_PRIOR = 1.0  # [s] of a clock step
 GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identification sec. 1)
 TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identification sec. 4)
-# Of a parameter about its catalogue value where still poses alone identify it. UR5, UR10 and Panda:
-# from 60 poses on, 5 mrad and 2 mm predict as well; 1 mrad and 0.3 mm are too tight
-# (docs/real_robots, priors).
-STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR = 2e-3, 7e-4  # [rad], [m]
 PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps steps finite
 
 
@@ -141,8 +138,7 @@ def still_unknowns(
     build, table, robot = _Builder(), nominal.table, still.table.robot
     names = [p.name for p in arm_parameters(robot)]
     for name in names:
-        length = parameter_named(name).is_length
-        build.add(name, nominal[name], STILL_LENGTH_PRIOR if length else STILL_ANGLE_PRIOR)
+        build.add(name, nominal[name], robot_prior(parameter_named(name)))
     every = [c for correction in corrections for c in correction.coefficients]
     coefficients = build.block(
         [c.name for c in every], [c.mean for c in every], [c.sigma for c in every]

@@ -24,12 +24,12 @@ from ident.estimator.gauss_newton import Stop, inverse, minimise
 from ident.estimator.model import Model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import NormalEquations, normal_equations
+from ident.estimator.priors import with_tails
 from ident.estimator.unknowns import Unknowns
 
 HUBER = 3.0  # Huber's threshold, in root mean squares of a pose's whitened residual
 GROSS = 10.0  # in the same: a pose further off is left out (docs/real_robots)
 MEDIAN = 0.9  # of the root mean square of three normal numbers
-TAILS = 4.0  # degrees of freedom of the priors' Student distribution
 ROUNDS = 15  # of new variances and weights
 SETTLED = 0.01  # relative change of the variances' roots that ends them
 NEGLIGIBLE = 1e-3  # decrease of the cost that ends a search, per degree of freedom
@@ -134,8 +134,7 @@ def median_scale(lengths: Sequence[Array]) -> float:
 def widened(declared: Unknowns, x: Array) -> Unknowns:
     """The unknowns with the priors of parameters and coefficients in Student's distribution."""
     sigma, machine = declared.sigma.copy(), declared.machine
-    far = (x[machine] - declared.mean[machine]) / sigma[machine]
-    sigma[machine] *= np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
+    sigma[machine] = with_tails(sigma[machine], x[machine] - declared.mean[machine])
     return replace(declared, sigma=sigma)
 
 
