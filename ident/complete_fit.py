@@ -159,7 +159,7 @@ class _Run:
         if needs_loads(chosen) and not wanders(chosen) and "none" in sources:
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
-        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
+        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)
 
     def step_fault(self, result: Fit, faults: tuple[StepFault, ...]) -> StepFault | None:
         """The surest step fault that a fit shows, if its recording shows one by itself, too.
@@ -233,7 +233,7 @@ def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = Non
         listener.progress(
             f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
         )
-        result = fit_pose(begin, excess, listener)
+        result = fit_pose(begin, excess)
         result = replace(result, iterations=iterations + result.iterations)
     return result
 
@@ -250,7 +250,6 @@ def _robust(result: Fit) -> tuple[Array, ...]:
 def fit_pose(
     pose: Pose,
     excess: ExcessNoise,
-    listener: Listener = SILENT,
     *,
     per_unknown: float = PER_UNKNOWN,
     max_iterations: int = MAX_ITERATIONS,
@@ -264,7 +263,6 @@ def fit_pose(
         negligible=per_unknown * pose.x.size,
         max_iterations=max_iterations,
         freeze_after=NEW_WEIGHTS,
-        on_iteration=listener.on_iteration,
         robust=pose.robust,
     )
 
@@ -393,7 +391,7 @@ def continued(pose: Pose, listener: Listener = SILENT) -> Pose:
         listener.progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         blurred = ExcessNoise(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
         softened = replace(pose, model=replace(model, sharpness=1.0 / times))
-        result = fit_pose(softened, blurred, listener, max_iterations=CONTINUED_ITERATIONS)
+        result = fit_pose(softened, blurred, max_iterations=CONTINUED_ITERATIONS)
         pose = Pose(model, result.x, result.ballbars)
     return pose
 

@@ -168,7 +168,7 @@ def recording_alone(
     Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
     """
     try:
-        return fit_recording(cell, logs, options, Listener(listener.progress))
+        return fit_recording(cell, logs, options, listener)
     except StartError as error:
         raise StartError(Causes.of(cell, [logs]).before(error)) from None
 
@@ -202,7 +202,7 @@ def closed_loop(
     ballbar = samples.ballbar_angles(recording.geometry, recording.clock)
     pose = Pose(model, layout.mean.copy(), [ballbar])
     if loaded and source == "none":
-        pose = continued(pose, Listener(listener.progress))
+        pose = continued(pose, listener)
     result = fit_pose(pose, excess)
     if not loaded:
         return result

@@ -13,7 +13,6 @@ from ident.estimator import fit as module
 from ident.estimator.fit import Fit, fit, fit_kinematics, thinned
 from ident.estimator.gauss_newton import SingularError
 from ident.estimator.identifiability import candidates
-from ident.estimator.iteration import Iteration
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import normal_equations
 from ident.estimator.samples import Samples
@@ -140,22 +139,6 @@ def test_joints_without_encoder_are_solved_for_along_with_the_fit(
     ]
     assert (np.abs(off) < 4.0 * sigma).all()
     assert result.linear.residuals[0].shape[0] == {(): 1, (1, 2): 3}[encoders]
-
-
-def test_iterations_are_reported_from_the_first_to_the_last(planted: Samples) -> None:
-    seen: list[Iteration] = []
-    result = fit_kinematics(
-        planted, NOMINAL, NO_CLOCK_ERROR, PARAMETERS, ROD, on_iteration=seen.append
-    )
-    assert len(seen) == result.iterations
-    assert seen[0].geometry["ra2"] != NOMINAL["ra2"]
-    assert np.array_equal(seen[-1].geometry.values, result.geometry().values)
-    assert seen[-1].clock == result.clock()
-    assert seen[-1].error.shape == (6, planted.times.size)
-    assert np.array_equal(seen[-1].times, planted.times)
-    assert seen[-1].chi2_per_sample == pytest.approx(result.linear.cost / result.linear.equations)
-    chi2 = [iteration.chi2_per_sample for iteration in seen]
-    assert chi2 == sorted(chi2, reverse=True)
 
 
 def test_the_search_stops_after_the_iterations_it_was_given(planted: Samples) -> None:
