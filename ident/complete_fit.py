@@ -37,13 +37,19 @@ from ident.estimator.step_faults import (
 from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
-from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces
-from ident.loads.logged_tension import SPACING, sensor_tension, tension_splines, torque_tension
+from ident.loads.logged_tension import (
+    FORCE_PRIOR,
+    SPACING,
+    instrument_forces,
+    sensor_tension,
+    tension_splines,
+    torque_tension,
+)
 from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.rounding import rounding_noise
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
 DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0, "instrument": FORCE_PRIOR}

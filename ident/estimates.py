@@ -41,7 +41,7 @@ from ident.remarks import (
 from ident.result import FitStatistics, Identification, RecordingEstimate, Residuals, RobotEstimate
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.table_estimate import TableEstimate, table_estimate
 from ident.tracker import check_tracker
 from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge, masses_in_doubt

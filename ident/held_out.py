@@ -47,7 +47,7 @@ from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification, Machine
 from ident.robot.identified import IdentifiedRobot
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.start.automatic import StartError
 from ident.tracker import TrackerCheck, check_tracker
 from ident.verdict import MISFIT

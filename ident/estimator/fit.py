@@ -33,7 +33,7 @@ from ident.estimator.normal_equations import (
 )
 from ident.estimator.samples import Samples
 from ident.estimator.whitening import Whitening
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
 # Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves

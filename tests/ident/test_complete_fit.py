@@ -31,7 +31,7 @@ from ident.estimator.noise import ExcessNoise
 from ident.model_choice import coefficients_of, lasting, unsupported
 from ident.options import FitOptions, Listener
 from ident.recording_fit import RecordingFit, fit_recording
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from tests.helpers.known_loads import tension_at
 from tests.helpers.minute_logs import LATE, minute_logs
 from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
