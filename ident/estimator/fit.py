@@ -178,7 +178,7 @@ def fit(
     negligible: float = NEGLIGIBLE,
     max_iterations: int = 50,
     reuse_below: float = 0.0,
-    freeze_after: int = FREEZE_AFTER,
+    freeze_after: int | None = FREEZE_AFTER,
     search: Search | None = None,
     robust: Sequence[Array] = (),
 ) -> Fit:
