@@ -48,9 +48,8 @@ from ballbar.watch.watch import Watch
 from benchmarks.study import study_parser, write_table
 from cell.load import load_robot
 from cell.statistics import rms
-from sim.live.delivery import Pace
+from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import GrowingRecording, device_logs
-from sim.live.egm import EgmRobot
 from sim.live.faults import DWELL, FAULTS, moving_at
 from sim.live.plc import Plc, logged_samples
 from tests.helpers.drawn_robots import DRAWN

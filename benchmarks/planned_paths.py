@@ -27,7 +27,7 @@ from cell.files import write_yaml
 from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
 from ident.options import FitOptions
-from planning.candidate import PathCandidate, rounded, space_of
+from planning.candidate import PathCandidate, rounded
 from planning.coarse import BATCH
 from planning.crlb import predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
@@ -50,7 +50,7 @@ STUDIES = ROOT / "docs" / "studies"
 def random_paths(robot: str) -> list[dict[str, object]]:
     """RANDOM feasible random paths: predicted TCP sigma, numbers of the path, ball-bar pose."""
     evaluator = _evaluator(robot)
-    space, around = space_of(evaluator.request), evaluator.request.cell
+    space, around = evaluator.space, evaluator.request.cell
     rng, paths = np.random.default_rng(evaluator.request.seed + 1000), list[PathCandidate]()
     while len(paths) < RANDOM:
         genomes = rng.random((BATCH, space.size))

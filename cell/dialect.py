@@ -78,52 +78,41 @@ class Dialect(Strict):
     """One kind of device log. The recording names encoder counters, the dialect the rest."""
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
-    source: SourceName = Field(description="What is logged.")
-    container: Container = Field("text", description="Form of the file.")
-    separators: tuple[Separator, ...] = Field((), description="Of the columns of a text.")
-    decimal: Literal["either", "point", "comma"] = Field(
-        "either", description="Of numbers that are no integers."
-    )
+    source: SourceName
+    """What is logged."""
+    container: Container = "text"
+    """Form of the file."""
+    separators: tuple[Separator, ...] = ()
+    """Of the columns of a text."""
+    decimal: Literal["either", "point", "comma"] = "either"
+    """Of numbers that are no integers."""
     time: TimeColumn
     # Columns that count on from 1 are those of six axes and stand for as many as the robot has.
-    motors: tuple[Selector, ...] = Field(
-        (), description="Robot: motor angles, one column for each axis."
-    )
-    axes: tuple[Selector, ...] = Field(
-        (), description="Robot: in place of motors, the angles that the controller shows."
-    )
-    joints: tuple[Selector, ...] = Field(
-        (), description="Robot: in place of motors, the angles of the DH model."
-    )
-    angle_unit: AngleUnit = Field("rad", description="Of these angles.")
-    torques: tuple[Selector, ...] = Field(
-        (),
-        description="Robot: what each motor exerts [N m], positive along its angle; all or none.",
-    )
-    torques_at: Literal["motors", "axes"] = Field(
-        "motors",
-        description="Robot: where these torques act; axes: behind the gears, positive along the "
-        "controller's axis angles.",
-    )
-    sequence: Selector | None = Field(
-        None, description="Number that grows with each row taken; the column may be absent."
-    )
-    status: dict[EncoderName, Selector] = Field(
-        default_factory=dict,
-        description="Ball-bar: EL5021 status word of each encoder; columns may be absent.",
-    )
-    wrench: tuple[Selector, ...] = Field(
-        (),
-        description="Force: forces x y z [N], torques x y z [N m], what the flange feels in its "
-        "own frame.",
-    )
-    point: tuple[Selector, ...] = Field(
-        (), description="Tracker: x y z; recording.yaml names their unit."
-    )
+    motors: tuple[Selector, ...] = ()
+    """Robot: motor angles, one column for each axis."""
+    axes: tuple[Selector, ...] = ()
+    """Robot: in place of motors, the angles that the controller shows."""
+    joints: tuple[Selector, ...] = ()
+    """Robot: in place of motors, the angles of the DH model."""
+    angle_unit: AngleUnit = "rad"
+    """Of these angles."""
+    torques: tuple[Selector, ...] = ()
+    """Robot: what each motor exerts [N m], positive along its angle; all or none."""
+    torques_at: Literal["motors", "axes"] = "motors"
+    """Robot: where these torques act; axes: behind the gears, positive along the controller's axis
+    angles.
+    """
+    sequence: Selector | None = None
+    """Number that grows with each row taken; the column may be absent."""
+    status: dict[EncoderName, Selector] = Field(default_factory=dict)
+    """Ball-bar: EL5021 status word of each encoder; columns may be absent."""
+    wrench: tuple[Selector, ...] = ()
+    """Force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame."""
+    point: tuple[Selector, ...] = ()
+    """Tracker: x y z; recording.yaml names their unit."""
     written: Written = Written()
-    period_s: tuple[float, float] = Field(
-        description="Shortest and longest usual period; a median outside of it is reported."
-    )
+    period_s: tuple[float, float]
+    """Shortest and longest usual period; a median outside of it is reported."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -37,53 +37,45 @@ Rotation = Annotated[
 class NamedColumn(Strict):
     """A column that holds a name or a number of each row."""
 
-    column: Column = Field(description="Name in the header, or number from 1.")
+    column: Column
+    """Name in the header, or number from 1."""
 
 
 class JointColumns(Strict):
     """The joint angles of each pose."""
 
-    columns: tuple[Column, ...] = Field(
-        default=(),
-        description="One for each axis, in their order, or one `re:` that finds them. None for a "
-        "list of jointtargets (RAPID) or messages of KUKA RSI.",
-    )
-    unit: AngleUnit | None = Field(
-        default=None, description="Only a unit in the header, such as `[°]`, makes it unnecessary."
-    )
-    angles: Literal["axes", "joints"] = Field(
-        default="axes",
-        description="Axis angles as the controller shows them, or joint angles of the DH model.",
-    )
-    files: tuple[str, ...] = Field(
-        default=(),
-        description="Files that hold the angles alone, as many as the table has: their rows are "
-        "paired by order.",
-    )
+    columns: tuple[Column, ...] = Field(default=())
+    """One for each axis, in their order, or one `re:` that finds them. None for a list of
+    jointtargets (RAPID) or messages of KUKA RSI.
+    """
+    unit: AngleUnit | None = Field(default=None)
+    """Only a unit in the header, such as `[°]`, makes it unnecessary."""
+    angles: Literal["axes", "joints"] = Field(default="axes")
+    """Axis angles as the controller shows them, or joint angles of the DH model."""
+    files: tuple[str, ...] = Field(default=())
+    """Files that hold the angles alone, as many as the table has: their rows are paired by order.
+    """
 
 
 class ValueColumns(Strict):
     """Measured values of each pose: a length, x y z, or x y z and a rotation."""
 
-    columns: tuple[Column, ...] = Field(
-        min_length=1, max_length=7, description='A difference is written as "x_t - x_dif".'
-    )
-    unit: LengthUnit | None = Field(default=None, description="Of lengths; as for joints.")
-    angle_unit: AngleUnit | None = Field(
-        default=None, description="Of rotations, azimuth and elevation."
-    )
-    rotation: Rotation | None = Field(
-        default=None,
-        description="Of the last columns of a pose: angles about moving axes (`XYZ`) or fixed ones "
-        "(`xyz`), in the order of scipy's `Rotation.from_euler`; `rotvec`; `quat_wxyz`; "
-        "`quat_xyzw`.",
-    )
-    spherical: Literal["elevation", "zenith"] | None = Field(
-        default=None,
-        description="The first three columns are azimuth, elevation above the horizontal (or "
-        "angle from the zenith) and distance.",
-    )
-    offset_m: float = Field(default=0.0, description="Added to every measured length.")
+    columns: tuple[Column, ...] = Field(min_length=1, max_length=7)
+    """A difference is written as "x_t - x_dif"."""
+    unit: LengthUnit | None = Field(default=None)
+    """Of lengths; as for joints."""
+    angle_unit: AngleUnit | None = Field(default=None)
+    """Of rotations, azimuth and elevation."""
+    rotation: Rotation | None = Field(default=None)
+    """Of the last columns of a pose: angles about moving axes (`XYZ`) or fixed ones (`xyz`), in the
+    order of scipy's `Rotation.from_euler`; `rotvec`; `quat_wxyz`; `quat_xyzw`.
+    """
+    spherical: Literal["elevation", "zenith"] | None = Field(default=None)
+    """The first three columns are azimuth, elevation above the horizontal (or angle from the
+    zenith) and distance.
+    """
+    offset_m: float = Field(default=0.0)
+    """Added to every measured length."""
 
     @property
     def quaternions(self) -> bool:
@@ -94,13 +86,12 @@ class ValueColumns(Strict):
 class Sigma(Strict):
     """Standard deviation of what was measured: columns beside the values, or constants."""
 
-    columns: tuple[Column, ...] = Field(
-        default=(), description="One for each of the values, in their units."
-    )
-    length_m: Positive | None = Field(default=None, description="Of lengths and positions.")
-    rotation_rad: Positive | None = Field(
-        default=None, description="Of the rotation of a pose, about each axis."
-    )
+    columns: tuple[Column, ...] = Field(default=())
+    """One for each of the values, in their units."""
+    length_m: Positive | None = Field(default=None)
+    """Of lengths and positions."""
+    rotation_rad: Positive | None = Field(default=None)
+    """Of the rotation of a pose, about each axis."""
 
     @model_validator(mode="after")
     def _either(self) -> Self:
@@ -112,14 +103,12 @@ class Sigma(Strict):
 class ReferencePoints(Strict):
     """Points on the floor or the robot's base that the instrument reads beside the poses."""
 
-    columns: tuple[Column, ...] = Field(
-        max_length=300,
-        description="x y z of each point in turn, three points or more, in the unit and form "
-        "(`spherical`) of the values. A point was not read where a field is empty.",
-    )
-    sigma_m: Positive | None = Field(
-        default=None, description="Of each coordinate; else that of the instrument."
-    )
+    columns: tuple[Column, ...] = Field(max_length=300)
+    """x y z of each point in turn, three points or more, in the unit and form (`spherical`) of the
+    values. A point was not read where a field is empty.
+    """
+    sigma_m: Positive | None = Field(default=None)
+    """Of each coordinate; else that of the instrument."""
 
     @model_validator(mode="after")
     def _points(self) -> Self:
@@ -138,38 +127,37 @@ class ReferencePoints(Strict):
 class PoseTime(Strict):
     """When each pose was taken."""
 
-    column: Column = Field(description="Name in the header, or number from 1.")
-    form: str | None = Field(
-        default=None,
-        description="Of the stamps where they do not show it: `s`, `ms`, `unix-s`, ... "
-        "Dates, and digits such as 20200714163904, show it.",
-    )
+    column: Column
+    """Name in the header, or number from 1."""
+    form: str | None = Field(default=None)
+    """Of the stamps where they do not show it: `s`, `ms`, `unix-s`, ... Dates, and digits such as
+    20200714163904, show it.
+    """
 
 
 class PoseTableFile(Strict):
     """Files with the same columns, and what these hold."""
 
-    files: tuple[str, ...] = Field(
-        min_length=1, description="Paths from the folder of poses.yaml; .gz, .bz2 and .xz too."
-    )
-    sheet: str | None = Field(default=None, description="Of a workbook; else its first sheet.")
+    files: tuple[str, ...] = Field(min_length=1)
+    """Paths from the folder of poses.yaml; .gz, .bz2 and .xz too."""
+    sheet: str | None = Field(default=None)
+    """Of a workbook; else its first sheet."""
     joints: JointColumns
-    values: ValueColumns | None = Field(default=None, description="None for a socket.")
-    sigma: Sigma | None = Field(default=None, description="Else that of the instrument.")
-    instrument: str | None = Field(
-        default=None, description="Another instrument than that of the other tables."
-    )
-    seat: str | NamedColumn = Field(
-        default="seat", description="Placement of the instrument: a name, or a column."
-    )
-    target: str | NamedColumn = Field(
-        default="target", description="Ball or reflector on the flange: a name, or a column."
-    )
-    reference: ReferencePoints | None = Field(
-        default=None, description="Their motion, that of the seat, is taken off the values."
-    )
+    values: ValueColumns | None = Field(default=None)
+    """None for a socket."""
+    sigma: Sigma | None = Field(default=None)
+    """Else that of the instrument."""
+    instrument: str | None = Field(default=None)
+    """Another instrument than that of the other tables."""
+    seat: str | NamedColumn = Field(default="seat")
+    """Placement of the instrument: a name, or a column."""
+    target: str | NamedColumn = Field(default="target")
+    """Ball or reflector on the flange: a name, or a column."""
+    reference: ReferencePoints | None = Field(default=None)
+    """Their motion, that of the seat, is taken off the values."""
     time: PoseTime | None = None
-    temperature: NamedColumn | None = Field(default=None, description="Column in deg C.")
+    temperature: NamedColumn | None = Field(default=None)
+    """Column in deg C."""
 
     @model_validator(mode="after")
     def _joint_files_pair(self) -> Self:
@@ -183,10 +171,10 @@ class PoseTableFile(Strict):
 class KnownDistances(Strict):
     """Distances between seats that something else states, such as the drawing of a fixture."""
 
-    pairs: tuple[tuple[str, str], ...] = Field(min_length=1, description="Names of two seats each.")
-    length_m: Positive | None = Field(
-        default=None, description="Else the distance that the instrument's file states."
-    )
+    pairs: tuple[tuple[str, str], ...] = Field(min_length=1)
+    """Names of two seats each."""
+    length_m: Positive | None = Field(default=None)
+    """Else the distance that the instrument's file states."""
     sigma_m: Positive | None = None
 
     @model_validator(mode="after")
@@ -229,9 +217,12 @@ class PosesFile(Strict):
     """Still poses of one robot."""
 
     schema_: Annotated[Literal["ballbar-poses/1"], Field(alias="schema")]
-    kind: Literal["simulated", "real"] = Field(description="Where the values come from.")
-    robot: str = Field(description="A file of cell/robots, or a path from this file.")
-    instrument: str = Field(description="A file of cell/instruments, or a path from this file.")
+    kind: Literal["simulated", "real"]
+    """Where the values come from."""
+    robot: str
+    """A file of cell/robots, or a path from this file."""
+    instrument: str
+    """A file of cell/instruments, or a path from this file."""
     tables: tuple[PoseTableFile, ...] = Field(min_length=1, max_length=500)
     distances: tuple[KnownDistances, ...] = ()
     notes: str = ""

@@ -8,7 +8,7 @@ centre.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,17 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import BAR_ROWS
 from planning.request import PlanRequest, tightened
-from sim.path import Lissajous
+from sim.path import Lissajous, RodHarmonic
 
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
 WIDEST = np.pi  # [rad] largest amplitude of b1, b3 and b5, where the cables allow it
 # [rad] the same of a telescoping bar: of wider paths an arm reaches a fifth as many (UR10e)
 WIDEST_FREE = 0.5 * np.pi
+# A sensed length has to vary, or nothing tells its log's clock. Two harmonics of its path, as in
+# scenarios/paths/irb2400_telescoping.yaml: share of the swing, cycles per second, phase [rad]
+SWING, LARGEST_SWING = 0.125, 0.005  # share of the stroke, and [m], to each side
+HARMONICS = ((0.6, 0.34, 0.0), (0.4, 0.19, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,7 @@ class Space:
     margin: float  # [rad] of b2, b4
     widest: float  # [rad] largest amplitude that the cables allow
     cycles: int
+    rod: tuple[RodHarmonic, ...] = ()  # of every candidate, where the rod's length is sensed
 
     @property
     def size(self) -> int:
@@ -67,12 +72,14 @@ class Space:
             room[:, k] = np.minimum(centre[:, k] - low, high - centre[:, k])
         whole_cycles = 1.0 + np.floor(np.clip(cycles, 0.0, 1.0 - 1e-9) * self.cycles)
         position = self.lower + (self.upper - self.lower) * genomes[:, 4 * BAR_ROWS :]
-        return Lissajous(centre, share * room, whole_cycles, 2.0 * np.pi * phase), position
+        shapes = Lissajous(centre, share * room, whole_cycles, 2.0 * np.pi * phase, self.rod)
+        return shapes, position
 
 
 def shape_of(shapes: Lissajous, k: int | NDArray[np.intp]) -> Lissajous:
     """The k-th of Lissajous parameters (M, 5), or several of them."""
-    return Lissajous(shapes.centre[k], shapes.amplitude[k], shapes.cycles[k], shapes.phase[k])
+    parts = ("centre", "amplitude", "cycles", "phase")
+    return replace(shapes, **{name: getattr(shapes, name)[k] for name in parts})
 
 
 def angles_of(shapes: Lissajous, s: Array, share: float = 1.0) -> Array:
@@ -110,13 +117,13 @@ def rounded(candidate: PathCandidate) -> PathCandidate:
         for v in (shape.centre, shape.amplitude, shape.phase)
     )
     return PathCandidate(
-        Lissajous(centre, amplitude, shape.cycles, phase),
+        Lissajous(centre, amplitude, shape.cycles, phase, shape.rod),
         candidate.position.round(POSITION_DECIMALS),
     )
 
 
-def space_of(request: PlanRequest) -> Space:
-    """The search space of a request."""
+def space_of(request: PlanRequest, stroke: tuple[float, float] | None = None) -> Space:
+    """The search space of a request; stroke : [m] shortest and longest length that is sensed."""
     low, high = request.cell.region
     limits = tightened(request.limits)
     cable = float(np.pi * limits.cable_turns)  # half of the range from end to end
@@ -127,6 +134,16 @@ def space_of(request: PlanRequest) -> Space:
         margin=0.0 if free else np.radians(limits.ballbar_margin_deg),
         widest=WIDEST_FREE if free else min(WIDEST, cable),
         cycles=request.cycles_max,
+        rod=() if stroke is None else _rod(stroke, request.timing.duration_s),
+    )
+
+
+def _rod(stroke: tuple[float, float], duration: float) -> tuple[RodHarmonic, ...]:
+    """Harmonics of the rod over a path of `duration` seconds, within a stroke [m]."""
+    swing = min(LARGEST_SWING, SWING * (stroke[1] - stroke[0]))
+    return tuple(
+        RodHarmonic(float(f"{share * swing:.3g}"), max(1, round(rate * duration)), phase)
+        for share, rate, phase in HARMONICS
     )
 
 

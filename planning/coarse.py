@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
-from planning.candidate import rounded, space_of
+from planning.candidate import rounded
 from planning.clearance import TIME_STEP
 from planning.coarse_crlb import coarse_normals
 from planning.evaluation import (
@@ -44,7 +44,7 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     best : objective below which a candidate is looked at closely, until one of them violates no
         limit on the fine grid either.
     """
-    space = space_of(evaluator.request)
+    space = evaluator.space
     screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
     values = SCREENED_OUT + screened.excess
     passed = np.flatnonzero(values <= SCREENED_OUT)
@@ -67,7 +67,7 @@ def sample(evaluator: Evaluator, *, seed: int) -> tuple[Array, Array, int]:
 
     Returns their genomes (K, S) [-], best first, their coarse objectives (K,), and the draws.
     """
-    size = space_of(evaluator.request).size
+    size = evaluator.space.size
     genomes = np.random.default_rng(seed).random((BATCH, size))
     values = objectives(evaluator, genomes)
     best = np.argsort(values, kind="stable")[:KEPT]

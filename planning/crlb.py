@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry
+from cell.geometry import BAR_ROWS, Geometry, robot_frames
 from ident.complete_fit import FIRST_EXCESS, needs_loads
 from ident.corrections import correction_named, supported_corrections
 from ident.corrections.base import Correction
@@ -270,8 +270,10 @@ def samples_along(on: Predictor, trajectory: Passage) -> Samples:
     noise = np.zeros(BAR_ROWS)
     noise[fitted] = bar_noise
     t = trajectory.t
-    # of a sensed length the second log is the rod's extension, which the nominal robot leaves at 0
-    sensed = trajectory.b[:, fitted] if fitted else np.zeros((t.size, 1))
+    sensed = trajectory.b[:, fitted]
+    if not fitted:  # of a sensed length the second log is the rod's extension
+        rod = robot_frames(trajectory.nominal, trajectory.q).tip.T - trajectory.nominal.origin
+        sensed = np.linalg.norm(rod, axis=1)[:, None] - trajectory.nominal["bd3"]
     second = interpolating_log(t, sensed, np.zeros(sensed.shape[1]))
     silent = not fitted and on.cell.ballbar.stroke is None
     return Samples(

@@ -23,7 +23,7 @@ from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
 from ident.robot.identified import IdentifiedRobot
-from planning.candidate import PathCandidate, space_of
+from planning.candidate import PathCandidate, Space, space_of
 from planning.clearance import Clearance, clearance
 from planning.coarse_crlb import CoarsePredictor, coarse_predictor
 from planning.crlb import (
@@ -35,12 +35,18 @@ from planning.crlb import (
     predictions,
     predictor,
 )
-from planning.force import ForceModel, Forces, force_model, predicted_forces
+from planning.force import (
+    ForceModel,
+    Forces,
+    StrokeModel,
+    force_model,
+    predicted_forces,
+    stroke_model,
+)
 from planning.known import Known
 from planning.limits import Violation, violations
 from planning.request import PlanLimits, PlanRequest, tightened
 from planning.screen import UNREACHED, screen
-from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from sim.plant.effects import servo_gains
 
@@ -73,6 +79,11 @@ class Evaluator:
     clearance: Clearance
     gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
     coarse: CoarsePredictor  # of many candidates at once
+
+    @property
+    def space(self) -> Space:
+        """The search space of the request with this rod."""
+        return space_of(self.request, self.cell.ballbar.stroke)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +192,7 @@ def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOT
     Where the candidate cannot be run, the objective is above INFEASIBLE or SCREENED_OUT and grows
     with the violation.
     """
-    space = space_of(evaluator.request)
+    space = evaluator.space
     cell, around = evaluator.cell, evaluator.request.cell
     excess = float(screen(cell, around, space, evaluator.limits, genome[None]).excess[0])
     if excess > 0.0:

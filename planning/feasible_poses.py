@@ -1,7 +1,8 @@
 """Feasible poses: random axis angles, moved to where the instrument can measure, and screened.
 
-For a distance, the target has to stand at a drawn distance from the seat; for a socket, at the
-seat: damped Gauss-Newton steps of least norm from random angles bring it there. Everything else is
+Where the robot has to be brought to the instrument (cell.instruments), the target has to stand at
+a drawn distance from the seat, at a drawn height over a plane, or in a socket: damped Gauss-Newton
+steps of least norm from random angles bring it there. Everything else is
 a screen: axis box, distance, aim of seat and target, clearance.
 """
 
@@ -16,6 +17,7 @@ from cell.arrays import Array
 from cell.chain import Frames, joint_screws
 from cell.errors import InputError
 from cell.number_text import significant_text
+from cell.placement import Placement
 from planning.capsules import smallest_distance
 from planning.stations import Aim, PoseSetup, Station, station_frames
 
@@ -110,42 +112,38 @@ def feasible(
     """
     station, limit = setup.stations[index], setup.request.limits.clearance_m
     screen.drawn += len(axes)
-    axes, distance = _closed(setup, station, axes, rng)
-    frames = station_frames(setup, station, axes)
-    if np.isfinite(distance).any():
-        length = np.linalg.norm(frames.tip - station.origin[:, None], axis=0)
-        screen.nearest = min(screen.nearest, float(np.abs(length - distance).min()))
+    axes, open_by = _closed(setup, station, axes, rng)
+    frames, kind = station_frames(setup, station, axes), setup.instrument.kind
+    if kind.local:
+        screen.nearest = min(screen.nearest, float(open_by.min()))
     good = np.ones(len(axes), dtype=bool)
-    for name, mask in _masks(setup, station, axes, frames, distance).items():
+    for name, mask in _masks(setup, station, axes, frames, open_by).items():
         screen.count(name, mask | ~good)
         good &= mask
     screened = np.flatnonzero(good)
     frames = station_frames(setup, station, axes[screened])
-    line = setup.instrument.measured != "socket"
-    clear = smallest_distance(setup, station, frames, line=line) >= limit
+    clear = smallest_distance(setup, station, frames, line=kind.sighted) >= limit
     screen.count("clearance_m", clear)
     return axes[screened[clear]], screened[clear]
 
 
 def _masks(
-    setup: PoseSetup, station: Station, axes: Array, frames: Frames, distance: Array
+    setup: PoseSetup, station: Station, axes: Array, frames: Frames, open_by: Array
 ) -> dict[str, NDArray[np.bool_]]:
     """(N,) whether poses keep each limit but that of clearance.
 
-    distance : (N,) [m] of the target from the seat that was drawn; NaN where none was.
+    open_by : (N,) [m] of the target from where the instrument is to measure it.
     """
     rod = frames.tip - station.origin[:, None]
-    length = np.linalg.norm(rod, axis=0)
-    closed = np.isnan(distance) | (np.abs(length - distance) < CLOSED)
-    socket = setup.instrument.measured == "socket"
-    within = socket | ((length >= setup.shortest) & (length <= setup.longest))
-    line = frames.origin[-2] - station.origin[:, None] if socket else rod
+    length, sighted = np.linalg.norm(rod, axis=0), setup.instrument.kind.sighted
+    within = (length >= setup.shortest) & (length <= setup.longest) | (not sighted)
+    line = rod if sighted else frames.origin[-2] - station.origin[:, None]
     masks = {
-        "reach": closed & within,
+        "reach": (open_by < CLOSED) & within,
         "axis range": ((axes >= setup.lower) & (axes <= setup.upper)).all(axis=1),
         "aim of the seat": _aimed(station.seat_aim, line),
     }
-    if not socket:
+    if sighted:
         looks = np.einsum("ikn,in->kn", frames.rotation(-2), -rod)
         masks["aim of the target"] = _aimed(station.target_aim, looks)
     return masks
@@ -162,33 +160,28 @@ def _aimed(aim: Aim | None, line: Array) -> NDArray[np.bool_]:
 def _closed(
     setup: PoseSetup, station: Station, axes: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Axis angles (N, J) [rad] moved to drawn distances (N,) [m] of the target from the seat.
+    """Axis angles (N, J) [rad] moved to where the target has drawn values, and what is left (N,)
+    [m].
 
-    Those of an instrument that measures points or poses stay where they are, their distances NaN.
+    Those of an instrument that sees the target wherever it is stay as they are.
     """
-    n, measured = len(axes), setup.instrument.measured
-    if measured not in ("length", "socket"):
-        return axes, np.full(n, np.nan)
-    distance = (
-        rng.uniform(setup.shortest, setup.longest, n) if measured == "length" else np.zeros(n)
-    )
-    axes = axes.copy()
-    open_ = np.arange(n)
-    for _ in range(STEPS):
+    kind, seat = setup.instrument.kind, Placement(np.eye(3), station.origin)
+    if not kind.local:
+        return axes, np.zeros(len(axes))
+    values = rng.uniform(setup.shortest, setup.longest, (len(axes), kind.columns))
+    axes, left = axes.copy(), np.empty(len(axes))
+    open_ = np.arange(len(axes))
+    for step_number in range(STEPS + 1):
         frames = station_frames(setup, station, axes[open_])
-        rod = frames.tip - station.origin[:, None]
-        motion = joint_screws(frames)[:, :3]  # the last frame is that of the target
-        motion = motion[: frames.x_link.shape[0]]
-        if measured == "socket":
-            error, levers = -rod.T, motion.transpose(2, 1, 0)  # (N, E), (N, E, J)
-        else:
-            length = np.maximum(np.linalg.norm(rod, axis=0), np.finfo(float).tiny)
-            error = (distance[open_] - length)[:, None]
-            levers = np.einsum("in,jin->nj", rod / length, motion)[:, None]
-        still = np.abs(error).max(axis=1) > 0.1 * CLOSED
-        open_, error, levers = open_[still], error[still], levers[still]
-        if not open_.size:
+        sight = kind.sight(values[open_], seat, frames.tip)
+        error = np.einsum("din,in->nd", sight.directions, sight.point - frames.tip)
+        left[open_] = np.abs(error).max(axis=1)
+        still = left[open_] > 0.1 * CLOSED
+        open_, error = open_[still], error[still]
+        if not open_.size or step_number == STEPS:
             break
+        motion = joint_screws(frames)[: frames.x_link.shape[0], :3, still]
+        levers = np.einsum("din,jin->ndj", sight.directions[:, :, still], motion)
         levers = levers @ setup.robot.controller_to_joint.T
         # the damping fades as the pose closes
         damping = DAMPING * np.minimum(1.0, np.linalg.norm(error, axis=1) / FADING)[:, None, None]
@@ -196,4 +189,4 @@ def _closed(
         step = np.einsum("nej,ne->nj", levers, np.linalg.solve(square, error[:, :, None])[:, :, 0])
         step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
         axes[open_] = np.clip(axes[open_] + step, setup.lower, setup.upper)
-    return axes, distance
+    return axes, left

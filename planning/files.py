@@ -11,7 +11,7 @@ from cell.closed_form import has_closed_form
 from cell.extended_yaml import load_extended, portable
 from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
 from cell.geometry import nominal_chain
-from cell.poses import Measured
+from cell.instruments.base import Kind
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, PathCandidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
@@ -34,21 +34,12 @@ from planning.programs import (
 )
 from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
 from planning.stations import PoseSetup
-from planning.targets import Targets, targets_of
+from planning.trajectory import Targets, targets_of
 
 SCENARIO, NUMBERS, TABLE, REQUEST = "scenario.yaml", "plan.yaml", "path.csv", "request.yaml"
 POSE_TABLE, POSES = "poses.csv", "poses.yaml"
 PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
-# columns of poses.csv that are filled in, and their keys in poses.yaml
-VALUES: dict[Measured, tuple[tuple[str, ...], dict[str, str]]] = {
-    "length": (("length_mm",), {"unit": "mm"}),
-    "point": (("x_mm", "y_mm", "z_mm"), {"unit": "mm"}),
-    "pose": (
-        ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"),
-        {"unit": "mm", "angle_unit": "deg", "rotation": "XYZ"},
-    ),
-    "socket": ((), {}),
-}
+UNITS = {"m": "mm", "rad": "deg"}  # of the columns of poses.csv that are filled in
 
 
 def output_names(request: PlanRequest | PosePlanRequest) -> set[str]:
@@ -199,19 +190,28 @@ def write_plan(plan: PathPlan, folder: Path) -> list[str]:
     return [PATH, SCENARIO, *texts, NUMBERS]
 
 
+def value_columns(kind: Kind) -> list[str]:
+    """Columns of poses.csv that are filled in, with their units."""
+    return [f"{n}_{UNITS[unit]}" for n, unit in zip(kind.names, kind.units, strict=True)]
+
+
 def poses_data(setup: PoseSetup, *, relative_to: Path, folder: Path) -> dict[str, object]:
     """poses.yaml of the filled table; folder : where it stands, relative_to : the request's.
 
     Files of one's own are copied into the folder.
     """
-    request = setup.request
-    columns, keys = VALUES[setup.instrument.measured]
+    request, kind = setup.request, setup.instrument.kind
     entry: dict[str, object] = {
         "files": [POSE_TABLE],
         "joints": {"columns": axis_columns(setup.robot), "unit": "deg", "angles": "axes"},
     }
-    if columns:
-        entry["values"] = {"columns": list(columns), **keys}
+    if columns := value_columns(kind):
+        entry["values"] = {
+            "columns": columns,
+            **({"unit": UNITS["m"]} if "m" in kind.units else {}),
+            **({"angle_unit": UNITS["rad"]} if "rad" in kind.units else {}),
+            **({"rotation": "XYZ"} if kind.target_turns else {}),
+        }
     entry |= {"seat": {"column": "seat"}, "target": {"column": "target"}}
     data: dict[str, object] = {
         "schema": "ballbar-poses/1",
@@ -266,7 +266,7 @@ def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
 def write_pose_plan(plan: PosePlan, folder: Path, *, relative_to: Path) -> list[str]:
     """Write all files; relative_to : folder of the request. Returns their names."""
     setup, language = plan.setup, plan.setup.robot.program_language
-    texts = {POSE_TABLE: pose_table(plan, VALUES[setup.instrument.measured][0])}
+    texts = {POSE_TABLE: pose_table(plan, value_columns(setup.instrument.kind))}
     if language and not without_program(setup.robot):
         texts[f"{setup.request.name}.{SUFFIXES[language]}"] = pose_program(language, plan)
     for file, text in texts.items():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,26 +17,109 @@ from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
 from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import PathCandidate, genome_of, rounded, space_of
+from planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
+from planning.coarse import BATCH
 from planning.crlb import PathPrediction, predictions
 from planning.evaluation import (
     INFEASIBLE,
+    SCREENED_OUT,
     Assessment,
     Evaluator,
+    check,
     evaluate,
     evaluators,
+    objective,
     tcp_rms_before,
     tensions_of,
 )
-from planning.first import first_path
-from planning.force import Forces, load_reversals
+from planning.force import Forces, Lengths, load_reversals, predicted_lengths
 from planning.known import Known
 from planning.request import PlanRequest
-from planning.search import RatedCandidate, SearchProgress, evaluating_processes, ranked, search
-from planning.stroke import Lengths, predicted_lengths
+from planning.screen import screen, tally
+from planning.search import (
+    RatedCandidate,
+    SearchProgress,
+    evaluating_processes,
+    evolution,
+    free_numbers,
+    ranked,
+    search,
+)
 from planning.trajectory import Trajectory
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, lissajous
+
+SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
+BATCHES = 8  # screened for one descent
+GENERATIONS = 20  # of one descent
+# Screened candidates that are tried before one, without the force that excludes most of them: those
+# that are farthest from the limits move least and identify least.
+TRIED = 32
+SHOWN = 3  # limits that the nearest miss violates, worst first
+
+
+def first_path(
+    given: dict[str, Evaluator], *, seconds: float = SECONDS
+) -> tuple[RatedCandidate, int]:
+    """A candidate that can be run, and the number of candidates tried.
+
+    given : evaluators by rod. Raises InputError that says which limits stand in the way.
+    """
+    since, tried, rods = time.monotonic(), 0, list(given)
+    rng = np.random.default_rng(next(iter(given.values())).request.seed)
+    reasons: Counter[str] = Counter()
+    nearest = (np.inf, "")
+    while time.monotonic() - since < seconds:
+        rod = rods[tried // (BATCH * BATCHES) % len(rods)]
+        evaluator, space = given[rod], given[rod].space
+        genomes = rng.random((BATCH * BATCHES, space.size))
+        screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
+        tried += len(genomes)
+        reasons.update(screened.reason[screened.excess > 0.0].tolist())
+        start = genomes[int(screened.excess.argmin())]
+        if evaluator.force_model is None:
+            passed = genomes[screened.excess <= 0.0][:TRIED]
+            values = [objective(evaluator, genome) for genome in passed]
+            if values:
+                start = passed[int(np.argmin(values))]
+                if min(values) < INFEASIBLE:
+                    return RatedCandidate(rod, start, min(values)), tried
+        genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
+        if least < INFEASIBLE:
+            return RatedCandidate(rod, genome, least), tried
+        if least < min(nearest[0], SCREENED_OUT):
+            violated = check(evaluator, space.candidate(genome)).violations[:SHOWN]
+            nearest = (least, "; ".join(v.sentence for v in violated))
+    miss = f" The nearest miss (limits with their reserve): {nearest[1]}." if nearest[1] else ""
+    raise InputError(
+        f"no path found: {tried} random paths and descents from the best of them failed, "
+        f"the random ones by: {tally(reasons)}.{miss} "
+        "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that "
+        "stands in the way."
+    )
+
+
+def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tuple[Array, float]:
+    """The first genome (S,) [-] that violates nothing, or the one that violates least.
+
+    start : (S,) [-] genome. Returns the genome and its objective.
+    """
+    free = free_numbers(space)
+    search = evolution(start[free], seed=seed)
+    best, least = start, objective(evaluator, start)
+    for _ in range(GENERATIONS):
+        points, values = search.ask(), []
+        for x in points:
+            genome = start.copy()
+            genome[free] = x
+            values.append(objective(evaluator, genome))
+            if values[-1] < least:
+                best, least = folded(genome), values[-1]
+            if least < INFEASIBLE:
+                return best, least
+        search.tell(points, values)
+    return best, least
+
 
 # [rad] distance from the path within which a point of the sphere counts as covered (notes/mujoco
 # sec. 10)
@@ -158,9 +243,9 @@ def plans(
             best = ranked(progress.incumbents, pool) or best  # none yet where Ctrl-C came at once
     took = since()
     for start in best:
-        candidate = rounded(space_of(request).candidate(start.genome))
+        evaluator = of_rods[start.rod]
         yield replace(
-            assess(of_rods[start.rod], candidate),
+            assess(evaluator, rounded(evaluator.space.candidate(start.genome))),
             evaluated=tried + progress.evaluated,
             seconds=took,
             stopped=progress.stopped,
@@ -177,20 +262,24 @@ def hints(request: PlanRequest, relative_to: Path) -> list[RatedCandidate]:
     rods = request.cell.rods
     starts = []
     for file in (relative_to / name for name in request.start_from):
-        shape, position = known_path(file)
+        shape, position = known_path(file, telescoping=request.telescoping)
         candidate = PathCandidate(shape, middle if position is None else np.array(position))
         genome = genome_of(space, candidate)
         starts += [RatedCandidate(rod, genome, INFEASIBLE) for rod in rods]
     return starts
 
 
-def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
+def known_path(
+    file: Path, *, telescoping: bool = False
+) -> tuple[Lissajous, tuple[float, ...] | None]:
     """The shape of a path file, and the ball-bar's position [m] if the file states it.
 
-    Raises DescriptionError for a bad file.
+    telescoping : whether the rod may change its length.
+
+    Raises DescriptionError for a bad file, InputError for one whose rod would have to telescope.
     """
     content = load_model(file, LissajousFile)
-    if content.rod:
+    if content.rod and not telescoping:
         raise InputError(f"{file}: paths are planned for a rigid rod. Leave out `rod`.")
     return lissajous(content), content.ballbar_position_m
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from cell.descriptions import Key, Robot
-from planning.force import ERROR
+from planning.force import ERROR, Lengths
 from planning.plan import PathPlan
-from planning.stroke import Lengths
 from sim.plant.mjcf import ROBOT_JOINTS
 
 PATH = "path.yaml"  # of the plan, beside the scenario

@@ -19,10 +19,10 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.geometry import geometry_of_chain, parameter_table
+from cell.instruments.base import TrueStand
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
 from cell.robot_angles import controller_to_joints
-from cell.rotation import rotvec_from_matrix
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
@@ -172,24 +172,17 @@ def smooth_joint_errors(robot: Robot) -> Correction:
 
 def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
     """The values that the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
-    frames = station_frames(setup, station, axes)
+    frames, instrument = station_frames(setup, station, axes), setup.instrument
     rod = frames.tip - station.origin[:, None]
-    measured = setup.instrument.measured
-    if measured == "length":
-        values = np.linalg.norm(rod, axis=0)[:, None]
-    elif measured == "socket":
-        values = np.zeros((len(axes), 0))
-    elif measured == "point":
-        values = rod.T
-    else:
-        values = np.concatenate((rod, rotvec_from_matrix(frames.rotation()))).T
+    stand = TrueStand(rod, np.linalg.norm(rod, axis=0), frames.rotation())
+    values = instrument.kind.measure(stand, np.zeros((6, len(axes))), instrument)
     return PoseGroup(
-        measured=measured,
+        measured=instrument.measured,
         seat=station.seat,
         target=station.target,
         q=controller_to_joints(setup.robot, axes),
         values=values,
-        sigma=setup.instrument.sigma(values),
+        sigma=instrument.sigma(values),
         rows=np.arange(1, len(axes) + 1),
         file="plan",
     )

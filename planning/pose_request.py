@@ -31,47 +31,46 @@ Seed = Annotated[int, Field(ge=0, description="Seed of all drawn values.")]
 class SeatEntry(Strict):
     """One placement of the instrument, or one socket."""
 
-    name: Name = Field("seat", description="As `seat` of poses.yaml.")
-    position_m: Vector3 = Field(description="In the robot's base frame, to a few millimetres.")
-    axis: Vector3 | None = Field(
-        None,
-        description="Direction in the base frame about which the instrument can aim, or from which "
-        "the flange comes to a socket.",
-    )
-    cone_deg: Cone = Field(180.0, description="Largest angle from `axis`.")
+    name: Name = "seat"
+    """As `seat` of poses.yaml."""
+    position_m: Vector3
+    """In the robot's base frame, to a few millimetres."""
+    axis: Vector3 | None = None
+    """Direction in the base frame about which the instrument can aim, or from which the flange
+    comes to a socket.
+    """
+    cone_deg: Cone = 180.0
+    """Largest angle from `axis`."""
 
 
 class TargetEntry(Strict):
     """One ball or reflector on the flange."""
 
-    name: Name = Field("target", description="As `target` of poses.yaml.")
-    position_m: Vector3 = Field(description="In the frame of the flange.")
-    axis: Vector3 | None = Field(
-        None, description="Direction in the flange's frame into which the target looks."
-    )
-    cone_deg: Cone = Field(
-        180.0, description="Largest angle between `axis` and the instrument; 30 for a reflector."
-    )
+    name: Name = "target"
+    """As `target` of poses.yaml."""
+    position_m: Vector3
+    """In the frame of the flange."""
+    axis: Vector3 | None = None
+    """Direction in the flange's frame into which the target looks."""
+    cone_deg: Cone = 180.0
+    """Largest angle between `axis` and the instrument; 30 for a reflector."""
 
 
 class PosePlanLimits(Strict):
     """Limits that every pose keeps."""
 
-    axis_lower_deg: Axes | None = Field(
-        None, description="Box of the controller's axis angles; by default the axis ranges."
-    )
+    axis_lower_deg: Axes | None = None
+    """Box of the controller's axis angles; by default the axis ranges."""
     axis_upper_deg: Axes | None = None
     axis_margin_deg: AxisMargin = 3.0
-    stroke_margin_share: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
-        0.1, description="Share of the stroke of a length instrument to keep free at either end."
-    )
-    clearance_m: Annotated[float, Field(ge=0.0)] = Field(
-        0.03, description="Distance of arm, target and rod or beam from each other and the rest."
-    )
-    floor_m: float | None = Field(
-        0.0, description="Height of the floor in the base frame; null where there is none."
-    )
-    keep_out: tuple[KeepOut, ...] = Field((), description="Boxes to stay clear of.")
+    stroke_margin_share: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.1
+    """Share of the stroke of a length instrument to keep free at either end."""
+    clearance_m: Annotated[float, Field(ge=0.0)] = 0.03
+    """Distance of arm, target and rod or beam from each other and the rest."""
+    floor_m: float | None = 0.0
+    """Height of the floor in the base frame; null where there is none."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Boxes to stay clear of."""
 
 
 class PosePlanRequest(Strict):
@@ -79,36 +78,30 @@ class PosePlanRequest(Strict):
 
     schema_: Annotated[Literal["ballbar-pose-plan/1"], Field(alias="schema")]
     name: PlanName
-    robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    instrument: str = Field(description="A file of cell/instruments, or a path.")
-    seats: Annotated[tuple[SeatEntry, ...], Field(min_length=1)] = Field(
-        description="Placements of the instrument."
-    )
-    targets: Annotated[tuple[TargetEntry, ...], Field(min_length=1)] = Field(
-        description="Targets on the flange. The predicted TCP error is that of the first."
-    )
-    distances: tuple[KnownDistances, ...] = Field(
-        (), description="Known distances between seats, as in poses.yaml."
-    )
-    poses: Annotated[int, Field(ge=10, le=500)] = Field(
-        40, description="Number of poses, over all seats and targets."
-    )
+    robot: str
+    """A file of cell/robots, or a path that ends in .yaml."""
+    instrument: str
+    """A file of cell/instruments, or a path."""
+    seats: Annotated[tuple[SeatEntry, ...], Field(min_length=1)]
+    """Placements of the instrument."""
+    targets: Annotated[tuple[TargetEntry, ...], Field(min_length=1)]
+    """Targets on the flange. The predicted TCP error is that of the first."""
+    distances: tuple[KnownDistances, ...] = ()
+    """Known distances between seats, as in poses.yaml."""
+    poses: Annotated[int, Field(ge=10, le=500)] = 40
+    """Number of poses, over all seats and targets."""
     limits: PosePlanLimits = PosePlanLimits()
     workspace: StatedWorkspace = None
-    unexplained_m: Positive = Field(
-        5e-5,
-        description="Standard deviation of what the model leaves of a position along each axis, "
-        "beside smooth errors of the joints.",
-    )
-    unexplained_rad: Positive = Field(
-        1e-4, description="The same of a rotation about each axis, where poses are measured."
-    )
-    settle_s: Annotated[float, Field(ge=0.0)] = Field(
-        3.0, description="Time for which the programs wait at each pose."
-    )
-    candidates: Annotated[int, Field(ge=200, le=20_000)] = Field(
-        2000, description="Number of feasible poses from which the plan is selected."
-    )
+    unexplained_m: Positive = 5e-5
+    """Standard deviation of what the model leaves of a position along each axis, beside smooth
+    errors of the joints.
+    """
+    unexplained_rad: Positive = 1e-4
+    """The same of a rotation about each axis, where poses are measured."""
+    settle_s: Annotated[float, Field(ge=0.0)] = 3.0
+    """Time for which the programs wait at each pose."""
+    candidates: Annotated[int, Field(ge=200, le=20_000)] = 2000
+    """Number of feasible poses from which the plan is selected."""
     seed: Seed = 1
 
     @model_validator(mode="after")

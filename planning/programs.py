@@ -27,7 +27,7 @@ from cell.descriptions import ProgramLanguage, Robot
 from cell.foreign_text import comment
 from cell.poses import Measured
 from planning.pose_plan import PosePlan
-from planning.targets import Targets
+from planning.trajectory import Targets
 
 BALLBAR, TELESCOPING = "ball-bar", "telescoping bar"  # what holds the tool
 ATTACHED: frozenset[Measured] = frozenset({"length", "socket"})  # a person attaches these

@@ -26,11 +26,12 @@ from sim.settings import Vector3
 class Cup(Strict):
     """A ball cup of a telescoping bar, and how far the rod may lean in it."""
 
-    axis: Vector3 = Field(
-        description="Direction into which the cup opens: of the seat in the robot's base frame, of "
-        "the target in the frame of the flange."
-    )
-    cone_deg: Cone = Field(description="Largest angle between `axis` and the rod.")
+    axis: Vector3
+    """Direction into which the cup opens: of the seat in the robot's base frame, of the target in
+    the frame of the flange.
+    """
+    cone_deg: Cone
+    """Largest angle between `axis` and the rod."""
 
     @model_validator(mode="after")
     def _has_direction(self) -> Cup:
@@ -42,27 +43,28 @@ class Cup(Strict):
 class PlanCell(Strict):
     """The parts of the cell, and the region of the ball-bar."""
 
-    robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    ballbar: str | None = Field(
-        None, description="A file of cell/instruments, or a path: a ball-bar with encoders."
-    )
-    instrument: str | None = Field(
-        None,
-        description="In place of `ballbar`: an instrument that measures its length, such as "
-        "qc20w_300.",
-    )
-    seat: Cup | None = Field(None, description="Cup on the base of an `instrument`.")
-    target: Cup | None = Field(None, description="Cup on the tool, of an `instrument`.")
-    ballbar_choices: tuple[str, ...] = Field((), description="Ball-bars that may be used instead.")
-    plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
-    ballbar_position_m: Vector3 | None = Field(
-        None, description="Centre of the sphere in the robot's base frame, if it is fixed."
-    )
-    ballbar_region_m: Region | None = Field(
-        None, description="Region of the centre of the sphere, if it is free."
-    )
-    keep_out: tuple[KeepOut, ...] = Field((), description="Boxes to stay clear of.")
-    floor_m: float = Field(0.0, description="Height of the floor in the robot's base frame.")
+    robot: str
+    """A file of cell/robots, or a path that ends in .yaml."""
+    ballbar: str | None = None
+    """A file of cell/instruments, or a path: a ball-bar with encoders."""
+    instrument: str | None = None
+    """In place of `ballbar`: an instrument that measures its length, such as qc20w_300."""
+    seat: Cup | None = None
+    """Cup on the base of an `instrument`."""
+    target: Cup | None = None
+    """Cup on the tool, of an `instrument`."""
+    ballbar_choices: tuple[str, ...] = ()
+    """Ball-bars that may be used instead."""
+    plate: str = "plate_250"
+    """A file of cell/plates, or a path."""
+    ballbar_position_m: Vector3 | None = None
+    """Centre of the sphere in the robot's base frame, if it is fixed."""
+    ballbar_region_m: Region | None = None
+    """Region of the centre of the sphere, if it is free."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Boxes to stay clear of."""
+    floor_m: float = 0.0
+    """Height of the floor in the robot's base frame."""
 
     @model_validator(mode="after")
     def _placed(self) -> PlanCell:
@@ -108,101 +110,76 @@ class PlanCell(Strict):
 class PlanTiming(Strict):
     """Duration of the run and its dwells."""
 
-    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
-        120.0, description="Duration of the whole run with its dwells."
-    )
-    dwell_s: Annotated[float, Field(ge=1.0)] = Field(
-        4.0,
-        description="Duration of the dwell at both ends and at each stop, in which the clocks are "
-        "matched.",
-    )
-    stops: Annotated[int, Field(ge=0, le=50)] = Field(
-        2, description="Number of dwells between the ends."
-    )
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 120.0
+    """Duration of the whole run with its dwells."""
+    dwell_s: Annotated[float, Field(ge=1.0)] = 4.0
+    """Duration of the dwell at both ends and at each stop, in which the clocks are matched."""
+    stops: Annotated[int, Field(ge=0, le=50)] = 2
+    """Number of dwells between the ends."""
 
 
 class PlanSensors(Strict):
     """Sensors and their standard deviations, on which the prediction is based."""
 
-    encoders: tuple[EncoderNumber, ...] = Field(
-        (1, 2, 4, 5), min_length=2, description="Ball-bar joints with an encoder."
-    )
-    encoder_sigma_rad: Positive = Field(
-        1.0e-5,
-        description="Standard deviation of an encoder sample: sub-divisional error and noise "
-        "(notes/parameters, 12 urad).",
-    )
-    encoder_noise_sigma_rad: Positive = Field(
-        2.0e-6, description="Standard deviation of the encoders' white noise per row."
-    )
-    ballbar_rate_hz: Positive = Field(
-        100.0, description="Rows of the ball-bar per second (thesis sec. 4.6)."
-    )
-    robot_sigma_rad: Positive = Field(
-        5.0e-6,
-        description="Standard deviation of a sample of axes 1-3, which ripple models leave; twice "
-        "that in the wrist.",
-    )
-    robot_noise_sigma_rad: Positive = Field(
-        2.0e-6, description="Standard deviation of the robot's white noise per row."
-    )
-    robot_rate_hz: Positive = Field(
-        250.0, description="Rows of the robot per second; ABB external log."
-    )
-    rod_sigma_m: Positive | None = Field(
-        None,
-        description="Standard deviation of a measured rod length; by default the catalogue's "
-        "tolerance.",
-    )
-    length_sigma_m: Positive | None = Field(
-        None,
-        description="Standard deviation of a sample of a sensed length; by default `sigma_m` of "
-        "the instrument's file, which is taken not to average out.",
-    )
+    encoders: tuple[EncoderNumber, ...] = Field((1, 2, 4, 5), min_length=2)
+    """Ball-bar joints with an encoder."""
+    encoder_sigma_rad: Positive = 1.0e-5
+    """Standard deviation of an encoder sample: sub-divisional error and noise (notes/parameters, 12
+    urad).
+    """
+    encoder_noise_sigma_rad: Positive = 2.0e-6
+    """Standard deviation of the encoders' white noise per row."""
+    ballbar_rate_hz: Positive = 100.0
+    """Rows of the ball-bar per second (thesis sec. 4.6)."""
+    robot_sigma_rad: Positive = 5.0e-6
+    """Standard deviation of a sample of axes 1-3, which ripple models leave; twice that in the
+    wrist.
+    """
+    robot_noise_sigma_rad: Positive = 2.0e-6
+    """Standard deviation of the robot's white noise per row."""
+    robot_rate_hz: Positive = 250.0
+    """Rows of the robot per second; ABB external log."""
+    rod_sigma_m: Positive | None = None
+    """Standard deviation of a measured rod length; by default the catalogue's tolerance."""
+    length_sigma_m: Positive | None = None
+    """Standard deviation of a sample of a sensed length; by default `sigma_m` of the instrument's
+    file, which is taken not to average out.
+    """
 
 
 class PlanLimits(Strict):
     """Limits that a path must keep."""
 
     axis_margin_deg: AxisMargin = 3.0
-    axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        0.25, description="Share of each axis's top speed."
-    )
-    axis_acceleration_deg_per_s2: Positive = Field(
-        60.0,
-        description="Acceleration of each axis; assumed, so that inertia stays below a tenth of "
-        "the weight.",
-    )
-    tcp_speed_m_per_s: Positive = Field(
-        0.25, description="Speed of the tool; reduced speed of ISO 10218-1."
-    )
-    wrist_margin_deg: Positive = Field(10.0, description="Distance of axis 5 from its singularity.")
-    elbow_margin_deg: Positive = Field(15.0, description="Distance of the elbow from stretched.")
-    shoulder_margin_m: Positive = Field(
-        0.15, description="Distance of the wrist's centre from axis 1."
-    )
-    singular_value: Positive = Field(
-        0.05,
-        description="In place of the three margins, of arms without parallel axes 2 and 3 and "
-        "spherical wrist: smallest singular value of the Jacobian, lengths in halves of the "
-        "chain's; assumed, about what those margins come to on an IRB 2400 (0.06).",
-    )
-    ballbar_margin_deg: Positive = Field(
-        15.0, description="Distance of b2 and b4 from their singularities (thesis sec. 5.1)."
-    )
-    cable_turns: Positive = Field(
-        1.0,
-        description="Range of each ball-bar joint from end to end; the thesis's cables allowed 2 "
-        "and were in the way.",
-    )
-    force_N: Positive = Field(
-        200.0,
-        description="Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad "
-        "(a third above the thesis's 150 N: notes/parameters, experiment).",
-    )
-    clearance_m: Positive = Field(
-        0.03, description="Distance of robot, plate and rod from each other and everything else."
-    )
+    axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.25
+    """Share of each axis's top speed."""
+    axis_acceleration_deg_per_s2: Positive = 60.0
+    """Acceleration of each axis; assumed, so that inertia stays below a tenth of the weight."""
+    tcp_speed_m_per_s: Positive = 0.25
+    """Speed of the tool; reduced speed of ISO 10218-1."""
+    wrist_margin_deg: Positive = 10.0
+    """Distance of axis 5 from its singularity."""
+    elbow_margin_deg: Positive = 15.0
+    """Distance of the elbow from stretched."""
+    shoulder_margin_m: Positive = 0.15
+    """Distance of the wrist's centre from axis 1."""
+    singular_value: Positive = 0.05
+    """In place of the three margins, of arms without parallel axes 2 and 3 and spherical wrist:
+    smallest singular value of the Jacobian, lengths in halves of the chain's; assumed, about what
+    those margins come to on an IRB 2400 (0.06).
+    """
+    ballbar_margin_deg: Positive = 15.0
+    """Distance of b2 and b4 from their singularities (thesis sec. 5.1)."""
+    cable_turns: Positive = 1.0
+    """Range of each ball-bar joint from end to end; the thesis's cables allowed 2 and were in the
+    way.
+    """
+    force_N: Positive = 200.0
+    """Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad (a third above
+    the thesis's 150 N: notes/parameters, experiment).
+    """
+    clearance_m: Positive = 0.03
+    """Distance of robot, plate and rod from each other and everything else."""
 
 
 # Keys that say nothing of a telescoping bar, by their place: it has neither encoders nor cables nor
@@ -250,17 +227,14 @@ class PlanRequest(Strict):
     sensors: PlanSensors = PlanSensors()
     limits: PlanLimits = PlanLimits()
     workspace: StatedWorkspace = None
-    servo: str = Field(
-        "soft", description="A gain set of the robot's file, for a ball-bar with encoders."
-    )
-    start_from: tuple[str, ...] = Field(
-        (),
-        description="Path files with which the search begins, relative to this file. Where a file "
-        "states no position of the ball-bar, the middle of the region is taken.",
-    )
-    cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(
-        5, description="Largest number of cycles of a ball-bar joint in one run."
-    )
+    servo: str = "soft"
+    """A gain set of the robot's file, for a ball-bar with encoders."""
+    start_from: tuple[str, ...] = ()
+    """Path files with which the search begins, relative to this file. Where a file states no
+    position of the ball-bar, the middle of the region is taken.
+    """
+    cycles_max: Annotated[int, Field(ge=1, le=12)] = 5
+    """Largest number of cycles of a ball-bar joint in one run."""
     seed: Seed = 1
 
     @model_validator(mode="after")

@@ -76,7 +76,7 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
     instrument = load_instrument(request.instrument, relative_to=relative_to)
     lower, upper = _axis_box(request, robot)
     limits, stroke = request.limits, instrument.upper - instrument.lower
-    margin = limits.stroke_margin_share * stroke if instrument.measured == "length" else 0.0
+    margin = limits.stroke_margin_share * stroke if instrument.kind.local else 0.0
     return PoseSetup(
         request=request,
         robot=robot,

@@ -100,14 +100,7 @@ def run_in_plant(
         beginning=beginning,
     )
     errors = plant_errors(table=seed == 0)
-    true = true_geometry(
-        nominal,
-        errors,
-        plate_sigma=cell.plate.length_sigma,
-        transmission=cell.robot.transmission,
-        seed=seed,
-    )
-    true = set_without_strain(true, path.q[:1])
+    true = set_without_strain(true_geometry(nominal, errors, cell, seed=seed), path.q[:1])
     gains = servo_gains(cell.robot, request.servo, key="servo")
     plant = Plant(cell, true, plant_effects(errors, cell, seed), gains)
     return run_plant(plant, path, timestep=TIMESTEP)

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import PathCandidate, genome_of, space_of
+from planning.candidate import PathCandidate, genome_of
 from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
-from planning.first import descent
-from planning.plan import PathPlan
+from planning.plan import PathPlan, descent
 from planning.questions import Question, changed
 from planning.workspace import Region
 
@@ -66,6 +65,6 @@ def _adapted(evaluator: Evaluator, candidate: PathCandidate) -> PathCandidate | 
     region = Region(lower=tuple((centre - ROOM).tolist()), upper=tuple((centre + ROOM).tolist()))
     cell = request.cell.model_copy(update={"ballbar_position_m": None, "ballbar_region_m": region})
     freed = replace(evaluator, request=request.model_copy(update={"cell": cell}))
-    space = space_of(freed.request)
+    space = freed.space
     best, least = descent(freed, space, genome_of(space, candidate), ADAPTING_SEED)
     return space.candidate(best) if least < INFEASIBLE else None

@@ -190,13 +190,7 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
             f"{stated[0]}: acts on device logs, and identify.data = samples has neither counters, "
             "stamps nor a machine that changes. Use identify.data = files, or leave it out."
         )
-    true = true_geometry(
-        path.nominal,
-        errors,
-        plate_sigma=cell.plate.length_sigma,
-        transmission=cell.robot.transmission,
-        seed=seed,
-    )
+    true = true_geometry(path.nominal, errors, cell, seed=seed)
     rod, sign = errors.rod_deviation, path.rising
     if rod and rod.pulled == "drawn":
         rng = stream(seed, "rod_deviation")

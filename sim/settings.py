@@ -13,20 +13,24 @@ from pydantic import Field, model_validator
 
 from cell.schema import NotNegative, Positive, Strict
 from cell.schema_errors import wrong_key
-from sim.errors.clock_errors import (
+from sim.errors.plant_errors import PlantErrors
+from sim.errors.pose_errors import PoseErrors
+from sim.errors.sample_errors import SampleErrors
+from sim.errors.sensor_errors import (
     LEAD,
     ClockStep,
     ClockWander,
     DroppedRows,
     DuplicatedRows,
+    EncoderNumber,
+    JointLag,
+    JointNoise,
     LoggerRestart,
+    Outliers,
+    SensorErrors,
     StampJitter,
     StampQuantum,
 )
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.pose_errors import PoseErrors
-from sim.errors.sample_errors import SampleErrors
-from sim.errors.sensor_errors import EncoderNumber, JointLag, JointNoise, Outliers, SensorErrors
 from sim.errors.static_errors import CellErrors
 from sim.logging.load_logs import DeviceLogs
 from sim.streams import recording_seed

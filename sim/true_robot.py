@@ -76,8 +76,7 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
     true = true_geometry(
         nominal,
         errors,
-        plate_sigma=cell.plate.length_sigma,
-        transmission=cell.robot.transmission,
+        cell,
         zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
         seed=seed,
     )

@@ -20,9 +20,9 @@ from cell.geometry import Geometry, table_of_names
 from cell.rotation import matrix_from_rotvec
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
-from sim.errors.clock_errors import ClockStep, LoggerRestart
 from sim.errors.plant_errors import ThermalGrowth
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
+from sim.errors.sensor_errors import ClockStep, LoggerRestart
 from sim.logging.clocks import RowCounts, WanderCurve
 from sim.logging.load_logs import DrawnLoads, TrackerTruth
 from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple

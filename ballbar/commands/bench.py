@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, Out, Overrides, ScenarioFile, command_line, say_json
+from ballbar.commands.options import (
+    AsJson,
+    Out,
+    Overrides,
+    ScenarioFile,
+    command,
+    command_line,
+    say_json,
+)
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar, silence
 from cell.errors import InputError
 from cell.files import require_writable
@@ -21,7 +29,6 @@ from cell.files import require_writable
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.rehearsal.day import Stage
     from ballbar.replay.live import LiveRun
-    from ballbar.scenario import PoseScenario
     from ballbar.truth.limits import Limit
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
@@ -29,16 +36,11 @@ CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous inte
 commands = typer.Typer()
 
 
-@commands.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
+@command(commands)
 def run(
     scenario: ScenarioFile,
     out_dir: Out = None,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live", help="Show the cell in a rerun window while it is simulated, then the replay."
-        ),
-    ] = False,
+    live: bool = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -47,46 +49,57 @@ def run(
     Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default
     runs/NAME); of a scenario of still poses recording/, calibration.yaml and report.html. Exits
     with 1 when a limit under `accept` is not met.
+
+    Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`
+
+    --live : Show the cell in a rerun window while it is simulated, then the replay.
     """
+    from ballbar.result.names import REPLAY_MODULES
     from ballbar.scenario import PoseScenario, load_any_scenario
+    from cell.processes import second_process
 
     settings = load_any_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / settings.name
-    if isinstance(settings, PoseScenario):
-        _run_poses(settings, scenario, folder, live=live, as_json=as_json)
-        return
-    from ballbar.result.names import REPLAY_MODULES
-    from cell.processes import second_process
-
+    still = isinstance(settings, PoseScenario)
+    if still and live:
+        raise InputError(
+            f"{scenario}: --live shows a motion, and in a scenario of still poses nothing moves. "
+            "Leave it out."
+        )
     with (
         _live_window() if live else nullcontext() as window,
         progress_bar() as progress,
-        second_process(*REPLAY_MODULES) as begin,
+        nullcontext(partial) if still else second_process(*REPLAY_MODULES) as begin,
     ):
         from ballbar.commands.result_json import run_data
-        from ballbar.report.terminal import say_comparison, say_identification
-        from ballbar.run import run_scenario
+        from ballbar.report.terminal import say_comparison, say_identification, say_pose_comparison
+        from ballbar.run import run_pose_scenario, run_scenario
         from ballbar.truth.limits import plant_sentence
 
-        data = run_scenario(
-            settings,
-            scenario,
-            out=folder,
-            command=command_line(),
-            progress=progress,
-            live=window,
-            begin=begin,
-        )
+        words = command_line()
+        if isinstance(settings, PoseScenario):
+            data = run_pose_scenario(settings, scenario, folder, command=words, progress=progress)
+            plant = data.simulated_poses.plant if data.simulated_poses else ""
+        else:
+            data = run_scenario(
+                settings,
+                scenario,
+                out=folder,
+                command=words,
+                progress=progress,
+                live=window,
+                begin=begin,
+            )
+            plant = plant_sentence(data.simulation.truth) if data.simulation else ""
     if as_json:
         say_json(run_data(data, folder))
     say_identification(out, data)
-    if data.simulation is not None:
-        out.print(plant_sentence(data.simulation.truth))
+    out.print(escape(plant))
     if data.comparison is not None:
-        say_comparison(out, data.comparison)
+        (say_pose_comparison if still else say_comparison)(out, data.comparison)
     _say_limits(data.limits)
-    report = escape(str(folder / "report.html"))
-    out.print(f"Look at {report}, or: ballbar replay {escape(str(folder))}")
+    report, name = escape(str(folder / "report.html")), escape(str(folder))
+    out.print(f"Look at {report}" + ("" if still else f", or: ballbar replay {name}"))
     raise typer.Exit(0 if data.acceptable else 1)
 
 
@@ -96,34 +109,6 @@ def _live_window() -> AbstractContextManager[LiveRun]:
     return live_run()
 
 
-def _run_poses(
-    settings: PoseScenario, scenario: Path, folder: Path, *, live: bool, as_json: bool
-) -> None:
-    """Runs a scenario of still poses, and exits."""
-    from ballbar.commands.result_json import run_data
-    from ballbar.report.terminal import say_identification, say_pose_comparison
-    from ballbar.run import run_pose_scenario
-
-    if live:
-        raise InputError(
-            f"{scenario}: --live shows a motion, and in a scenario of still poses nothing moves. "
-            "Leave it out."
-        )
-    with progress_bar() as progress:
-        data = run_pose_scenario(
-            settings, scenario, folder, command=command_line(), progress=progress
-        )
-    if as_json:
-        say_json(run_data(data, folder))
-    say_identification(out, data)
-    if data.simulation is not None and data.comparison is not None:
-        out.print(escape(data.simulation.plant))
-        say_pose_comparison(out, data.comparison)
-    _say_limits(data.limits)
-    out.print(f"Look at {escape(str(folder / 'report.html'))}")
-    raise typer.Exit(0 if data.acceptable else 1)
-
-
 def _say_limits(limits: Sequence[Limit]) -> None:
     for limit in limits:
         word = "[green]met   [/]" if limit.met else "[red]missed[/]"
@@ -131,7 +116,7 @@ def _say_limits(limits: Sequence[Limit]) -> None:
         out.print(f"  {word} {limit.what} {measured} (limit {allowed})")
 
 
-@commands.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
+@command(commands)
 def simulate(
     scenario: ScenarioFile,
     out_dir: Out = None,
@@ -142,59 +127,42 @@ def simulate(
 
     The truth is written beside the recording's folder, not into it. Exits with 1 when a limit of
     the plant under `accept` is not met.
+
+    Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`
     """
-    from ballbar.commands.bench_json import simulation_data
-    from ballbar.run import simulate_scenario
+    from ballbar.commands.bench_json import pose_simulation_data, simulation_data
+    from ballbar.run import simulate_pose_scenario, simulate_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
     from ballbar.truth.limits import plant_limits, plant_sentence
     from sim.recording_files import truth_path
 
     settings = load_any_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
-    if isinstance(settings, PoseScenario):
-        from ballbar.commands.bench_json import pose_simulation_data
-        from ballbar.run import simulate_pose_scenario
-
-        with progress_bar() as progress:
-            poses = simulate_pose_scenario(settings, scenario, folder, progress=progress)
-        if as_json:
-            say_json(pose_simulation_data(poses, folder))
-        out.print(escape(poses.plant))
-        out.print(f"Poses {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
-        return
+    limits: Sequence[Limit] = ()
     with progress_bar() as progress:
-        simulation = simulate_scenario(settings, scenario, folder, progress=progress)
-    limits = plant_limits(simulation.truth, settings.accept)
+        if isinstance(settings, PoseScenario):
+            poses = simulate_pose_scenario(settings, scenario, folder, progress=progress)
+            plant, data = poses.plant, pose_simulation_data(poses, folder)
+        else:
+            simulation = simulate_scenario(settings, scenario, folder, progress=progress)
+            limits = plant_limits(simulation.truth, settings.accept)
+            plant = plant_sentence(simulation.truth)
+            data = simulation_data(simulation, limits, folder)
     if as_json:
-        say_json(simulation_data(simulation, limits, folder))
-    out.print(plant_sentence(simulation.truth))
+        say_json(data)
+    out.print(escape(plant))
     _say_limits(limits)
-    out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
+    what = "Poses" if isinstance(settings, PoseScenario) else "Recording"
+    out.print(f"{what} {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
     raise typer.Exit(0 if all(limit.met for limit in limits) else 1)
 
 
-@commands.command(
-    epilog="Example: `ballbar rehearse irb2400`, or `ballbar rehearse irb2400 --fault slip`"
-)
+@command(commands)
 def rehearse(
     scenario: ScenarioFile,
     out_dir: Out = None,
-    speed: Annotated[
-        float,
-        typer.Option(
-            help="Times real time at which the robot moves; less while the identification is late.",
-            min=0.1,
-            max=20.0,
-        ),
-    ] = 10.0,
-    fault: Annotated[
-        str | None,
-        typer.Option(
-            help="Fault that begins midway in the first path, which is recorded again once it was "
-            "noticed, such as slip, encoder_frozen or tool_moved.",
-            metavar="NAME",
-        ),
-    ] = None,
+    speed: Annotated[float, typer.Option(min=0.1, max=20.0)] = 10.0,
+    fault: str | None = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -204,6 +172,12 @@ def rehearse(
     sensed length grow. Writes recordings, results, plan, targets, rehearsal.html and rehearsal.json
     to DIR (default runs/NAME-rehearsal). Exits with 1 when a limit under `accept` is not met, for
     an alarm without a fault, and for a fault that nothing notices.
+
+    Example: `ballbar rehearse irb2400`, or `ballbar rehearse irb2400 --fault slip`
+
+    --speed : Times real time at which the robot moves; less while the identification is late.
+    --fault NAME : Fault that begins midway in the first path, which is recorded again once it was
+        noticed, such as slip, encoder_frozen or tool_moved.
     """
     from ballbar.record.show import ads_reader
     from ballbar.rehearsal.files import chain, rehearse_into
@@ -240,24 +214,12 @@ def rehearse(
     raise typer.Exit(0 if day.acceptable else 1)
 
 
-@commands.command(
-    epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster "
-    "`--scheduler tcp://10.0.0.5:8786`"
-)
+@command(commands)
 def sweep(
-    file: Annotated[
-        Path,
-        typer.Argument(help="Sweep file, such as scenarios/sweeps/noise.yaml.", metavar="FILE"),
-    ],
+    file: Path,
     out_dir: Out = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Worker processes on this machine. Default: one for each core.", min=1),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(help="Run on the workers of this Dask scheduler instead.", metavar="ADDRESS"),
-    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1)] = None,
+    scheduler: str | None = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -266,6 +228,13 @@ def sweep(
     Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). After an interruption the
     same command goes on where it stopped. Exits with 1 when every run failed, with 130 when it was
     stopped.
+
+    Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster `--scheduler
+    tcp://10.0.0.5:8786`
+
+    FILE : Sweep file, such as scenarios/sweeps/noise.yaml.
+    --workers : Worker processes on this machine. Default: one for each core.
+    --scheduler ADDRESS : Run on the workers of this Dask scheduler instead.
     """
     from ballbar.commands.bench_json import sweep_data
     from ballbar.sweep.check import load_sweep
@@ -296,30 +265,22 @@ def sweep(
     raise typer.Exit(0 if succeeded else 1)
 
 
-@commands.command(epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`")
+@command(commands)
 def claims(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Names of claim files in scenarios/claims, or paths. Default: all of that folder.",
-            metavar="NAME",
-        ),
-    ] = None,
-    quick: Annotated[
-        bool,
-        typer.Option("--quick", help="Use fewer points and seeds: less than a minute for all."),
-    ] = False,
-    page: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", help="Write the claims with their plots as a page.", metavar="FILE.md"
-        ),
-    ] = None,
+    names: list[str] | None = None,
+    quick: bool = False,
+    page: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Check the thesis's statements against the runs behind each of them.
 
     Exits with 1 when a check fails.
+
+    Example: `ballbar claims --quick`, or `ballbar claims noise`
+
+    NAME : Names of claim files in scenarios/claims, or paths. Default: all of that folder.
+    --quick : Use fewer points and seeds: less than a minute for all.
+    --out FILE.md : Write the claims with their plots as a page.
     """
     from ballbar.claims.run import judge_all, topics
     from ballbar.claims.show import say_verdicts, write_page

@@ -3,39 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from ballbar.commands.options import AsJson, ResultFile, say_json
+from ballbar.commands.options import AsJson, ResultFile, command, say_json
 from ballbar.terminal import out
 
 commands = typer.Typer()
 
 
-@commands.command(
-    epilog="Example: `ballbar compare runs/irb2400/calibration.yaml "
-    "runs/irb2400/recording.truth.yaml`"
-)
-def compare(
-    calibration: Annotated[
-        Path,
-        typer.Argument(
-            help="A calibration.yaml, or the folder that holds it.", metavar="CALIBRATION"
-        ),
-    ],
-    reference: Annotated[
-        Path,
-        typer.Argument(
-            help="The truth file of a simulated run, or another calibration.", metavar="REFERENCE"
-        ),
-    ],
-    as_json: AsJson = False,
-) -> None:
+@command(commands)
+def compare(calibration: Path, reference: Path, as_json: AsJson = False) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration.
 
     Prints the TCP error over the workspace and the deviations of the parameters. Two results of
     still poses are compared over the poses that both were fitted to.
+
+    Example: `ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml`
+
+    CALIBRATION : A calibration.yaml, or the folder that holds it.
+    REFERENCE : The truth file of a simulated run, or another calibration.
     """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
@@ -54,22 +41,8 @@ def compare(
     say_comparison(out, comparison)
 
 
-@commands.command(
-    epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`, or "
-    "`ballbar verify runs/irb2400 recordings/monday`"
-)
-def verify(
-    result: ResultFile,
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder with recording.yaml, one path of about a minute, or with poses.yaml, "
-            "about ten still poses.",
-            metavar="DIR",
-        ),
-    ],
-    as_json: AsJson = False,
-) -> None:
+@command(commands)
+def verify(result: ResultFile, folder: Path, as_json: AsJson = False) -> None:
     """Does a stored calibration still hold? One short recording, or about ten new poses, tell.
 
     An unchanged robot fails in about 2 of 100 checks. Where something changed, a single cause is
@@ -80,6 +53,12 @@ def verify(
     recordings, still poses among them or not, takes either; a result of still poses alone takes
     still poses. Exits with 1 when the calibration does not hold, and with 2 when these measurements
     cannot tell.
+
+    Example: `ballbar verify results/ur10 recordings/ten_poses`, or `ballbar verify runs/irb2400
+    recordings/monday`
+
+    DIR : Folder with recording.yaml, one path of about a minute, or with poses.yaml, about ten
+        still poses.
     """
     from ballbar.result.verification import (
         exit_code,

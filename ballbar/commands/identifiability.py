@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, Overrides, ScenarioFile, say_json
+from ballbar.commands.options import AsJson, Overrides, ScenarioFile, command, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from ident.thesis.names import COSTS
@@ -17,9 +17,7 @@ from ident.thesis.names import COSTS
 commands = typer.Typer()
 
 
-@commands.command(
-    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`"
-)
+@command(commands)
 def identifiability(
     scenario: ScenarioFile,
     cost: Annotated[
@@ -29,21 +27,8 @@ def identifiability(
             metavar="NAME",
         ),
     ] = None,
-    encoders: Annotated[
-        str | None,
-        typer.Option(
-            help="Ball-bar joints with an encoder, such as 1,2,4,5, or none. Default: those of the "
-            "scenario.",
-            metavar="LIST",
-        ),
-    ] = None,
-    complete: Annotated[
-        bool,
-        typer.Option(
-            "--complete",
-            help="Include the Hayati angles and the tilt of the base, which the thesis leaves out.",
-        ),
-    ] = False,
+    encoders: str | None = None,
+    complete: bool = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -51,6 +36,12 @@ def identifiability(
 
     The study uses the nominal mechanism; nothing is simulated. It lists parameters without effect,
     dependencies between the others, and which of them to keep (thesis sec. 3.3).
+
+    Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`
+
+    --encoders LIST : Ball-bar joints with an encoder, such as 1,2,4,5, or none. Default: those of
+        the scenario.
+    --complete : Include the Hayati angles and the tilt of the base, which the thesis leaves out.
     """
     from ballbar.identifiability.study import influences, nominal_loop, study
     from ballbar.identifiability.tables import LEGEND, study_data, study_lines

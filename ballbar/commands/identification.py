@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, Out, command_line, say_json
+from ballbar.commands.options import AsJson, Out, command, command_line, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from ident.corrections import CORRECTIONS
@@ -21,29 +21,6 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 
-
-Recordings = Annotated[
-    list[Path],
-    typer.Argument(
-        help="Folders with recording.yaml and the device files, or with poses.yaml, all of one "
-        "robot.",
-        metavar="RECORDING",
-    ),
-]
-Validate = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--validate",
-        help="Held-out recording: the result is tested on it, not fitted; may be repeated.",
-        metavar="RECORDING",
-    ),
-]
-Model = Annotated[
-    ModelName,
-    typer.Option(
-        help="Kinematics alone (dh) or with corrections (complete); auto decides by the data."
-    ),
-]
 CorrectionNames = Annotated[
     str,
     typer.Option(
@@ -51,55 +28,21 @@ CorrectionNames = Annotated[
         metavar="auto|NAME,NAME",
     ),
 ]
-RodSigma = Annotated[
-    float | None,
-    typer.Option(
-        help="Standard deviation [m] of a rod that was measured; its length is bd3 in the "
-        "ball-bar's file.",
-        metavar="METRES",
-    ),
-]
-Accuracy = Annotated[
-    float | None,
-    typer.Option(
-        help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
-        "an acceptable result; default: half of the nominal robot's error.",
-        metavar="MM",
-    ),
-]
-JointErrorSource = Annotated[
-    str,
-    typer.Option(
-        help="Joint errors of still poses: search them (auto), do without (none), or keep "
-        "those of another result.",
-        metavar="auto|none|RESULT",
-    ),
-]
 
 
-@commands.command(
-    epilog="Example: `ballbar identify runs/a/recording runs/b/recording "
-    "--validate runs/c/recording --out runs/together`"
-)
+@command(commands)
 def identify(
-    recordings: Recordings,
-    validate: Validate = None,
+    recordings: list[Path],
+    validate: list[Path] | None = None,
     out_dir: Out = None,
-    samples: Annotated[
-        int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)
-    ] = DEFAULT_SAMPLES,
-    model: Model = "auto",
+    samples: Annotated[int, typer.Option(min=50, max=100_000)] = DEFAULT_SAMPLES,
+    model: ModelName = "auto",
     corrections: CorrectionNames = "auto",
-    force: Annotated[
-        ForceSource,
-        typer.Option(help="Source of the rod's force; auto takes the best that was logged."),
-    ] = "auto",
-    rod_sigma: RodSigma = None,
-    accuracy: Accuracy = None,
-    joint_errors: JointErrorSource = "auto",
-    rerun: Annotated[
-        bool, typer.Option("--rerun", help="Write the replay file run.rrd as well.")
-    ] = False,
+    force: ForceSource = "auto",
+    rod_sigma: float | None = None,
+    accuracy: float | None = None,
+    joint_errors: str = "auto",
+    rerun: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify a robot from one or several recordings; test the result on held-out ones.
@@ -108,6 +51,24 @@ def identify(
     both together, of one robot, make one fit. Writes calibration.yaml, import_report.json and
     report.html to DIR (default: the first RECORDING's folder with -identified appended). Exits with
     1 when the fit or a held-out recording is not acceptable.
+
+    Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out
+    runs/together`
+
+    RECORDING : Folders with recording.yaml and the device files, or with poses.yaml, all of one
+        robot.
+    --validate RECORDING : Held-out recording: the result is tested on it, not fitted; may be
+        repeated.
+    --samples : Instants of the logs that enter the fit.
+    --model : Kinematics alone (dh) or with corrections (complete); auto decides by the data.
+    --force : Source of the rod's force; auto takes the best that was logged.
+    --rod-sigma METRES : Standard deviation [m] of a rod that was measured; its length is bd3 in the
+        ball-bar's file.
+    --accuracy MM : Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give
+        an acceptable result; default: half of the nominal robot's error.
+    --joint-errors auto|none|RESULT : Joint errors of still poses: search them (auto), do without
+        (none), or keep those of another result.
+    --rerun : Write the replay file run.rrd as well.
     """
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS, REPLAY_MODULES
     from cell.files import claimed_folder

@@ -15,6 +15,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from ballbar.commands.options import purpose
 from ballbar.terminal import INTERRUPTED, say_interrupted
 from cell.foreign_text import printable
 
@@ -68,7 +69,7 @@ class ListedCommands(TyperGroup):
         """The command as it is listed: name, panel and help text, without options."""
         command = super().get_command(ctx, cmd_name)
         if command is not None:
-            command.help = _docstrings(MODULES[cmd_name])[cmd_name]
+            command.help = _purposes(MODULES[cmd_name])[cmd_name]
         return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -101,8 +102,8 @@ class ListedCommands(TyperGroup):
 
 
 @cache
-def _docstrings(module: str) -> dict[str, str | None]:
-    """Docstrings of the functions of a module of commands, by name; the module is not imported."""
+def _purposes(module: str) -> dict[str, str]:
+    """Purposes of the functions of a module of commands, by name; the module is not imported."""
     source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
     functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
-    return {function.name: ast.get_docstring(function) for function in functions}
+    return {function.name: purpose(ast.get_docstring(function) or "") for function in functions}

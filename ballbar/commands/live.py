@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.live import Live
 
-from ballbar.commands.options import AsJson, RecordingFolder, say_json
+from ballbar.commands.options import AsJson, RecordingFolder, command, say_json
 from ballbar.terminal import err, out, silence
 from ballbar.units import MM
 
@@ -27,59 +27,18 @@ Accuracy = Annotated[
 ]
 
 
-@commands.command(
-    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 "
-    "--plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`"
-)
+@command(commands)
 def record(
-    folder: Annotated[Path, typer.Argument(help="New folder for the recording.", metavar="DIR")],
-    robot: Annotated[
-        str, typer.Option(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
-    ],
-    ballbar: Annotated[
-        str, typer.Option(help="Ball-bar of cell/instruments, or a .yaml file.", metavar="NAME")
-    ],
-    plate: Annotated[
-        str, typer.Option(help="Offset plate of cell/plates, or a .yaml file.", metavar="NAME")
-    ] = "plate_250",
-    plc: Annotated[
-        str | None,
-        typer.Option(
-            help="AMS address of the PLC that reads the encoders.", metavar="NETID[:PORT][@HOST]"
-        ),
-    ] = None,
-    egm: Annotated[
-        str | None,
-        typer.Option(
-            help="Address and port that receive the robot's EGM feedback; a port alone listens to "
-            "this machine only.",
-            metavar="[ADDRESS:]PORT",
-        ),
-    ] = None,
-    egm_torque: Annotated[
-        bool,
-        typer.Option(
-            "--egm-torque",
-            help="The first six EGM test signals are the axes' torques (TestSignDefine, signal "
-            "4002).",
-        ),
-    ] = False,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            help="Seconds from the first record to the end. Default: until Ctrl-C.", min=0.1
-        ),
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the angles in a rerun window while recording.")
-    ] = False,
-    identify: Annotated[
-        bool,
-        typer.Option(
-            "--identify",
-            help="Identify the robot meanwhile, in a process of its own, and raise alarms.",
-        ),
-    ] = False,
+    folder: Path,
+    robot: str,
+    ballbar: str,
+    plate: str = "plate_250",
+    plc: str | None = None,
+    egm: str | None = None,
+    egm_torque: bool = False,
+    duration: Annotated[float | None, typer.Option(min=0.1)] = None,
+    live: bool = False,
+    identify: bool = False,
     accuracy: Accuracy = None,
     as_json: AsJson = False,
 ) -> None:
@@ -88,6 +47,22 @@ def record(
     The PLC runs the program of docs/recorder.md. The recording can be read at any moment. The
     command waits for the devices, starts a new file when one was disconnected, and ends with
     Ctrl-C. Exits with 1 when the disk is full, or a device delivered nothing.
+
+    Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 --plc 5.12.82.20.1.1
+    --egm 192.168.125.10:6510`
+
+    DIR : New folder for the recording.
+    --robot NAME : Robot of cell/robots, or a .yaml file.
+    --ballbar NAME : Ball-bar of cell/instruments, or a .yaml file.
+    --plate NAME : Offset plate of cell/plates, or a .yaml file.
+    --plc NETID[:PORT][@HOST] : AMS address of the PLC that reads the encoders.
+    --egm [ADDRESS:]PORT : Address and port that receive the robot's EGM feedback; a port alone
+        listens to this machine only.
+    --egm-torque : The first six EGM test signals are the axes' torques (TestSignDefine, signal
+        4002).
+    --duration : Seconds from the first record to the end. Default: until Ctrl-C.
+    --live : Show the angles in a rerun window while recording.
+    --identify : Identify the robot meanwhile, in a process of its own, and raise alarms.
     """
     from ballbar.record.show import RecordOptions, record_data, say, silent
     from ballbar.record.show import record as record_live
@@ -111,28 +86,13 @@ def record(
     raise typer.Exit(1 if silent(recorded.recording) else 0)
 
 
-@commands.command(
-    epilog="Example: `ballbar watch runs/monday --accuracy 0.05`, in a second terminal while the "
-    "recording is written"
-)
+@command(commands)
 def watch(
     folder: RecordingFolder,
     accuracy: Accuracy = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            help="Seconds that the recording will take, for the uncertainty at its end. Default: "
-            "until Ctrl-C.",
-            min=1.0,
-        ),
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Show uncertainty, coverage and alarms in a rerun window."),
-    ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a line of JSON in SI units for each update.")
-    ] = False,
+    duration: Annotated[float | None, typer.Option(min=1.0)] = None,
+    live: bool = False,
+    as_json: bool = False,
 ) -> None:
     """Identify a recording while it is being written, by any logger.
 
@@ -140,6 +100,14 @@ def watch(
     predict, and the robot is identified again. Nothing is written. Ends with Ctrl-C, or when the
     duration is over and no more rows come. Exits with 1 if an alarm stands at the end, or the
     accuracy is not reached.
+
+    Example: `ballbar watch runs/monday --accuracy 0.05`, in a second terminal while the recording
+    is written
+
+    --duration : Seconds that the recording will take, for the uncertainty at its end. Default:
+        until Ctrl-C.
+    --live : Show uncertainty, coverage and alarms in a rerun window.
+    --json : Print a line of JSON in SI units for each update.
     """
     from cell.processes import on_stop_signals
     from cell.threads import one_thread_each
@@ -154,7 +122,7 @@ def watch(
     with ExitStack() as stack:
         in_window = None
         if live:
-            from ballbar.record.view import live_window
+            from ballbar.replay.window import live_window
             from ballbar.watch.view import APPLICATION, WatchView, layout
 
             stream = stack.enter_context(live_window(APPLICATION, layout()))

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from copy import copy
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, getdoc, signature
+from operator import getitem
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
+from typer.models import ArgumentInfo, OptionInfo
 
 from ballbar.terminal import silence
+
+Command = Callable[..., None]
+_ENTRY = re.compile(r"\n(?=--[a-z-]+[^\n]* : |[A-Z]+ : )")
 
 
 def _scenario(name: Path) -> Path:
@@ -72,15 +79,79 @@ def command_line() -> str:
     return shlex.join(["ballbar", *sys.argv[1:]])
 
 
-def with_options(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command whose parameter `options` stands for one option for each field of a dataclass."""
+def purpose(docstring: str) -> str:
+    """What a command is for, as its docstring says it: without example and parameters."""
+    return _ENTRY.split(docstring)[0].partition("\n\nExample: ")[0].strip()
+
+
+def command(app: typer.Typer, panel: str | None = None) -> Callable[[Command], Command]:
+    """Registers a command whose docstring describes its arguments and options.
+
+    Below the purpose stand an example and, in the order of the signature, the parameters that no
+    annotation describes; a line that goes on is indented:
+
+        Example: `ballbar watch runs/monday --accuracy 0.05`
+
+        DIR : Folder with recording.yaml.
+        --duration SECONDS : Time that the recording will take.
+    """
+
+    def registered(function: Command) -> Command:
+        docstring = getdoc(function) or ""
+        parameters = signature(function, eval_str=True).parameters.values()
+        _set_parameters(function, _described(parameters, docstring))
+        function.__doc__ = purpose(docstring)
+        _, _, example = " ".join(_ENTRY.split(docstring)[0].split()).partition("Example: ")
+        app.command(epilog=f"Example: {example}", rich_help_panel=panel)(function)
+        return function
+
+    return registered
+
+
+def _described(parameters: Iterable[Parameter], docstring: str) -> list[Parameter]:
+    """Parameters whose annotations describe them, from the lines of a docstring where they lack."""
+    entries, parameters = iter(_ENTRY.split(docstring)[1:]), list(parameters)
+    for place, each in enumerate(parameters):
+        annotated = get_origin(each.annotation) is Annotated
+        kind, *info = get_args(each.annotation) if annotated else [each.annotation]
+        if not info or info[0].help is None:
+            kind = getitem(Annotated, (kind, _info(" ".join(next(entries).split()), *info)))
+            parameters[place] = each.replace(annotation=kind)
+    assert not list(entries), "there are fewer parameters than the docstring describes"
+    return parameters
+
+
+def _set_parameters(function: Command, parameters: list[Parameter]) -> None:
+    """Gives a function the parameters that typer reads."""
+    vars(function)["__signature__"] = Signature(parameters)
+    function.__annotations__ = {each.name: each.annotation for each in parameters}
+
+
+def _info(entry: str, *limits: ArgumentInfo | OptionInfo) -> ArgumentInfo | OptionInfo:
+    """Name, form and meaning of a parameter from its line `--name FORM : meaning`."""
+    declared, _, meaning = entry.partition(" : ")
+    flag, _, form = declared.partition(" ")
+    option = flag.startswith("--")
+    info = copy(limits[0]) if limits else typer.Option() if option else typer.Argument()
+    info.help, info.metavar = meaning, (form if option else flag) or None
+    if option:
+        info.param_decls = (flag,)
+    return info
+
+
+def with_options(kind: type[Any]) -> Callable[[Command], Command]:
+    """A command whose parameter `options` stands for one option for each field of a dataclass.
+
+    The docstring of the dataclass describes them as that of a command.
+    """
     hints = get_type_hints(kind, include_extras=True)
-    fields = [
+    named = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[name])
         for name, field in signature(kind).parameters.items()
     ]
+    fields = _described(named, getdoc(kind) or "")
 
-    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+    def decorated(command: Command) -> Command:
         parameters = list(signature(command, eval_str=True).parameters.values())
         place = [parameter.name for parameter in parameters].index("options")
 
@@ -90,8 +161,7 @@ def with_options(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..
             command(*words, options=options, **given)
 
         parameters[place : place + 1] = fields
-        vars(run)["__signature__"] = Signature(parameters)
-        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        _set_parameters(run, parameters)
         return run
 
     return decorated

@@ -7,36 +7,10 @@ from typing import Annotated
 
 import typer
 
-from ballbar.commands.options import AsJson, Out, Overrides, say_json
+from ballbar.commands.options import AsJson, Out, Overrides, command, say_json
 from ballbar.terminal import err, out, silence
 from planning.questions import CHANGES, ENCODERS
 
-Request = Annotated[
-    Path,
-    typer.Argument(
-        help="Planning request, such as scenarios/plans/irb2400.yaml for a ball-bar or "
-        "scenarios/plans/irb2400_tracker.yaml for still poses.",
-        metavar="REQUEST",
-    ),
-]
-Seconds = Annotated[
-    float,
-    typer.Option(
-        help="Longest duration of the search; 0 takes the first feasible trajectory.", min=0.0
-    ),
-]
-PathFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--path",
-        help="Evaluate, check and export this path file instead of a search.",
-        metavar="FILE",
-    ),
-]
-Position = Annotated[
-    str | None,
-    typer.Option(help="Base position of the ball-bar [m], with --path.", metavar="X,Y,Z"),
-]
 WhatIf = Annotated[
     list[str] | None,
     typer.Option(
@@ -46,28 +20,18 @@ WhatIf = Annotated[
         metavar="KEY=A,B",
     ),
 ]
-After = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--after",
-        help="A result of this robot's recordings (calibration.yaml or its folder): plan what "
-        "adds most to it. May be repeated.",
-        metavar="RESULT",
-    ),
-]
-
 commands = typer.Typer()
 
 
-@commands.command(epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
+@command(commands)
 def plan(
-    request: Request,
+    request: Path,
     out_dir: Out = None,
-    seconds: Seconds = 110.0,
-    path: PathFile = None,
-    position: Position = None,
+    seconds: Annotated[float, typer.Option(min=0.0)] = 110.0,
+    path: Path | None = None,
+    position: str | None = None,
     what_if: WhatIf = None,
-    after: After = None,
+    after: list[Path] | None = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -80,6 +44,16 @@ def plan(
 
     For still poses of another instrument: poses.csv, poses.yaml, plan.yaml and the program. Exits
     with 1 when a move between two poses comes too close.
+
+    Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`
+
+    REQUEST : Planning request, such as scenarios/plans/irb2400.yaml for a ball-bar or
+        scenarios/plans/irb2400_tracker.yaml for still poses.
+    --seconds : Longest duration of the search; 0 takes the first feasible trajectory.
+    --path FILE : Evaluate, check and export this path file instead of a search.
+    --position X,Y,Z : Base position of the ball-bar [m], with --path.
+    --after RESULT : A result of this robot's recordings (calibration.yaml or its folder): plan what
+        adds most to it. May be repeated.
     """
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.show import parse_position, plan_path, plan_poses

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
-from ballbar.commands.options import AsJson, RecordingOrPoses, say_json, with_options
+from ballbar.commands.options import AsJson, RecordingOrPoses, command, say_json, with_options
 from ballbar.recordings.answers import Answers
 from ballbar.terminal import err, out, progress_bar
 from cell.errors import InputError
@@ -26,41 +26,16 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 
-@commands.command(
-    epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions; of "
-    "still poses: `ballbar new runs/tracker --poses poses.csv --robot ur10`"
-)
+@command(commands)
 @with_options(Answers)
 def new(
-    folder: Annotated[Path, typer.Argument(help="Recording folder to make.", metavar="DIR")],
-    robot_log: Annotated[
-        Path | None,
-        typer.Argument(help="The robot's log.", metavar="ROBOTLOG", exists=True, dir_okay=False),
-    ] = None,
-    ballbar_log: Annotated[
-        Path | None,
-        typer.Argument(
-            help="The log of the ball-bar, or of an instrument of a length.",
-            metavar="BALLBARLOG",
-            exists=True,
-            dir_okay=False,
-        ),
-    ] = None,
-    poses: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="A table of still poses, or a folder of tables, instead of two logs; may be "
-            "repeated for files of the same columns.",
-            metavar="TABLE",
-            exists=True,
-        ),
-    ] = None,
+    folder: Path,
+    robot_log: Annotated[Path | None, typer.Argument(exists=True, dir_okay=False)] = None,
+    ballbar_log: Annotated[Path | None, typer.Argument(exists=True, dir_okay=False)] = None,
+    poses: Annotated[list[Path] | None, typer.Option(exists=True)] = None,
     *,
     options: Answers,
-    yes: Annotated[
-        bool,
-        typer.Option("--yes", help="Take every proposal without asking; fail where there is none."),
-    ] = False,
+    yes: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Make a recording folder from two log files, or poses.yaml from tables of still poses.
@@ -68,6 +43,16 @@ def new(
     What the files show is proposed; what they cannot show is asked for. Of several tables that is
     also the seat and the target of each. The folder appears only once it has been read without
     error.
+
+    Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions; of still
+    poses: `ballbar new runs/tracker --poses poses.csv --robot ur10`
+
+    DIR : Recording folder to make.
+    ROBOTLOG : The robot's log.
+    BALLBARLOG : The log of the ball-bar, or of an instrument of a length.
+    --poses TABLE : A table of still poses, or a folder of tables, instead of two logs; may be
+        repeated for files of the same columns.
+    --yes : Take every proposal without asking; fail where there is none.
     """
     if poses and robot_log is not None:
         raise InputError("give either --poses or two logs, not both.")
@@ -118,27 +103,22 @@ def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: 
     return str(typer.prompt(text, default=proposal, show_default=False, err=as_json))
 
 
-@commands.command(
-    epilog="Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`"
-)
+@command(commands)
 def check(
     recording: RecordingOrPoses,
-    explain_reading: Annotated[
-        bool,
-        typer.Option(
-            "--explain",
-            help="Print first how each file will be read and why: dialect, columns, time, units, "
-            "encoders.",
-        ),
-    ] = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 1 if anything was repaired or left out.")
-    ] = False,
+    explain_reading: bool = False,
+    strict: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Read a recording or a table of still poses, and report its content and what was repaired.
 
     Nothing is identified.
+
+    Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`
+
+    --explain : Print first how each file will be read and why: dialect, columns, time, units,
+        encoders.
+    --strict : Exit with 1 if anything was repaired or left out.
     """
     from ballbar.recordings.check import check_data, check_lines, holds_poses, repairs
 
@@ -183,37 +163,38 @@ def _read(path: Path, *, poses: bool) -> tuple[Recording | PoseImport, CoarseAli
         return recording, aligned(recording, path)
 
 
-_LOG = "A table with time stamps, or a recording folder."
-_SOURCE = "Which log of recording folder {}; default the robot's."
-_TIME = "Form of the time stamps of table {}, if neither they nor their column's name show it: "
-
-
-@commands.command(
-    epilog="Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`"
-)
+@command(commands)
 def align(
-    log_a: Annotated[Path, typer.Argument(help=_LOG, metavar="A", exists=True)],
-    log_b: Annotated[Path, typer.Argument(help=_LOG, metavar="B", exists=True)],
-    channel: Annotated[
-        list[str] | None,
+    log_a: Annotated[Path, typer.Argument(exists=True)],
+    log_b: Annotated[Path, typer.Argument(exists=True)],
+    channel: list[str] | None = None,
+    source_a: SourceName | None = None,
+    source_b: SourceName | None = None,
+    time_a: Annotated[
+        str | None,
         typer.Option(
-            help="Channel of A and the channel of B that holds the same motion; may be repeated. "
-            "Default: channels of the same name, or without any those that move in the same way.",
-            metavar="a=b",
+            help="Form of the time stamps of table A, if neither they nor their column's name show "
+            f"it: {', '.join(TIME_FORMS)}."
         ),
     ] = None,
-    source_a: Annotated[SourceName | None, typer.Option(help=_SOURCE.format("A"))] = None,
-    source_b: Annotated[SourceName | None, typer.Option(help=_SOURCE.format("B"))] = None,
-    time_a: Annotated[
-        str | None, typer.Option(help=_TIME.format("A") + ", ".join(TIME_FORMS) + ".")
-    ] = None,
-    time_b: Annotated[str | None, typer.Option(help=_TIME.format("B") + "as of A.")] = None,
+    time_b: str | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Clock offset and skew between two logs of one motion, of any recorders.
 
     Channels of both logs are compared with gain and zero of each pair free, so units and directions
     do not matter. Exits with 1 if no clock offset makes them agree, or several do.
+
+    Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`
+
+    A : A table with time stamps, or a recording folder.
+    B : A table with time stamps, or a recording folder.
+    --channel a=b : Channel of A and the channel of B that holds the same motion; may be repeated.
+        Default: channels of the same name, or without any those that move in the same way.
+    --source-a : Which log of recording folder A; default the robot's.
+    --source-b : Which log of recording folder B; default the robot's.
+    --time-b : Form of the time stamps of table B, if neither they nor their column's name show it:
+        as of A.
     """
     from ballbar.recordings.align import align_data, align_lines, aligned_logs
 

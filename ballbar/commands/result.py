@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, ResultFile, say_json
+from ballbar.commands.options import AsJson, ResultFile, command, say_json
 from ballbar.export import Format
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
@@ -21,33 +21,25 @@ if TYPE_CHECKING:  # a command imports only what it shows
 commands = typer.Typer()
 
 
-@commands.command(
-    epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 "
-    "--against runs/nj220`"
-)
+@command(commands)
 def replay(
-    run_dir: Annotated[
-        Path, typer.Argument(help="Folder with run.rrd, or the file itself.", metavar="RUN")
-    ],
-    web: Annotated[
-        bool,
-        typer.Option(
-            "--web", help="Serve the replay to a browser on this machine (loopback only)."
-        ),
-    ] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(help="Port of --web on this machine. Default: a free one.", min=1, max=65535),
-    ] = None,
-    save: Annotated[
-        Path | None,
-        typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE"),
-    ] = None,
-    against: Annotated[
-        Path | None, typer.Option(help="Another run, shown beside this one.", metavar="RUN")
-    ] = None,
+    run_dir: Path,
+    web: bool = False,
+    port: Annotated[int | None, typer.Option(min=1, max=65535)] = None,
+    save: Path | None = None,
+    against: Path | None = None,
 ) -> None:
-    """Open the replay of a run, or of two runs, in the rerun viewer."""
+    """Open the replay of a run, or of two runs, in the rerun viewer.
+
+    Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 --against
+    runs/nj220`
+
+    RUN : Folder with run.rrd, or the file itself.
+    --web : Serve the replay to a browser on this machine (loopback only).
+    --port : Port of --web on this machine. Default: a free one.
+    --save FILE : Write the replay file instead of opening it.
+    --against RUN : Another run, shown beside this one.
+    """
     from ballbar.replay.viewer import chosen_replay, open_viewer, serve_web
 
     if save is not None and save.exists():
@@ -64,48 +56,30 @@ def replay(
             open_viewer(file)
 
 
-@commands.command(
-    epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
-    "`ballbar export runs/irb2400 --to hayati`, or "
-    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`"
-)
+@command(commands)
 def export(
     result: ResultFile,
-    to: Annotated[
-        Format | None,
-        typer.Option(
-            "--to",
-            help="Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes), "
-            "RAPID data (abb), kinematics of ur_description (ur-kinematics), or everything (json).",
-        ),
-    ] = None,
-    into: Annotated[
-        Path | None,
-        typer.Option(
-            "--into",
-            help="URDF or xacro of the robot: written again with the identified joint origins, all "
-            "else as it is.",
-            metavar="FILE",
-        ),
-    ] = None,
-    joints: Annotated[
-        str,
-        typer.Option(
-            "--joints",
-            help="Turning joints of FILE from base to tip, if it has more than the robot.",
-            metavar="NAME,NAME",
-        ),
-    ] = "",
-    file: Annotated[
-        Path | None,
-        typer.Option("--out", help="New file. Default: print to the terminal.", metavar="FILE"),
-    ] = None,
+    to: Format | None = None,
+    into: Path | None = None,
+    joints: str = "",
+    file: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Write the identified robot for other programs: URDF, MJCF, DH tables, screws, RAPID, JSON.
 
     Comments in each format state what it leaves out (gear compliance, backlash, ripple), the
     standard deviation of every parameter, and which parameters are nominal.
+
+    Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or `ballbar export
+    runs/irb2400 --to hayati`, or `ballbar export results/ur10 --into ur10.urdf --out
+    ur10-identified.urdf`
+
+    --to : Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes), RAPID
+        data (abb), kinematics of ur_description (ur-kinematics), or everything (json).
+    --into FILE : URDF or xacro of the robot: written again with the identified joint origins, all
+        else as it is.
+    --joints NAME,NAME : Turning joints of FILE from base to tip, if it has more than the robot.
+    --out FILE : New file. Default: print to the terminal.
     """
     from ballbar.export.formats import export_summary, exported
     from ballbar.export.into_urdf import changed_lines, into_file
@@ -137,59 +111,15 @@ def export(
             out.print(escape(line))
 
 
-@commands.command(
-    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`, or "
-    "`ballbar correct weld.mod --with runs/irb2400 --out weld-corrected.mod`"
-)
+@command(commands)
 def correct(
-    path: Annotated[
-        Path,
-        typer.Argument(
-            help="CSV file with columns q1, q2, ... [rad, DH joints] or axis1_deg, axis2_deg, ... "
-            "[controller], or a program: RAPID (.mod, .modx, .sys, .prg), KRL (.src with its "
-            ".dat), PDL2 (.pdl).",
-            metavar="PATH",
-        ),
-    ],
-    result: Annotated[
-        Path,
-        typer.Option(
-            "--with", help="A calibration.yaml, or the folder that holds it.", metavar="RESULT"
-        ),
-    ],
-    file: Annotated[
-        Path | None,
-        typer.Option("--out", help="New file. Default: beside PATH, -corrected.", metavar="FILE"),
-    ] = None,
-    payload: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Of a program's tool: mass [kg] and centre in the flange's frame [mm]. Repeat it "
-            "for several tools.",
-            metavar="[TOOL=]KG[,X,Y,Z]",
-        ),
-    ] = None,
-    tool: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Frame of a tool that the program does not declare, in that of the flange "
-            "[mm, deg; turns about z, y', x'']; repeatable.",
-            metavar="[TOOL=]X,Y,Z,A,B,C",
-        ),
-    ] = None,
-    frame: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="The same for a work object or base, in the robot's base frame; repeatable.",
-            metavar="[NAME=]X,Y,Z,A,B,C",
-        ),
-    ] = None,
-    keep: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Target of another file that stays as it is; repeatable.", metavar="NAME"
-        ),
-    ] = None,
+    path: Path,
+    result: Path,
+    file: Path | None = None,
+    payload: list[str] | None = None,
+    tool: list[str] | None = None,
+    frame: list[str] | None = None,
+    keep: list[str] | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Correct targets planned with the nominal robot so that the identified robot reaches them.
@@ -198,6 +128,22 @@ def correct(
     the robot's own weight and the payload, backlash, ripple. Other columns of a table are copied.
     Of a program everything but the numbers of the targets stays the same, byte for byte, and every
     target is corrected, or the program is refused with the line.
+
+    Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`, or `ballbar
+    correct weld.mod --with runs/irb2400 --out weld-corrected.mod`
+
+    PATH : CSV file with columns q1, q2, ... [rad, DH joints] or axis1_deg, axis2_deg, ...
+        [controller], or a program: RAPID (.mod, .modx, .sys, .prg), KRL (.src with its .dat), PDL2
+        (.pdl).
+    --with RESULT : A calibration.yaml, or the folder that holds it.
+    --out FILE : New file. Default: beside PATH, -corrected.
+    --payload [TOOL=]KG[,X,Y,Z] : Of a program's tool: mass [kg] and centre in the flange's frame
+        [mm]. Repeat it for several tools.
+    --tool [TOOL=]X,Y,Z,A,B,C : Frame of a tool that the program does not declare, in that of the
+        flange [mm, deg; turns about z, y', x'']; repeatable.
+    --frame [NAME=]X,Y,Z,A,B,C : The same for a work object or base, in the robot's base frame;
+        repeatable.
+    --keep NAME : Target of another file that stays as it is; repeatable.
     """
     from ballbar.compensation.frames import frame_options
     from ballbar.compensation.programs import is_program

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 from rich.markup import escape
 
 from ballbar.commands.listing import AT_THE_CELL
-from ballbar.commands.options import AsJson, say_json
+from ballbar.commands.options import AsJson, command, say_json
 from ballbar.terminal import out
 from cell.errors import InputError
 
@@ -27,41 +27,14 @@ def robot() -> None:
     """Describe a robot: from a URDF or a table of DH rows; look at it."""
 
 
-@group.command(
-    rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar robot new my_robot --urdf my_robot.urdf --tip tool0`",
-)
+@command(group, AT_THE_CELL)
 def new(
-    name: Annotated[str, typer.Argument(help="Name of the robot.", metavar="NAME")],
-    urdf: Annotated[
-        Path | None, typer.Option(help="URDF of the robot, xacro expanded.", metavar="FILE")
-    ] = None,
-    base: Annotated[
-        str | None,
-        typer.Option(help="Link of the URDF that is the base; its root if none.", metavar="LINK"),
-    ] = None,
-    tip: Annotated[
-        str | None,
-        typer.Option(
-            help="Link of the URDF that is the flange; the end of its longest chain of turning "
-            "joints if none.",
-            metavar="LINK",
-        ),
-    ] = None,
-    dh: Annotated[
-        Path | None,
-        typer.Option(
-            help="Table of DH rows, CSV or YAML: a_mm, d_mm, alpha_deg, theta_deg or in m and rad; "
-            "standard, or `convention: modified`.",
-            metavar="FILE",
-        ),
-    ] = None,
-    out_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", help="File to write; NAME.yaml if none. It must not exist.", metavar="FILE"
-        ),
-    ] = None,
+    name: str,
+    urdf: Path | None = None,
+    base: str | None = None,
+    tip: str | None = None,
+    dh: Path | None = None,
+    out_file: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Write the description of a robot from its URDF or from a table of DH rows.
@@ -69,6 +42,17 @@ def new(
     Standard DH rows, limits, and where the source has them speeds and masses. What was written is
     compared with the source at 100 random poses; a difference above 1e-9 m or rad is refused. A
     picture is drawn beside the file. The robot is then used by its file, `--robot NAME.yaml`.
+
+    Example: `ballbar robot new my_robot --urdf my_robot.urdf --tip tool0`
+
+    NAME : Name of the robot.
+    --urdf FILE : URDF of the robot, xacro expanded.
+    --base LINK : Link of the URDF that is the base; its root if none.
+    --tip LINK : Link of the URDF that is the flange; the end of its longest chain of turning joints
+        if none.
+    --dh FILE : Table of DH rows, CSV or YAML: a_mm, d_mm, alpha_deg, theta_deg or in m and rad;
+        standard, or `convention: modified`.
+    --out FILE : File to write; NAME.yaml if none. It must not exist.
     """
     from ballbar.robot_file.dh_table import draft_from_table
     from ballbar.robot_file.from_urdf import draft_from_urdf
@@ -89,23 +73,16 @@ def new(
     _say(written)
 
 
-@group.command(
-    rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar robot show panda`, or `ballbar robot show my_robot.yaml --web`",
-)
-def show(
-    name: Annotated[
-        str, typer.Argument(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
-    ],
-    web: Annotated[
-        bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")
-    ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option("--save", help="Write the .rrd file instead of opening it.", metavar="FILE"),
-    ] = None,
-) -> None:
-    """Show the DH rows and frames of a robot in the rerun viewer; each axis moves once."""
+@command(group, AT_THE_CELL)
+def show(name: str, web: bool = False, save: Path | None = None) -> None:
+    """Show the DH rows and frames of a robot in the rerun viewer; each axis moves once.
+
+    Example: `ballbar robot show panda`, or `ballbar robot show my_robot.yaml --web`
+
+    NAME : Robot of cell/robots, or a .yaml file.
+    --web : Serve it to a browser on this machine (loopback only).
+    --save FILE : Write the .rrd file instead of opening it.
+    """
     from ballbar.replay.viewer import open_viewer, serve_web
     from ballbar.robot_file.view import write_view
     from cell.files import write_new

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, say_json
+from ballbar.commands.options import AsJson, command, say_json
 from ballbar.terminal import out
 
 commands = typer.Typer()
 
 
-@commands.command(epilog="Example: `ballbar list`, or for programs `ballbar list --json`")
+@command(commands)
 def list(as_json: AsJson = False) -> None:  # noqa: A001  the name of the command
     """List the shipped robots, ball-bars, instruments, plates, dialects and scenarios.
 
     Their names are taken wherever a robot, an instrument, a plate, a dialect or a scenario is
     named. Files of your own end in .yaml.
+
+    Example: `ballbar list`, or for programs `ballbar list --json`
     """
     from ballbar.shipped import shipped
 
@@ -33,13 +34,15 @@ def list(as_json: AsJson = False) -> None:  # noqa: A001  the name of the comman
             out.print(f"  {name:<{width}}  {escape(title)}")
 
 
-@commands.command(epilog="Example: `ballbar init study`, then `ballbar run study/irb2400.yaml`")
-def init(
-    folder: Annotated[Path, typer.Argument(help="New folder for the copies.", metavar="DIR")],
-) -> None:
+@command(commands)
+def init(folder: Path) -> None:
     """Copy the shipped scenarios, paths, plan requests and sweeps, to change them.
 
     A scenario that only runs needs no copy: `ballbar run irb2400` takes the shipped one.
+
+    Example: `ballbar init study`, then `ballbar run study/irb2400.yaml`
+
+    DIR : New folder for the copies.
     """
     from ballbar.shipped import copy_scenarios
 
@@ -49,17 +52,17 @@ def init(
     out.print(f"Change them, and run them: ballbar run {place}/irb2400.yaml")
 
 
-@commands.command(epilog="Example: `ballbar schema --out schemas`")
-def schema(
-    folder: Annotated[
-        Path, typer.Option("--out", help="Folder for the schemas; it must hold nothing else.")
-    ] = Path("schemas"),
-) -> None:
+@command(commands)
+def schema(folder: Path = Path("schemas")) -> None:
     """Write the JSON schema of every kind of YAML file, for editors.
 
     Writes KIND.schema.json to DIR for scenarios, sweeps, requests, recordings, robots and all other
     files. A first line `# yaml-language-server: $schema=schemas/scenario.schema.json` in a file
     makes the editor complete its keys, show what they mean and mark what is wrong.
+
+    Example: `ballbar schema --out schemas`
+
+    --out : Folder for the schemas; it must hold nothing else.
     """
     import json
 

@@ -243,7 +243,7 @@ def given_path(
 
     Raises InputError where the path cannot be run or no position is known.
     """
-    shape, position_of_file = known_path(path)
+    shape, position_of_file = known_path(path, telescoping=request.telescoping)
     base = position or request.cell.ballbar_position_m or position_of_file
     if base is None:
         raise InputError(

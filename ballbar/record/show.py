@@ -102,8 +102,9 @@ def record(
         on_batch = None
         if options.live:
             from ballbar.record import view  # noqa: PLC0415  rerun is heavy
+            from ballbar.replay.window import live_window  # noqa: PLC0415
 
-            stream = stack.enter_context(view.live_window(view.APPLICATION, view.layout()))
+            stream = stack.enter_context(live_window(view.APPLICATION, view.layout()))
             on_batch = view.LiveView(stream).on_batch
         files = [Path(name) for name in options.own_files]
         recording = LiveRecording(RecordingFolder(folder, names, files), sources, on_batch=on_batch)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
 
 import numpy as np
 import rerun as rr
@@ -14,10 +12,9 @@ from numpy.typing import NDArray
 from acquisition.faults.encoders import FAULTS
 from acquisition.live.source import Batch, Source
 from ballbar.figure_style import LINES, rgb
-from ballbar.replay.viewer import live_viewer
+from ballbar.replay.window import blueprint
 from cell.logs import SourceName
 
-FLUSH = 2.0  # [s] for the last records to reach the window
 ROWS = 10  # rows of a batch that are shown: 100 Hz suffices for the eye and for a slow screen
 TIMELINE = "recording_time"
 APPLICATION = "ballbar-record"
@@ -75,27 +72,4 @@ def layout() -> rrb.Blueprint:
         rrb.TimeSeriesView(origin="/ballbar/fault", name=faults),
         rrb.TimeSeriesView(origin="/robot/angle_deg", name="Robot axes [deg]"),
     ]
-    return stacked(views, [3, 1, 3])
-
-
-def stacked(views: Sequence[rrb.View], shares: Sequence[float]) -> rrb.Blueprint:
-    """Views one below the other, with these shares of the height, along the latest data."""
-    return rrb.Blueprint(
-        rrb.Vertical(*views, row_shares=list(shares)),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-    )
-
-
-@contextmanager
-def live_window(application: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """The stream to a window that remains open when the program has ended.
-
-    Raises ViewerError if the viewer does not start.
-    """
-    stream = rr.RecordingStream(application, send_properties=False)
-    stream.connect_grpc(live_viewer(), default_blueprint=blueprint)
-    yield stream
-    with suppress(RuntimeError):  # the user has closed the window
-        stream.flush(timeout_sec=FLUSH)
+    return blueprint(rrb.Vertical(*views, row_shares=[3, 1, 3]), TIMELINE)

@@ -28,9 +28,8 @@ from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.errors import FailureError, InputError
 from cell.load import load_robot
-from sim.live.delivery import Pace
+from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import GrowingRecording, Logs, device_logs
-from sim.live.egm import EgmRobot
 from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
 from sim.logging.load_logs import BallbarLogger, DeviceLogs, RobotLogger
 

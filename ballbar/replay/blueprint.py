@@ -20,7 +20,6 @@ from ballbar.replay.entities import (
     CELL,
     CLOCK,
     CLOCK_ERROR,
-    CLOCK_IDENTIFIED,
     COVERAGE_SHARE,
     COVERED,
     ENCODERS,
@@ -40,29 +39,40 @@ from ballbar.replay.entities import (
     TCP_ERROR,
     TIMELINE,
 )
+from ballbar.replay.series import Series
+from ballbar.replay.window import blueprint
 from ballbar.report.colours import BACKGROUND
 from cell.arrays import Array
 
 _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right, in front and above; times the reach
 _LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
 _SPEED = 4.0  # a run takes minutes; the eye still follows
-_ROD = ((FORCE, "Rod force, tension positive [N]"), (STRAIN, "Axial elongation of the rod [um]"))
+_MORE = (  # tab, entity and title of a plot, and whether zero is in its middle
+    ("TCP error", TCP_ERROR, "TCP error against the truth [um]", False),
+    ("TCP error", TCP_AFTER, "Of the identified robot alone [um]", False),
+    ("Rod", FORCE, "Rod force, tension positive [N]", True),
+    ("Rod", STRAIN, "Axial elongation of the rod [um]", True),
+    ("Clock", CLOCK, "Clock offset: robot's minus the other log's [ms]", False),
+    ("Clock", CLOCK_ERROR, "Error of the identified offset [us]", True),
+    ("Coverage", COVERAGE_SHARE, "Part of the sphere covered [%]", False),
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """Name, root, curves and size of a recording, on which its views depend."""
+    """A recording as its views show it."""
 
     name: str  # title of its tab
     root: str
-    plots: Mapping[str, float]  # entities of its curves, and the largest absolute value of each
+    series: Mapping[str, Series]  # its curves by entity
     duration: float  # [s]
     middle: Array  # (3,) [m] of the scene
     reach: float  # [m] size of the scene
 
-    @property
-    def time_range(self) -> rrb.TimeRange:
-        return whole_range(self.duration)
+    def largest(self, entity: str) -> float | None:
+        """Largest absolute value of all curves at or below an entity; None without curves."""
+        curves = (s.values for path, s in self.series.items() if path.startswith(entity))
+        return max((float(np.abs(v).max(initial=0.0)) for v in curves), default=None)
 
 
 def layout(recordings: Sequence[Shown]) -> rrb.Blueprint:
@@ -72,24 +82,7 @@ def layout(recordings: Sequence[Shown]) -> rrb.Blueprint:
         parameter_view(), notes, column_shares=[3, 2], name="Parameters and notes"
     )
     tabs = rrb.Tabs(*map(_recording, recordings), parameters, active_tab=0)
-    return blueprint(tabs, TIMELINE, speed=_SPEED)
-
-
-def blueprint(root: rrb.Container, timeline: str, *, speed: float) -> rrb.Blueprint:
-    """A blueprint that plays a timeline over and over, panels folded."""
-    return rrb.Blueprint(
-        root,
-        rrb.TimePanel(
-            timeline=timeline,
-            state="collapsed",
-            play_state="playing",
-            loop_mode="all",
-            playback_speed=speed,
-        ),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        auto_views=False,
-    )
+    return blueprint(tabs, TIMELINE, _SPEED)
 
 
 def parameter_view(root: str = "", run: str = "") -> rrb.Spatial2DView:
@@ -145,12 +138,12 @@ def _recording(shown: Shown) -> rrb.Container:
     title = "Cell: path of the tool on the sphere of the rod (yellow: so far), patches covered"
     scene = cell_view(shown.root, title, eye)
     texts = _texts(shown.root)
-    if TCP_BEFORE in shown.plots:  # the arrows are against the truth
+    if TCP_BEFORE in shown.series:  # the arrows are against the truth
         legend = rrb.TextDocumentView(origin=f"{shown.root}{LEGEND}", name="Arrows")
         left = rrb.Vertical(scene, legend, texts, row_shares=[11, 3, 6])
     else:
         left = rrb.Vertical(scene, texts, row_shares=[13, 7])
-    time_axis = rrb.TimeAxis(view_range=shown.time_range)
+    time_axis = rrb.TimeAxis(view_range=whole_range(shown.duration))
     lanes = rrb.StateTimelineView(origin=f"{shown.root}{LANES}", name="Events", time_view=time_axis)
     rows = (_residuals(shown), lanes, _angles(shown), _more(shown))
     right = rrb.Vertical(*rows, row_shares=[5, 5, 5, 5])
@@ -167,71 +160,43 @@ def _texts(root: str) -> rrb.Container:
 
 
 def _residuals(shown: Shown) -> rrb.Container:
-    rows = [
-        _residual(shown, kind, quantity)
-        for kind, quantity in ((POSITION, "position [um]"), (ANGLE, "angle [urad]"))
-        if f"{AFTER}/{kind}" in shown.plots
-    ]
-    return rrb.Tabs(*rows, active_tab=0)
-
-
-def _residual(shown: Shown, kind: str, quantity: str) -> rrb.Horizontal:
-    before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
-    both = _plot(shown, before, f"Residual before and after, {quantity}", also=after)
-    largest = shown.plots[after]
-    alone = _plot(shown, after, f"Residual after, {quantity}", largest=largest)
-    return rrb.Horizontal(both, alone, name=f"Loop closure: {quantity}")
+    tabs = []
+    for kind, quantity in ((POSITION, "position [um]"), (ANGLE, "angle [urad]")):
+        before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
+        if after in shown.series:
+            both = _plot(shown, before, f"Residual before and after, {quantity}", also=after)
+            alone = _plot(shown, after, f"Residual after, {quantity}", about_zero=True)
+            tabs.append(rrb.Horizontal(both, alone, name=f"Loop closure: {quantity}"))
+    return rrb.Tabs(*tabs, active_tab=0)
 
 
 def _angles(shown: Shown) -> rrb.Container:
     views = [_plot(shown, JOINTS, "Robot joint angles [deg]")]
-    if ENCODERS in shown.plots:
+    if ENCODERS in shown.series:
         views.append(_plot(shown, ENCODERS, "Ball-bar encoder angles [deg]"))
     return rrb.Horizontal(*views)
 
 
 def _more(shown: Shown) -> rrb.Container:
     """TCP error, rod, clock and coverage, as far as they are known."""
-    tcp, clock = [], []
-    if TCP_BEFORE in shown.plots:
-        tcp.append(_plot(shown, TCP_ERROR, "TCP error against the truth [um]"))
-        tcp.append(_plot(shown, TCP_AFTER, "Of the identified robot alone [um]"))
-    rod = [
-        _plot(shown, entity, title, largest=largest)
-        for entity, title in _ROD
-        if (largest := _largest(shown, entity)) is not None
-    ]
-    if CLOCK_IDENTIFIED in shown.plots:
-        clock.append(_plot(shown, CLOCK, "Clock offset: robot's minus the other log's [ms]"))
-    if (largest := _largest(shown, CLOCK_ERROR)) is not None:
-        title = "Error of the identified offset [us]"
-        clock.append(_plot(shown, CLOCK_ERROR, title, largest=largest))
-    coverage = [_plot(shown, COVERAGE_SHARE, "Part of the sphere covered [%]")]
-    tabs = (("TCP error", tcp), ("Rod", rod), ("Clock", clock), ("Coverage", coverage))
-    return rrb.Tabs(
-        *(rrb.Horizontal(*views, name=name) for name, views in tabs if views), active_tab=0
-    )
-
-
-def _largest(shown: Shown, entity: str) -> float | None:
-    """Largest absolute value of all curves at or below an entity; None without curves."""
-    values = (value for path, value in shown.plots.items() if path.startswith(entity))
-    return max(values, default=None)
+    views: dict[str, list[rrb.View]] = {}
+    for tab, entity, title, about_zero in _MORE:
+        if shown.largest(entity) is not None or entity == COVERAGE_SHARE:
+            views.setdefault(tab, []).append(_plot(shown, entity, title, about_zero=about_zero))
+    tabs = [rrb.Horizontal(*plots, name=tab) for tab, plots in views.items()]
+    return rrb.Tabs(*tabs, active_tab=0)
 
 
 def _plot(
-    shown: Shown, entity: str, title: str, *, also: str = "", largest: float | None = None
+    shown: Shown, entity: str, title: str, *, also: str = "", about_zero: bool = False
 ) -> rrb.TimeSeriesView:
-    """A plot of everything below an entity.
-
-    Its axis is symmetric about zero where the largest absolute value is given.
-    """
-    end = 1.1 * rounded_up(largest) if largest is not None else None
+    """A plot of everything below an entity; about_zero : whether zero is in its middle."""
+    end = 1.1 * rounded_up(shown.largest(entity) or 0.0)
     return rrb.TimeSeriesView(
         origin=f"{shown.root}{entity}",
         contents=[f"{shown.root}{path}/**" for path in (entity, also) if path],
         name=title,
-        axis_x=rrb.TimeAxis(view_range=shown.time_range),
-        axis_y=rrb.ScalarAxis(range=(-end, end)) if end else None,
+        axis_x=rrb.TimeAxis(view_range=whole_range(shown.duration)),
+        axis_y=rrb.ScalarAxis(range=(-end, end)) if about_zero else None,
         plot_legend=rrb.Corner2D.RightTop,
     )

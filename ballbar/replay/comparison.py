@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
 from ballbar import figure_style
-from ballbar.replay.blueprint import blueprint, cell_view, parameter_view, whole_range
+from ballbar.replay.blueprint import cell_view, parameter_view, whole_range
 from ballbar.replay.entities import (
     AFTER,
     ANGLE,
@@ -33,6 +33,7 @@ from ballbar.replay.entities import (
     TCP_AFTER,
     TIMELINE,
 )
+from ballbar.replay.window import blueprint
 from ballbar.report.colours import on_dark, shades
 from cell.errors import InputError
 

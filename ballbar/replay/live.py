@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import numpy as np
 import rerun as rr
@@ -12,6 +12,7 @@ import rerun.blueprint as rrb
 from ballbar.replay.entities import CELL, TIMELINE, Branch
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
+from ballbar.replay.window import blueprint, live_window
 from ballbar.replay.write import send_replay
 from ballbar.report.motion import moving_cell, thinning
 from ballbar.result.run_data import RunData
@@ -20,7 +21,6 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry
 
 APPLICATION = "ballbar-live"
-FLUSH = 5.0  # [s] for the window to take what it was sent
 
 
 class LiveRun:
@@ -55,15 +55,7 @@ def live_run() -> Iterator[LiveRun]:
 
     Raises ViewerError if the viewer does not start.
     """
+    scene = rrb.Spatial3DView(origin=CELL, name="The cell as simulated")
     address = live_viewer()
-    scene = rrb.Blueprint(
-        rrb.Spatial3DView(origin=CELL, name="The cell as simulated"),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-    )
-    stream = rr.RecordingStream(APPLICATION, send_properties=False)
-    stream.connect_grpc(address, default_blueprint=scene)
-    yield LiveRun(stream, address)
-    with suppress(RuntimeError):  # the window was closed: nothing is left to send to
-        stream.flush(timeout_sec=FLUSH)
+    with live_window(APPLICATION, blueprint(scene, TIMELINE), address) as stream:
+        yield LiveRun(stream, address)

@@ -22,7 +22,7 @@ from ballbar.replay.entities import (
     Branch,
     at,
 )
-from ballbar.replay.true_tool import TrueTool
+from ballbar.replay.series import TrueTool
 from ballbar.report.colours import AFTER_COLOUR, BEFORE_COLOUR, STEEL, on_dark
 from ballbar.report.motion import CellMotion
 from ballbar.report.shapes import Body, cell_bodies

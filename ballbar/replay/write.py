@@ -11,43 +11,39 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+import yaml
 
+from acquisition.report import report_lines
 from ballbar.replay.blueprint import Shown, layout
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
 from ballbar.replay.events import log_events, recording_events
-from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_coverage, log_poses, log_shapes, log_tool, log_truth
-from ballbar.replay.series import Series, log_series, recording_series, truth_series
+from ballbar.replay.series import log_series, recording_series, true_tool, truth_series
 from ballbar.replay.still_poses import log_still_poses, still_layout
-from ballbar.replay.true_tool import TrueTool, true_tool
-from ballbar.report.motion import CellMotion, cell_motion
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.report.motion import cell_motion
+from ballbar.report.numbers import with_and_without
+from ballbar.report.parameters import left_at_nominal, parameter_groups
+from ballbar.report.recording import overview
+from ballbar.report.section import template
+from ballbar.report.summary import summary
+from ballbar.report.tcp_view import tcp_view
+from ballbar.result.run_data import FittedRecording, RunData
 
 # fixed: the viewer keeps one layout per application
 APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One recording of a replay, ready to be sent."""
-
-    fitted: FittedRecording
-    name: str  # of its tab
-    root: str
-    motion: CellMotion
-    truth: TrueTool | None
-    series: dict[str, Series]
+Log = Callable[[rr.RecordingStream], None]
 
 
-def write_replay(path: Path, run: Run) -> None:
+def write_replay(path: Path, run: RunData) -> None:
     """Write the replay of one run as an .rrd file, whole or not at all; folders are made."""
     view, log = _prepared(run)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -61,7 +57,7 @@ def write_replay(path: Path, run: Run) -> None:
         aside.unlink(missing_ok=True)
 
 
-def send_replay(address: str, run: Run) -> None:
+def send_replay(address: str, run: RunData) -> None:
     """Send the same to a viewer that is open."""
     view, log = _prepared(run)
     with _stream(run) as stream:
@@ -69,12 +65,11 @@ def send_replay(address: str, run: Run) -> None:
         log(stream)
 
 
-def recording_id(run: Run) -> str:
+def recording_id(run: RunData) -> str:
     """The name of the run and a digest of logs and estimates: the same run, the same id."""
-    digest = hashlib.sha256()
-    if not isinstance(run, RunData):
-        digest.update(run.identification.table.q.tobytes())
-        return f"{run.name}-{digest.hexdigest()[:12]}"
+    digest, poses = hashlib.sha256(), run.identification.poses
+    if poses is not None:
+        digest.update(poses.table.q.tobytes())
     for fitted in run.recordings:
         log = fitted.recording.robot_log
         for values in (log.t, log.q, fitted.estimate.geometry.values):
@@ -82,74 +77,48 @@ def recording_id(run: Run) -> str:
     return f"{run.name}-{digest.hexdigest()[:12]}"
 
 
-def _prepared(run: Run) -> tuple[rrb.Blueprint, Callable[[rr.RecordingStream], None]]:
+def _prepared(run: RunData) -> tuple[rrb.Blueprint, Log]:
     """The layout of a replay, and what writes its content."""
-    if not isinstance(run, RunData):
-        return still_layout(), partial(_log, run=run, parts=())
-    parts = [_part(run, fitted) for fitted in run.recordings]
-    return layout(_shown(run, parts)), partial(_log, run=run, parts=parts)
+    if not run.recordings:
+        return still_layout(), partial(_log, run=run, logs=[partial(log_still_poses, run=run)])
+    shown, logs = zip(*(_prepared_recording(run, r) for r in run.recordings), strict=True)
+    return layout(shown), partial(_log, run=run, logs=[partial(log_parameters, data=run), *logs])
 
 
-def _log(stream: rr.RecordingStream, run: Run, parts: Sequence[_Part]) -> None:
+def _log(stream: rr.RecordingStream, run: RunData, logs: Sequence[Log]) -> None:
     stream.send_recording_name(run.name)
     stream.log(NOTES, _page(replay_notes(run)), static=True)
-    if not isinstance(run, RunData):
-        log_still_poses(stream, run)
-        return
-    robot = run.identification.robot
-    log_parameters(stream, run)
-    for part in parts:
-        branch, geometry = Branch(stream, part.root), part.fitted.estimate.geometry
-        branch.log(SCENARIO, _page(scenario_page(run, part.fitted)), static=True)
-        branch.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        log_shapes(branch, robot.cell, geometry, part.motion)
-        log_poses(branch, part.motion)
-        log_coverage(branch, part.motion, geometry)
-        log_tool(branch, part.motion)
-        if part.truth is not None:
-            log_truth(branch, part.truth, part.motion.t, geometry)
-        log_events(branch, recording_events(part.fitted, part.motion))
-        for entity, series in part.series.items():
-            log_series(branch, entity, series)
+    for log in logs:
+        log(stream)
 
 
-def _part(data: RunData, fitted: FittedRecording) -> _Part:
+def _prepared_recording(data: RunData, fitted: FittedRecording) -> tuple[Shown, Log]:
+    """A recording as its views show it, and what writes its entities."""
     motion, estimate, simulation = cell_motion(fitted), fitted.estimate, data.simulation
+    cell, geometry = data.identification.robot.cell, estimate.geometry
     series, truth = recording_series(fitted, motion, data.identification.robot), None
     if simulation is not None:
         truth = true_tool(simulation, estimate, motion.t)
         series |= truth_series(simulation, estimate, truth, motion.t)
-    name = fitted.name if data.several else ""
-    return _Part(
-        fitted=fitted,
-        name=name or "Run",
-        root=root_of(name),
-        motion=motion,
-        truth=truth,
-        series=series,
-    )
+    name, (x, y, _) = fitted.name if data.several else "", geometry.origin
+    root, reach = root_of(name), float(np.abs(cell.robot.d).sum() + np.abs(cell.robot.a).sum())
 
+    def log(stream: rr.RecordingStream) -> None:
+        branch = Branch(stream, root)
+        branch.log(SCENARIO, _page(scenario_page(data, fitted)), static=True)
+        branch.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        log_shapes(branch, cell, geometry, motion)
+        log_poses(branch, motion)
+        log_coverage(branch, motion, geometry)
+        log_tool(branch, motion)
+        if truth is not None:
+            log_truth(branch, truth, motion.t, geometry)
+        log_events(branch, recording_events(fitted, motion))
+        for entity, curves in series.items():
+            log_series(branch, entity, curves)
 
-def _shown(data: RunData, parts: Sequence[_Part]) -> list[Shown]:
-    robot = data.identification.robot.cell.robot
-    reach, views = float(np.abs(robot.d).sum() + np.abs(robot.a).sum()), []
-    for part in parts:
-        x, y, _ = part.fitted.estimate.geometry.origin
-        plots = {
-            entity: float(np.abs(series.values).max(initial=0.0))
-            for entity, series in part.series.items()
-        }
-        views.append(
-            Shown(
-                name=part.name,
-                root=part.root,
-                plots=plots,
-                duration=float(part.motion.t[-1]),
-                middle=np.array([0.5 * x, 0.5 * y, 0.3 * reach]),
-                reach=reach,
-            )
-        )
-    return views
+    middle = np.array([0.5 * x, 0.5 * y, 0.3 * reach])
+    return Shown(name or "Run", root, series, float(motion.t[-1]), middle, reach), log
 
 
 def _page(text: str) -> rr.TextDocument:
@@ -157,8 +126,8 @@ def _page(text: str) -> rr.TextDocument:
 
 
 @contextmanager
-def _stream(run: Run) -> Iterator[rr.RecordingStream]:
-    application = APPLICATION if isinstance(run, RunData) else STILL_APPLICATION
+def _stream(run: RunData) -> Iterator[rr.RecordingStream]:
+    application = APPLICATION if run.recordings else STILL_APPLICATION
     # without properties: they would hold the time of writing, and make the files of one run differ
     stream = rr.RecordingStream(application, recording_id=recording_id(run), send_properties=False)
     try:
@@ -166,3 +135,40 @@ def _stream(run: Run) -> Iterator[rr.RecordingStream]:
             yield stream
     finally:
         stream.disconnect()
+
+
+def replay_notes(run: RunData) -> str:
+    """Verdict, key figures and remarks; of logs the parameters of machine and recordings too."""
+    if not run.recordings:
+        return template("notes.md").render(run=run, summary=summary(run, None, ""), moving=False)
+    robot, comparison = run.identification.robot, run.comparison
+    return template("notes.md").render(
+        run=run,
+        summary=summary(run, tcp_view(run), ""),
+        moving=True,
+        stated=with_and_without(robot.tcp.sigma, robot.tcp.without_scale, robot.cell),
+        left_at_nominal=left_at_nominal(robot),
+        groups=parameter_groups(robot, comparison),
+        recordings=[
+            (r.name, overview(r), parameter_groups(r.estimate, comparison)) for r in run.recordings
+        ],
+    )
+
+
+def scenario_page(data: RunData, fitted: FittedRecording) -> str:
+    """The scenario of a simulated run, or what the recording says of itself; its import report."""
+    file = fitted.folder / "recording.yaml"
+    parts = ["# What was simulated" if data.scenario else "# What was recorded"]
+    if data.scenario is not None:
+        settings = data.scenario.model_dump(mode="json", exclude_unset=True)
+        parts.append(_code(yaml.safe_dump(settings, sort_keys=False, width=100)))
+    if file.is_file():
+        parts += ["## recording.yaml", _code(file.read_text(encoding="utf-8"))]
+    lines = report_lines(fitted.recording.report)
+    parts += ["## How the files were read", _code("\n".join(lines))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _code(text: str) -> str:
+    """A block of text, indented: no fence is safe from what a file may contain."""
+    return "\n".join(f"    {line}" for line in text.splitlines())

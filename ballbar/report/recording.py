@@ -5,39 +5,30 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from ballbar.report import residual_figures as figures
+from ballbar.report import recording_figures as figures
 from ballbar.report.cell_picture import cell_picture
-from ballbar.report.clock import clock_rows, direction_sentences, start_rows
-from ballbar.report.log_figures import log_figures
 from ballbar.report.maps import sphere_maps
-from ballbar.report.marks import mark_sentences, marks
-from ballbar.report.motion import cell_motion, rms_norm
-from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
+from ballbar.report.motion import cell_motion, mark_sentences, marks, rms_norm
+from ballbar.report.numbers import MISSING, significant, to_sigma
 from ballbar.report.parameters import parameter_groups, taken_as_nominal
-from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
+from ballbar.report.recording_figures import log_figures
+from ballbar.report.recording_text import (
+    TENSION_SOURCES,
+    clock_rows,
+    direction_sentences,
+    start_rows,
+    tension_sentence,
+)
 from ballbar.report.section import Section, section
-from ballbar.report.tracker import tracker_section
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
 from cell.statistics import rms
 
-OVERVIEW = (
-    "length",
-    "samples",
-    "clock offset",
-    "clock skew",
-    "force in the rod",
-    "position residual, rms",
-    "angle residual, rms",
-    "chi-square per residual",
-    "step faults repaired",
-)
 
-
-def recording_sections(run: Run) -> list[Section]:
+def recording_sections(run: RunData) -> list[Section]:
     """A section for each recording that was fitted: everything that it has of its own."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return []
     return [_section(run, number, fitted) for number, fitted in enumerate(run.recordings, start=1)]
 
@@ -46,7 +37,6 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
     """n : number of the recording from 1, for anchors."""
     estimate, recording, comparison = fitted.estimate, fitted.recording, data.comparison
     name = fitted.name if data.several else ""
-    instrument = recording.description.instrument
     corrected = bool(data.identification.robot.corrections)
     groups, force = parameter_groups(estimate, comparison), tension_sentence(estimate)
     clock = "robot"  # on which residuals are shown
@@ -56,10 +46,10 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
     passed = marks(fitted, motion)
     if estimate.tension is not None:
         force_figure = figures.tension_over_time(estimate.after.t, estimate.tension, clock=clock)
-    placement = ("Seat" if instrument else "Offsets and base pose") if groups else ""
+    placement = "Seat" if recording.description.instrument else "Offsets and base pose"
     links = {
         f"residuals-{n}": "Residuals",
-        f"own-{n}": placement,
+        f"own-{n}": placement if groups else "",
         f"clock-{n}": "Clock",
         f"tracker-{n}": "Tracker" if estimate.tracker else "",
         f"tension-{n}": "Force" if force else "",
@@ -75,23 +65,20 @@ def _section(data: RunData, n: int, fitted: FittedRecording) -> Section:
         n=n,
         name=name,
         own=recording.description,
+        estimate=estimate,
         several=data.several,
         against_truth=comparison is not None,
         corrected=corrected,
         picture=cell_picture(data.identification.robot.cell, fitted),
-        overview=dict(zip(OVERVIEW, overview_cells(fitted), strict=True)),
-        encoders=estimate.encoders,
+        overview=overview(fitted),
         residuals=_residuals(fitted, clock),
         groups=groups,
         taken_as_nominal=taken_as_nominal(estimate),
         clock=clock_rows(estimate, comparison),
-        tried=estimate.start.tried,
         rivals=start_rows(estimate.start),
         directions=direction_sentences(estimate),
         tension=force,
         tension_figure=force_figure,
-        step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
-        tracker_check=tracker_section(estimate.tracker),
         noise=_noise_rows(fitted),
         log_sentences=mark_sentences(passed),
         log_figures=log_figures(fitted, motion, passed),
@@ -147,26 +134,27 @@ def _noise_rows(fitted: FittedRecording) -> list[tuple[str, str, str]]:
     return rows
 
 
-def overview_cells(fitted: FittedRecording) -> tuple[str, ...]:
-    """Values of a recording by the names of OVERVIEW, each with its unit."""
+def overview(fitted: FittedRecording) -> dict[str, str]:
+    """Key figures of a recording by their names, each with its unit."""
     estimate, (offset_sigma, skew_sigma) = fitted.estimate, fitted.estimate.clock_sigma
-    offset, skew = MISSING, MISSING
+    offset, skew, angle = MISSING, MISSING, MISSING
     if (clock := estimate.clock) is not None:
         offset = _with_sigma(clock.offset * MS, offset_sigma * MS, "ms")
         skew = _with_sigma(clock.skew * PPM, skew_sigma * PPM, "ppm")
-    return (
-        f"{fitted.recording.robot_log.t[-1]:.0f} s",
-        str(estimate.samples),
-        offset,
-        skew,
-        MISSING if estimate.tension is None else TENSION_SOURCES[estimate.tension_source],
-        f"{significant(rms_norm(estimate.after.position) * UM)} µm",
-        MISSING
-        if fitted.recording.length_log is not None
-        else f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad",
-        significant(rms(estimate.whitened) ** 2, 2),
-        str(len(estimate.step_faults)),
-    )
+    if fitted.recording.length_log is None:
+        angle = f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad"
+    force = MISSING if estimate.tension is None else TENSION_SOURCES[estimate.tension_source]
+    return {
+        "length": f"{fitted.recording.robot_log.t[-1]:.0f} s",
+        "samples": str(estimate.samples),
+        "clock offset": offset,
+        "clock skew": skew,
+        "force in the rod": force,
+        "position residual, rms": f"{significant(rms_norm(estimate.after.position) * UM)} µm",
+        "angle residual, rms": angle,
+        "chi-square per residual": significant(rms(estimate.whitened) ** 2, 2),
+        "step faults repaired": str(len(estimate.step_faults)),
+    }
 
 
 def _with_sigma(value: float, sigma: float, unit: str) -> str:

@@ -12,7 +12,9 @@ from functools import cache
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from ballbar.report.numbers import significant
+from ballbar.report.numbers import capitalised, significant
+from ballbar.report.recording_figures import norms_over_time
+from cell.foreign_text import markdown
 
 MACHINE = "Machine"  # row of the navigation
 
@@ -46,9 +48,10 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["significant"] = significant
+    environment.globals |= {"significant": significant, "norms_over_time": norms_over_time}
     environment.filters["with_code"] = _with_code
-    environment.filters["as_sentence"] = lambda text: f"{text[0].upper()}{text[1:]}."
+    environment.filters["markdown"] = markdown
+    environment.filters["capitalised"] = capitalised
     return environment
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ballbar.record.view import TIMELINE, stacked
+from ballbar.record.view import TIMELINE
+from ballbar.replay.window import blueprint
 from ballbar.units import MM
 from ballbar.watch.show import Data
 
@@ -49,4 +50,4 @@ def layout() -> rrb.Blueprint:
         rrb.TimeSeriesView(origin=COVERED, name="Sphere covered [%]"),
         rrb.TextLogView(origin=ALARMS, name="Alarms"),
     ]
-    return stacked(views, [3, 2, 1, 1])
+    return blueprint(rrb.Vertical(*views, row_shares=[3, 2, 1, 1]), TIMELINE)

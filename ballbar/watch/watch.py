@@ -34,8 +34,14 @@ from ballbar.watch.alarms import (
     since_first,
     standing,
 )
-from ballbar.watch.estimate import complete_estimate, estimate_of, seconds_of
-from ballbar.watch.state import Alarm, Estimate, WatchState
+from ballbar.watch.state import (
+    Alarm,
+    Estimate,
+    WatchState,
+    complete_estimate,
+    estimate_of,
+    seconds_of,
+)
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError

@@ -13,8 +13,8 @@ from cell.geometry import Parameter, ParameterTable, parameter_named, parameter_
 from ident.estimator.unknowns import Unknowns
 
 # Of a robot's parameter about its catalogue value, for recordings and still poses. With 0.3 mm and
-# 1 mrad a robot as in thesis Table 3.1 is found worse (draw-wire: 0.297 for 0.259 mm), with 5 mm and
-# 5 mrad one ten times better (0.357 for 0.317 mm; UR10 from 30 poses 0.430 for 0.417 mm); where
+# 1 mrad a robot as in thesis Table 3.1 is found worse (draw-wire: 0.297 for 0.259 mm), with 5 mm
+# and 5 mrad one ten times better (0.357 for 0.317 mm; UR10 from 30 poses 0.430 for 0.417 mm); where
 # data are many, nothing depends on them (benchmarks.priors, docs/real_robots).
 LENGTH_PRIOR, ANGLE_PRIOR = 7e-4, 2e-3  # [m], [rad]
 TAILS = 4.0  # degrees of freedom of their Student distribution

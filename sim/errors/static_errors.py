@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry, ParameterTable, parameter_named
 from cell.schema import NotNegative, Strict
 from cell.schema_errors import wrong_key
@@ -115,18 +115,11 @@ class CellErrors(Strict):
 
 
 def true_geometry(
-    nominal: Geometry,
-    errors: CellErrors,
-    *,
-    plate_sigma: float,
-    transmission: Array,
-    seed: int,
-    zero_sigma: float | None = None,
+    nominal: Geometry, errors: CellErrors, cell: Cell, *, seed: int, zero_sigma: float | None = None
 ) -> Geometry:
     """The nominal geometry with its static errors.
 
-    plate_sigma : [m] standard deviation of the plate's length if the scenario states none.
-    transmission : (J, J) of the robot, joints = motors @ transmission.
+    cell : nominal, for the sigma of its plate's length and its robot's transmission.
     zero_sigma : [m] of the zero of a sensed length; None for a ball-bar. Universal joint and ball
         of an instrument are points, so its rows have no other errors.
     """
@@ -147,13 +140,13 @@ def true_geometry(
     if tilt:
         drawn.append(deviations(BASE_TILT, {False: tilt.sigma_rad}, stream(seed, "base_tilt")))
     if plate:
-        length = plate_sigma if plate.sigma_m is None else plate.sigma_m
+        length = cell.plate.length_sigma if plate.sigma_m is None else plate.sigma_m
         drawn.append(
             deviations((nominal.table.plate,), {True: length}, stream(seed, "plate_length"))
         )
     if errors.motor_offsets:
-        z = stream(seed, "motor_offsets").standard_normal(len(transmission))
-        joints = (errors.motor_offsets.sigma_rad * z) @ transmission
+        z = stream(seed, "motor_offsets").standard_normal(cell.robot.joints)
+        joints = (errors.motor_offsets.sigma_rad * z) @ cell.robot.transmission
         offsets = {f"rtheta{i + 1}": float(angle) for i, angle in enumerate(joints)}
         drawn.append({n: v for n, v in offsets.items() if n not in nominal.table.gauge})
     true = nominal

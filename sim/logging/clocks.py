@@ -27,7 +27,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.dialect import ABB_PERIOD
 from cell.schema import Strict
-from sim.errors.clock_errors import LEAD, ClockWander
+from sim.errors.sensor_errors import LEAD, ClockWander
 from sim.logging.load_logs import BallbarLogger
 from sim.settings import ClockSettings
 from sim.streams import stream

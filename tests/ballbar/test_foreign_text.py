@@ -37,7 +37,7 @@ from cell.load import load_robot, robot_names
 from cell.strict_yaml import load_yaml
 from planning.pose_plan import PosePlan
 from planning.programs import ProgrammedPath, path_program, path_table, pose_program
-from planning.targets import Targets
+from planning.trajectory import Targets
 from tests.helpers.calibrations import write_calibration_of
 
 ROBOT = Path(__file__).parents[2] / "cell" / "robots" / "ur5e.yaml"

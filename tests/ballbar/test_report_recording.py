@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from ballbar.identify_settings import IdentifySettings
-from ballbar.report.log_figures import SHIFTS, log_figures, shift_curve
-from ballbar.report.marks import mark_sentences, marks, stretches
-from ballbar.report.motion import cell_motion
+from ballbar.report.motion import cell_motion, mark_sentences, marks, stretches
+from ballbar.report.recording_figures import SHIFTS, log_figures, shift_curve
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
 from tests.helpers.simulated_recordings import Recorded

@@ -58,13 +58,7 @@ def drawn(seed: int) -> Truth:
     chosen, errors = scenario.cell, scenario.errors
     cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
-    geometry = true_geometry(
-        nominal,
-        errors,
-        plate_sigma=cell.plate.length_sigma,
-        transmission=cell.robot.transmission,
-        seed=seed,
-    )
+    geometry = true_geometry(nominal, errors, cell, seed=seed)
     resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
     assert resolvers is not None
     return Truth(cell, geometry, plant_effects(errors, cell, seed), resolvers, scenario)

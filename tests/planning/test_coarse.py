@@ -20,9 +20,8 @@ from planning.clearance import FAR
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
 from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
-from planning.first import first_path
 from planning.force import predicted_forces
-from planning.plan import known_path
+from planning.plan import first_path, known_path
 from planning.request import load_request
 from planning.search import RatedCandidate, evaluating_processes, neighbours, search
 from planning.trajectory import trajectories, trajectories_of_many

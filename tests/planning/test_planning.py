@@ -31,10 +31,9 @@ from planning.clearance import clearance
 from planning.crlb import moving, predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
 from planning.files import path_data, planned_path_data
-from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
 from planning.limits import violations
-from planning.plan import PathPlan, assess, covered, hints
+from planning.plan import PathPlan, assess, covered, first_path, hints
 from planning.programs import (
     SUFFIXES,
     TELESCOPING,
@@ -46,8 +45,7 @@ from planning.programs import (
 from planning.questions import question
 from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
 from planning.search import SearchProgress, evaluating_processes, ranked, search
-from planning.targets import SAG, Targets, targets_of
-from planning.trajectory import Trajectory, trajectories
+from planning.trajectory import SAG, Targets, Trajectory, targets_of, trajectories
 from planning.verify import (
     Check,
     checks,
@@ -358,16 +356,8 @@ def test_the_expected_force_is_what_mujoco_measures(
 ) -> None:
     motion = run_in_plant(evaluator.cell, evaluator.request, manual, seed=0)
     errors = plant_errors(table=True)
-    true = set_without_strain(
-        true_geometry(
-            trajectory.nominal,
-            errors,
-            plate_sigma=0.0,
-            transmission=evaluator.cell.robot.transmission,
-            seed=0,
-        ),
-        trajectory.q[:1],
-    )
+    true = true_geometry(trajectory.nominal, errors, evaluator.cell, seed=0)
+    true = set_without_strain(true, trajectory.q[:1])
     deviations = np.array([[true[name] - trajectory.nominal[name]] for name in THESIS_3_1])
     model = replace(evaluator.force_model, errors=deviations)
     expected = predicted_forces(model, trajectory).tension[0]

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.formats.rapid import jointtarget_text
+from acquisition.formats.table_file import jointtarget_text
 from acquisition.pose_tables import import_poses
 from acquisition.table.text import LogText
 from ballbar.commands.cli import app
@@ -27,12 +27,12 @@ from cell.poses import PoseTable
 from ident.estimator.model import still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.robust_fit import equations_at
-from ident.identify_poses import PoseOptions, identify_poses
+from ident.options import FitOptions
+from ident.table_fit import fit_table
 from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
-from planning.pose_design import APART, Design, decrease, exchanged, greedy
 from planning.pose_information import expected_group, information_of
-from planning.pose_plan import PosePlan, pose_plan
+from planning.pose_plan import APART, Design, PosePlan, decrease, exchanged, greedy, pose_plan
 from planning.pose_request import POSE_SCHEMA, PosePlanRequest
 from planning.programs import pose_program
 from planning.request import load_request
@@ -153,6 +153,23 @@ def test_sockets_hold_the_ball_and_the_flange_comes_from_above() -> None:
         assert np.degrees(tilt).max() <= 80.0 + 1e-9
 
 
+@pytest.mark.parametrize("name", ["theodolite_pair", "dial_gauge", "tracker_pose"])
+def test_an_instrument_of_any_kind_is_planned_by_what_it_measures(name: str) -> None:
+    """Regression: bearings were a fault of the program, a plane allowed no pose."""
+    places = {"dial_gauge": ([0.8, 0.0, 0.4], [0.0, 0.0, 0.1])}
+    seat, target = places.get(name, ([3.0, 0.0, 0.5], [0.05, 0.0, 0.1]))
+    setup = changed(
+        TRACKER, instrument=name, seats=[{"position_m": seat}], targets=[{"position_m": target}]
+    )
+    poses, kind = random_candidates(setup, 60, np.random.default_rng(1)), setup.instrument.kind
+    group = expected_group(setup, setup.stations[0], poses.axes)
+    assert group.values.shape == (60, kind.columns)
+    if name == "dial_gauge":  # a tenth of its travel of 10 mm stays free at either end
+        assert group.values.min() > 0.99e-3
+        assert group.values.max() < 9.01e-3
+    assert (np.linalg.matrix_rank(information_of(setup).rows(poses)) == kind.equations).all()
+
+
 def test_a_box_and_the_floor_exclude_poses() -> None:
     box = {"name": "shelf", "lower_m": [0.5, -0.5, 0.0], "upper_m": [1.5, 0.5, 1.0]}
     free = changed(TRACKER)
@@ -264,7 +281,7 @@ def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
     candidates, count = random_candidates(setup, 250, rng), plan.poses.size
 
     def error(robot: DrawnRobot, poses: Candidates, noise: np.random.Generator) -> float:
-        result = identify_poses(robot.measured(poses, noise), PoseOptions(search=False))
+        result = fit_table(robot.measured(poses, noise), FitOptions(joint_errors="none"))
         return robot.error_of(result.identified_robot()).mean
 
     out = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.errors.clock_errors import LEAD
+from sim.errors.sensor_errors import LEAD
 from sim.logging.clocks import log_times, task_cycles
 from sim.settings import ClockSettings
 

@@ -1,16 +1,34 @@
-"""Clock, alignment and encoder directions of one recording, as text."""
+"""Clock, alignment, encoder directions and force in the rod of one recording, as text."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ballbar.report.numbers import listed, significant, to_sigma
+from ballbar.report.numbers import fixed, listed, significant, to_sigma
 from ballbar.result.compare import Comparison
 from ballbar.units import MS, PPM, US
 from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
 from cell.number_text import NOT_DETERMINED, duration_text
 from ident.result import RecordingEstimate
 from ident.start.automatic import Start
+
+TENSION_SOURCES = {
+    "sensor": "from the force sensor",
+    "torque": "from the motor torques",
+    "none": "from the geometry alone",
+    "instrument": "from the length",
+}
+_METHODS = {
+    "sensor": "biases and gains of the sensor fitted, its clock aligned with the load predicted",
+    "torque": (
+        "friction and gains of the motors fitted; near a reversal of its joint a torque is not "
+        "used, for friction is discontinuous there"
+    ),
+    "none": (
+        "no force was logged, or none was requested; the rod's force is what makes the loop close"
+    ),
+    "instrument": "fitted as a constant, the spring of the sensor and the friction of its slide",
+}
 
 
 @dataclass(frozen=True)
@@ -84,6 +102,17 @@ def direction_sentences(estimate: RecordingEstimate) -> list[str]:
         for finding, joints in findings.items()
         if joints
     ]
+
+
+def tension_sentence(estimate: RecordingEstimate) -> str:
+    """Smallest and largest force, tension positive; empty where no loads were needed."""
+    if estimate.tension is None:
+        return ""
+    least, most = (
+        fixed(float(force), 0) for force in (estimate.tension.min(), estimate.tension.max())
+    )
+    source = estimate.tension_source
+    return f"{least} to {most} N, {TENSION_SOURCES[source]} ({_METHODS[source]})."
 
 
 def _signed(error: float | None, unit: str) -> str:
