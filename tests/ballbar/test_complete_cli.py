@@ -159,7 +159,7 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
     predicted = read.identified_robot(cell=cell).tool(grid)
-    fitted = machine.identification.robot.identified_robot().tool(grid)
+    fitted = machine.identification.robot.identified.tool(grid)
     assert np.abs(predicted - fitted).max() < 1e-12  # YAML holds every digit
 
 
