@@ -25,7 +25,7 @@ from cell.arrays import Array
 from cell.files import write_whole
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.regions import joint_regions
-from ident.held_out_poses import placed
+from ident.held_machine import placed
 from ident.options import FitOptions, JointErrors
 from ident.robot.accuracy import position_error
 from ident.table_estimate import TableEstimate

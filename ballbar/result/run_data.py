@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
-from ident.held_out import HeldOut
-from ident.held_out_poses import PoseHeldOut
+from ident.held_out import HeldOut, PoseHeldOut
 from ident.result import Identification, RecordingEstimate
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation

@@ -24,8 +24,7 @@ from cell.load import load_cell, load_measured_cell
 from cell.poses import KnownDistance, PoseGroup, PoseTable
 from cell.recording import load_recording_file
 from ident.estimates import result_at_rest
-from ident.held_out import held_out
-from ident.held_out_poses import held_out_poses
+from ident.held_out import held_out, held_out_poses
 from ident.identify import identify_together
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs

@@ -27,7 +27,8 @@ from ballbar.scenario import load_scenario
 from ballbar.truth.compare import identification_against_truth
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
-from ident.held_out import HeldOut, LoopClosure, held_out
+from ident.held_machine import LoopClosure
+from ident.held_out import HeldOut, held_out
 from ident.options import FitOptions
 from ident.recording_fit import Logs
 from ident.result import Identification

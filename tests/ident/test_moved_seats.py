@@ -14,7 +14,7 @@ from cell.errors import InputError
 from cell.placement import Placement
 from cell.poses import Measured, PoseTable
 from ident.estimator.fit import Fit
-from ident.held_out_poses import held_out_poses
+from ident.held_out import held_out_poses
 from ident.moved_seats import confirms
 from ident.options import FitOptions
 from ident.table_fit import fit_table

@@ -17,7 +17,7 @@ from ident.cross_validation import PLACES, cross_validated, places_of, with_fold
 from ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
 from ident.evidence import Evidence
 from ident.findings import findings_of, lengths_of
-from ident.held_out_poses import PoseHeldOut, held_out_poses
+from ident.held_out import PoseHeldOut, held_out_poses
 from ident.options import FitOptions, JointErrors
 from ident.robot.accuracy import position_error
 from ident.robot.identified import range_sentence

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.formats.rapid import jointtarget_text
+from acquisition.formats.table_file import jointtarget_text
 from acquisition.pose_tables import import_poses
 from acquisition.table.text import LogText
 from ballbar.commands.cli import app
