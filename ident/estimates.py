@@ -19,6 +19,7 @@ from ident.estimator.build_unknowns import GAIN_PRIOR
 from ident.estimator.fit import Fit
 from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
+from ident.estimator.priors import FAR, declared_sigma, robot_unknowns
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.evidence import ClosureEvidence, Evidence, RecordingEvidence
@@ -49,7 +50,7 @@ from ident.result import FitStatistics, Identification, RecordingEstimate, Resid
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.rules import PULL, judge, masses_in_doubt
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.table_estimate import TableEstimate
 from ident.table_fit import added_table
 from ident.tracker import check_tracker
@@ -272,13 +273,15 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     layout = fit.model.unknowns
     machine = layout.machine
     off = np.abs(fit.x[machine] - layout.mean[machine])
-    far = off / layout.sigma[machine]
+    least = np.full(machine.size, PULL)
+    least[robot_unknowns(layout)] = FAR
+    far = off / (least * declared_sigma(layout)[machine])
     little = np.zeros(machine.size)  # a prior of a coefficient is of a size that matters
     for i in range(layout.shared.size):
         length = parameter_named(layout.names[i]).is_length
         little[i] = LITTLE_SHIFT if length else LITTLE_TURN
     out = [
-        layout.names[machine[k]] for k in np.argsort(-far) if far[k] > PULL and off[k] > little[k]
+        layout.names[machine[k]] for k in np.argsort(-far) if far[k] > 1.0 and off[k] > little[k]
     ]
     return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
 

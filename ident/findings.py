@@ -18,8 +18,8 @@ from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
-from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.fit import Fit
+from ident.estimator.priors import declared_sigma
 from ident.estimator.robust_fit import median_scale, whitened_lengths
 from ident.table_steps import Step
 
@@ -189,12 +189,7 @@ def scale_of(fit: Fit) -> tuple[float, float] | None:
     matter.
     """
     equations, layout = fit.linear, fit.model.unknowns
-    declared = np.array(
-        [STILL_LENGTH_PRIOR if p.is_length else STILL_ANGLE_PRIOR for p in layout.parameters]
-    )
-    sigma = layout.sigma.copy()
-    sigma[layout.geometric] = declared
-    prior = np.diag(sigma**-2.0 - layout.sigma**-2.0)
+    prior = np.diag(declared_sigma(layout) ** -2.0 - layout.sigma**-2.0)
     normal = equations.normal + prior
     gradient = equations.gradient + prior @ (equations.x - layout.mean)
     cross, own, slope = np.zeros(layout.count), 0.0, 0.0

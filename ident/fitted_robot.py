@@ -12,12 +12,11 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.payload import TOOL, deviations_between
 from ident.corrections.base import Coefficient, Correction
-from ident.estimator.considered import held_shifts
 from ident.estimator.fit import Fit
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.priors import fixed_names, held_names, priors, taken_as_exact
-from ident.estimator.uncertainty import Uncertainty
+from ident.estimator.uncertainty import Uncertainty, held_shifts
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import coefficients_of, lasting

@@ -110,7 +110,7 @@ def linearised(fit: Fit) -> LinearModel:
     step, (normal, gradient) = thinning(fit), fit.by_poses
     points = [point for point, _, _ in fit.recorded]
     logged = [np.asarray(p.recording.robot.spline(p.robot_time))[::step] for p in points]
-    blocks = [block_numbers(point.samples.times[::step]) for point in points]
+    blocks = [block_numbers(point.recording.times[::step]) for point in points]
     firsts = np.cumsum([0, *(int(block[-1]) + 1 for block in blocks)])
     whitened = [weights(point.columns[GEAR:BAR]) for point, weights, _ in fit.recorded]
     return LinearModel(

@@ -19,7 +19,7 @@ from ident.loads.payload import PayloadEstimate
 from ident.model_choice import RATIO
 from ident.result import CorrectionEstimate
 from ident.signals.smooth_log import LogOutliers
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.verdict import PLAUSIBLE
 
 CLEAR = 5.0  # stated deviations of a lag or ratio that is remarked on

@@ -33,7 +33,7 @@ from ident.options import FitOptions
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from sim.recording_files import write_recording
 from sim.simulate import simulate
 from sim.truth import load_truth

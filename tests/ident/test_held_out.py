@@ -14,7 +14,7 @@ from ident.held_out import HeldOut, held_out
 from ident.identify import identify_together
 from ident.options import FitOptions, Listener
 from ident.result import Identification
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.synthetic_recording import CELL
 
