@@ -162,11 +162,10 @@ def lag_remark(fit: Fit, sigma: Array) -> str:
 
     sigma : (P,) stated deviations of the unknowns.
     """
-    late = []
-    for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
-        gear = name.removeprefix("lag")
-        if gear != name and gear.isdigit() and abs(value) > max(LITTLE_LAG, CLEAR * deviation):
-            late.append(f"gear {gear} {abs(value) * 1e3:.1f} ms {'late' if value > 0 else 'early'}")
+    late = [
+        f"gear {gear} {abs(lag) * 1e3:.1f} ms {'late' if lag > 0 else 'early'}"
+        for gear, lag in _gears(fit, sigma, "lag", LITTLE_LAG)
+    ]
     if not late:
         return ""
     return f"against the first gear's the angles are logged late or early: {', '.join(late)}"
@@ -177,12 +176,16 @@ def wrong_ratios(fit: Fit, sigma: Array) -> str:
 
     sigma : (P,) stated deviations of the unknowns.
     """
-    wrong = []
+    wrong = _gears(fit, sigma, "ratio", RATIO)
+    return ", ".join(f"gear {g} turns {1.0 + off:.5f} times as far as logged" for g, off in wrong)
+
+
+def _gears(fit: Fit, sigma: Array, kind: str, least: float) -> Iterator[tuple[str, float]]:
+    """Gears with an unknown of this kind that is clear and at least of this size, and its value."""
     for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
-        gear = name.removeprefix("ratio")
-        if gear != name and gear.isdigit() and abs(value) > max(RATIO, CLEAR * deviation):
-            wrong.append(f"gear {gear} turns {1.0 + value:.5f} times as far as logged")
-    return ", ".join(wrong)
+        gear = name.removeprefix(kind)
+        if gear != name and gear.isdigit() and abs(value) > max(least, CLEAR * deviation):
+            yield gear, float(value)
 
 
 def unlike_tools(payload: PayloadEstimate | None) -> str:
