@@ -578,21 +578,6 @@ def outcome_of(normalised_innovation: float, *step_faults: StepFault) -> HeldOut
     )
 
 
-def test_the_held_out_sentence_says_millimetres_first_and_a_misfit_in_words() -> None:
-    good = outcome_of(1.04)
-    assert good.sentence == (
-        "Held out C: the loop closes to 0.012 mm rms (largest 0.050), 0.021 mrad; nominal robot "
-        "1.9 mm. 1.1 times what noise explains, 1.0 with the stated uncertainty."
-    )
-    assert good.acceptable
-    poor = replace(good, normalised_innovation=1.5)
-    assert not poor.acceptable
-    assert "1.5 with the stated uncertainty: a misfit" in poor.sentence
-    unclear = replace(good, ambiguous=True)
-    assert not unclear.acceptable
-    assert unclear.sentence.endswith("so this proves nothing.")
-
-
 def with_validation(data: RunData, outcome: HeldOut) -> RunData:
     first = data.recordings[0]
     return replace(data, validations=(Validation(first.folder, first.recording, outcome),))
