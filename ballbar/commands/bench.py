@@ -240,9 +240,8 @@ def sweep(
     """
     from ballbar.commands.bench_json import sweep_data
     from ballbar.sweep.check import load_sweep
-    from ballbar.sweep.run import run_sweep
+    from ballbar.sweep.run import dask_cluster, processes, run_sweep
     from ballbar.sweep.show import run_bar, say_outcome
-    from ballbar.sweep.workers import dask_cluster, processes
     from ballbar.trial.trial import run_trial
 
     if workers is not None and scheduler is not None:
@@ -287,8 +286,8 @@ def claims(
     from ballbar.claims.run import judge_all, topics
     from ballbar.claims.show import say_verdicts, write_page
     from ballbar.commands.bench_json import claims_data
+    from ballbar.sweep.run import process_pool
     from ballbar.sweep.show import run_bar
-    from ballbar.sweep.workers import process_pool
 
     if page is not None and names:
         raise InputError(

@@ -25,8 +25,7 @@ from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import check_points, load_sweep
 from ballbar.sweep.plan import Plan
-from ballbar.sweep.run import Progress
-from ballbar.sweep.workers import process_pool
+from ballbar.sweep.run import Progress, process_pool
 from ballbar.trial.sample_trial import cost_parameters, trial_samples
 from ballbar.trial.trial import run_trial
 from cell.errors import DescriptionError, InputError
