@@ -182,6 +182,7 @@ def rehearse(
         noticed, such as slip, encoder_frozen or tool_moved.
     """
     from ballbar.record.show import ads_reader
+    from ballbar.rehearsal.day import Day
     from ballbar.rehearsal.files import chain, rehearse_into
     from ballbar.scenario import load_scenario
 
@@ -199,21 +200,14 @@ def rehearse(
         out.print(f"{word} {stage.took:4.0f} s  {escape(f'{stage.name}: {stage.sentence}')}")
 
     with progress_bar() as progress:
-        day = rehearse_into(
-            folder,
-            settings,
-            file=scenario,
-            speed=speed,
-            fault=fault,
-            command=command_line(),
-            show=show,
-            progress=progress,
-        )
+        day = Day(settings, scenario, folder, speed, fault, command_line(), show, progress=progress)
+        rehearsal = rehearse_into(day)
     if as_json:
-        say_json(chain(day))
-    _say_limits(day.limits)
-    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {day.took:.0f} s in all")
-    raise typer.Exit(0 if day.acceptable else 1)
+        say_json(chain(rehearsal))
+    _say_limits(rehearsal.limits)
+    took = rehearsal.day.took
+    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {took:.0f} s in all")
+    raise typer.Exit(0 if rehearsal.acceptable else 1)
 
 
 @command(commands)
