@@ -182,7 +182,7 @@ def test_recordings_are_apart_by_their_identified_errors_over_the_size_of_these(
     assert judge(check("apart", **APART, **length, at_least=0.9), evidence).met
     with pytest.raises(InputError, match="need one run each of the same values and seeds"):
         judge(check("apart", **APART, at_most=1.0), ClaimEvidence(RECORDED.iloc[:3]))
-    with pytest.raises(ValueError, match="either at_least or at_most"):
+    with pytest.raises(ValueError, match="give at_least, at_most, or both"):
         check("apart", **APART)
 
 
