@@ -18,21 +18,21 @@ import numpy as np
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
 from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds
-from acquisition.table.fields import (
+from acquisition.table.header import Kind, Layout
+from acquisition.table.table import Table, read_table
+from acquisition.table.text import (
     SEPARATORS,
+    LogText,
     column_names,
     is_number,
     likely_separator,
+    read_text,
     split_fields,
 )
-from acquisition.table.header import Kind, Layout
-from acquisition.table.table import Table, read_table
-from acquisition.table.text import LogText, read_text
-from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
+from acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
 from cell.dialect import TimeForm
 from cell.errors import InputError, LogError
 from cell.logs import ChannelLog, SourceName
-from cell.schema_errors import nearest
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 POINT = ("x", "y", "z")  # [m]
@@ -63,10 +63,8 @@ def read_channels(
         return _of_recording(path, recording, source or "robot"), recording.report.findings
     if source is not None:
         raise InputError(f"{path}: a table has no source {source}; only recording folders do.")
-    if time is not None and time not in TIME_FORMS:
-        choices = nearest(time, list(TIME_FORMS), noun="form")
-        raise InputError(f"{path}: unknown form of time {time!r}.{choices}")
-    return _of_table(path, time, channels)
+    form = None if time is None else checked_form(time, str(path))
+    return _of_table(path, form, channels)
 
 
 def _of_recording(folder: Path, recording: Recording, source: SourceName) -> ChannelLog:
@@ -88,7 +86,7 @@ def _of_recording(folder: Path, recording: Recording, source: SourceName) -> Cha
 
 
 def _of_table(
-    path: Path, time: str | None, channels: Sequence[str]
+    path: Path, time: TimeForm | None, channels: Sequence[str]
 ) -> tuple[ChannelLog, tuple[Finding, ...]]:
     text = read_text(path, path.name)
     names = column_names(text)
@@ -137,21 +135,16 @@ def _columns(
     return numbers
 
 
-def _form(stamps: TimeCells, declared: str | None) -> TimeForm:
+def _form(stamps: TimeCells, declared: TimeForm | None) -> TimeForm:
     """The form of the stamps: declared, the unit in their column's name, or shown by them."""
     if declared is not None:
-        return next(form for form in TIME_FORMS if form == declared)
+        return declared
     if match := _UNIT.search(stamps.column):
-        return next(form for form in TIME_FORMS if form == match[1].lower())
-    cell = str(stamps.cells[len(stamps.cells) // 2])
+        return checked_form(match[1].lower(), stamps.column)
     # A whole number near 1.7e9 may as well be an up-time in ms.
-    shown = [form for form in TIME_FORMS if form != "unix-s" or "." in cell]
-    if form := recognised(cell, shown):
-        return form
-    raise LogError(
-        f"{stamps.location(0)}: neither the stamp nor the column's name shows what the time is "
-        f"counted in. Declare it, such as `--time-a s`; forms: {', '.join(TIME_FORMS)}."
-    )
+    whole = "." not in str(stamps.cells[len(stamps.cells) // 2])
+    forms = [form for form in TIME_FORMS if not (whole and form == "unix-s")]
+    return form_shown(stamps, forms, "with `--time-a s`, or in the column's name (`t_ms`)")
 
 
 def _increasing(table: Table) -> np.ndarray:

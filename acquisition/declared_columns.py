@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from acquisition.formats.rapid import COLUMNS as JOINTTARGET
+from acquisition.formats.table_file import COLUMNS as JOINTTARGET
 from acquisition.formats.table_file import FileKind
 from acquisition.table.quantities import Quantity, header_names, quantities, selector, unit_stated
 from acquisition.table.text import LogText

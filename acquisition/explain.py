@@ -8,10 +8,9 @@ from typing import get_args
 import numpy as np
 
 from acquisition.sources import Fitted, LogSource, inside, log_source, time_form
-from acquisition.table.fields import SEPARATORS
 from acquisition.table.header import Header, read_header
 from acquisition.table.rows import PlainRows, plain_rows
-from acquisition.table.text import read_text
+from acquisition.table.text import SEPARATORS, read_text
 from acquisition.times import TimeCells, stamps_ns, words
 from cell.logs import SourceName
 from cell.recording import EncoderFitting, LengthFile, SourceFile, TrackerFile, load_recording_file
@@ -125,7 +124,7 @@ def _time(source: LogSource, rows: PlainRows, header: Header) -> str:
     position = dict(zip(header.columns, header.positions, strict=True))[column]
     cells = [rows.plain[k].split(rows.separator)[position].strip() for k in shown]
     stamps = TimeCells(rows.file, column, cells, rows.number[shown])
-    form = time_form(source.name, source.declared, dialect, stamps)
+    form = time_form(source, stamps)
     why = "the stamps show it" if dialect.time.forms else "the dialect declares it"
     if source.declared.time:
         why = "recording.yaml declares it"

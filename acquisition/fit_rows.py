@@ -105,7 +105,7 @@ def rows_in_time(channels: Channels, chosen: ChosenRows, values: Array) -> FitRo
             f"{rows.size} usable rows, more than the {MOST_ROWS} that a fit takes: all were "
             f"checked, and one in {every} is used."
         )
-        used = used.remarked("long log", "warning", sentence, count=1)
+        used = used.remarked("long log", sentence, count=1)
         t, used = t[::every], used.take(np.arange(0, rows.size, every))
     counts = np.bincount(used.file, minlength=len(table.files)).tolist()
     used_rows = dict(zip(table.files, counts, strict=True))

@@ -134,4 +134,4 @@ def with_sigma_of_instrument(
     zero = (sigma == 0.0).any(axis=1)
     sentence = f"a standard deviation is 0; that of {instrument.name} is taken for the pose."
     stated = np.where(zero[:, None], instrument.sigma(values), sigma)
-    return stated, rows.remark("sigma 0", sentence, zero, "repaired")
+    return stated, rows.remark("sigma 0", sentence, zero)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,14 +38,12 @@ from acquisition.measured_values import (
 )
 from acquisition.report import FileSummary, Finding
 from acquisition.table.quantities import PoseRows, Quantity, read_rows
-from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
+from acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
 from cell.arrays import Array
-from cell.dialect import TimeForm
-from cell.errors import DescriptionError, LogError
+from cell.errors import LogError
 from cell.file_units import METRES, RADIANS
 from cell.pose_file import NamedColumn, PoseTime
 from cell.poses import PoseGroup
-from cell.schema_errors import nearest
 
 _DIGITS = re.compile(r"(\d{4})(\d\d)(\d\d)(\d\d)(\d\d)(\d\d)(\.\d+)?")  # 20200714163904
 _EXPONENT = re.compile(r"[+-]?[0-9.,]+[eE][+-]?[0-9]+")
@@ -131,9 +128,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         if np.isnan(values).any()
     ]
     shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
-    left_out = rows.remark(
-        "empty field", f"no number in {shown}; row left out.", ~complete, "repaired"
-    )
+    left_out = rows.remark("empty field", f"no number in {shown}; row left out.", ~complete)
     summaries = tuple(
         FileSummary(
             file=source.file,
@@ -169,7 +164,7 @@ def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> F
         temperature = rows.numbers(warmth)[:, 0]
         sentence = f"no number in {warmth[0].written}; the temperatures of the file are not used."
         missing = np.isnan(temperature)
-        findings += rows.remark("temperature not used", sentence, missing, "repaired")
+        findings += rows.remark("temperature not used", sentence, missing)
         temperature = None if missing.any() else temperature
     return FilePoses(
         PoseGroup(
@@ -276,35 +271,20 @@ def pose_stamps(
     if not all(cells):
         empty = np.array([not cell for cell in cells])
         sentence = "empty stamps; the times are not used."
-        return None, rows.remark("time not used", sentence, empty, "repaired")
+        return None, rows.remark("time not used", sentence, empty)
     # A spreadsheet that shows 14 digits as 2.02E+13 has cut date and time to the month; numbers in
     # exponent form that tell most poses apart are whole.
     cut = np.array([bool(_EXPONENT.fullmatch(cell)) for cell in cells])
     if cut.any() and len(set(cells)) <= 0.5 * len(cells):
         sentence = f"{cells[int(cut.argmax())]}: cut by a spreadsheet; the times are not used."
-        return None, rows.remark("time not used", sentence, cut, "repaired")
+        return None, rows.remark("time not used", sentence, cut)
     if all(map(_DIGITS.fullmatch, cells)) and time.form is None:
         cells = [_DIGITS.sub(r"\1-\2-\3 \4:\5:\6\7", cell) for cell in cells]
     column = TimeCells(rows.file, selector, cells, rows.line)
-    return stamps_ns(column, _form(time, column))
-
-
-def _form(time: PoseTime, column: TimeCells) -> TimeForm:
-    """The form of stamps, declared or shown by the first one."""
     if time.form is not None:
-        if time.form not in TIME_FORMS:
-            raise DescriptionError(
-                f"poses.yaml: unknown form of time {time.form!r}."
-                f"{nearest(time.form, get_args(TimeForm), noun='form')}"
-            )
-        return next(form for form in TIME_FORMS if form == time.form)
-    form = recognised(str(column.cells[0]), TIME_FORMS)
-    if form is None:
-        raise LogError(
-            f"{column.location(0)} does not show its form. Declare it in poses.yaml: `time: "
-            f"{{column: {time.column}, form: s}}`; forms: {', '.join(TIME_FORMS)}."
-        )
-    return form
+        return stamps_ns(column, checked_form(time.form, "poses.yaml"))
+    declare = f"in poses.yaml: `time: {{column: {time.column}, form: s}}`"
+    return stamps_ns(column, form_shown(column, TIME_FORMS, declare))
 
 
 def _labels(rows: PoseRows, declared: str | NamedColumn, column: str | None) -> tuple[str, ...]:

@@ -27,10 +27,10 @@ from acquisition.faults.encoders import (
     with_status_checked,
 )
 from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
-from acquisition.faults.gear_torques import gear_torques
 from acquisition.faults.other_angles import with_angle_jumps_checked
 from acquisition.faults.robot_angles import (
     AngleReading,
+    gear_torques,
     moves,
     pop_angles_inplace,
     with_limits_checked,
@@ -258,7 +258,7 @@ def _read_tracker(
     if hidden.any():
         sentence = "no point, or zeros: the LED was hidden; row left out."
         kind, flag = "hidden LED", RowFlag.INVALID
-        table = table.remarked(kind, "repaired", sentence, rows=hidden, flag=flag)
+        table = table.remarked(kind, sentence, rows=hidden, flag=flag)
         refuse_few(table, int(np.count_nonzero(~hidden)))
     rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T

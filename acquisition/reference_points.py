@@ -188,24 +188,22 @@ def _findings(
         f"scatter by {_scatter(seat, fit)}; corrected, to "
         f"{float(np.median(np.linalg.norm(added[:, :3], axis=1))) * 1e3:.2g} mm."
     )
-    findings = [finding("moving seat", "warning", file, sentence, count=1)]
+    findings = [finding("moving seat", file, sentence, count=1)]
     if fit.scale > _SCATTER:
         sentence = (
             f"those of seat {seat.name} scatter about a rigid motion by {_scatter(seat, fit)}."
         )
-        findings.append(finding("loose reference points", "warning", file, sentence, count=1))
+        findings.append(finding("loose reference points", file, sentence, count=1))
     for knock in knocks:
         own, line = seat.lines[seat.first[knock.measurement]]
         sentence = (
             f"point {seat.numbers[knock.point]} of seat {seat.name} moved by "
             f"{knock.size * 1e3:.3f} mm against the others; from here on it is another point."
         )
-        findings.append(finding("reference point moved", "warning", own, sentence, lines=[line]))
+        findings.append(finding("reference point moved", own, sentence, lines=[line]))
     disturbed = np.flatnonzero((fit.length > _DISTURBED).any(axis=1))
     for own in dict.fromkeys(seat.lines[seat.first[e]][0] for e in disturbed):
         lines = [line for f, line in (seat.lines[seat.first[e]] for e in disturbed) if f == own]
         sentence = f"a point of seat {seat.name} lies off the others; it hardly counts there."
-        findings.append(
-            finding("disturbed reference point", "repaired", own, sentence, lines=lines)
-        )
+        findings.append(finding("disturbed reference point", own, sentence, lines=lines))
     return tuple(findings)

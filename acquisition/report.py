@@ -1,8 +1,8 @@
 """Import report: what the reader found or repaired in the files of a recording, and where.
 
 A finding is `repaired` where the reader changed or left out something, and a `warning` where
-nothing was changed but the engineer should know. What cannot be repaired is an error, and reading
-stops.
+nothing was changed but the engineer should know: the kinds with a remedy. What cannot be repaired
+is an error, and reading stops.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cell.logs import SourceName
 
 Severity = Literal["repaired", "warning"]
-# What to do about each kind of warning.
+# What to do about each kind of warning; every other kind of finding is a repair.
 REMEDIES = {
     "angles jump": "Start the logger once for each recording.",
     "angles on a grid": "Log more decimals, if the controller has them.",
@@ -71,16 +71,20 @@ class Finding:
     """One kind of finding in one file."""
 
     kind: str
-    severity: Severity
     file: str
     lines: tuple[int, ...]  # the first few, counted from 1; empty for findings about the whole file
     count: int
     sentence: str
 
     @property
+    def severity(self) -> Severity:
+        """Whether something was mended, or is to be known."""
+        return "warning" if self.kind in REMEDIES else "repaired"
+
+    @property
     def remedy(self) -> str:
         """The sentence on how to deal with a warning; empty for a repair."""
-        return REMEDIES.get(self.kind, "") if self.severity == "warning" else ""
+        return REMEDIES.get(self.kind, "")
 
     @property
     def notable(self) -> bool:
@@ -112,17 +116,19 @@ class ImportReport:
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain lists, dicts, numbers and text, ready for JSON."""
-        plain = asdict(self)
         findings = [
-            {**entry, "lines": list(entry["lines"]), "remedy": finding.remedy}
-            for entry, finding in zip(plain["findings"], self.findings, strict=True)
+            {
+                **{"kind": entry.kind, "severity": entry.severity},
+                **asdict(entry),
+                **{"lines": list(entry.lines), "remedy": entry.remedy},
+            }
+            for entry in self.findings
         ]
-        return {"files": list(plain["files"]), "findings": findings}
+        return {"files": [asdict(file) for file in self.files], "findings": findings}
 
 
 def finding(
     kind: str,
-    severity: Severity,
     file: str,
     sentence: str,
     *,
@@ -131,7 +137,7 @@ def finding(
 ) -> Finding:
     """A finding at some line numbers; `count` defaults to how many they are."""
     first = tuple(int(line) for line in lines[:LINES_SHOWN])
-    return Finding(kind, severity, file, first, len(lines) if count is None else count, sentence)
+    return Finding(kind, file, first, len(lines) if count is None else count, sentence)
 
 
 def report_lines(report: ImportReport) -> list[str]:

@@ -17,14 +17,13 @@ from acquisition.stamps.order import STAMP, in_order, in_sequence, join
 from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
-from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns, words
+from acquisition.times import TimeCells, checked_form, form_shown, stamps_ns, words
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError, UnfinishedLogError
 from cell.foreign_files import repeated
 from cell.logs import SourceName
 from cell.neighbours import Mask
 from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile
-from cell.schema_errors import nearest
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix
 # nothing.
@@ -147,9 +146,8 @@ def _dialect(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
             f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped? "
             "Exchange them, or name another dialect."
         )
-    if source.time is not None and source.time not in TIME_FORMS:
-        choices = nearest(source.time, list(TIME_FORMS), noun="form")
-        raise DescriptionError(f"{location}.time: unknown form of time {source.time!r}.{choices}")
+    if source.time is not None:
+        checked_form(source.time, f"{location}.time")
     return dialect
 
 
@@ -228,33 +226,22 @@ def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
     else:
         column, cells = time.column, columns.pop(time.column)
     stamps = TimeCells(table.files[0], column, cells, table.line)
-    form = time_form(source.name, source.declared, source.dialect, stamps)
+    form = time_form(source, stamps)
     columns[STAMP], findings = stamps_ns(stamps, form)
     table = replace(table, columns=columns, findings=(*table.findings, *findings))
     return table, f"{column} in {words(form)}"
 
 
-def time_form(
-    name: SourceName, source: SourceFile, dialect: Dialect, stamps: TimeCells
-) -> TimeForm:
+def time_form(source: LogSource, stamps: TimeCells) -> TimeForm:
     """The form of the stamps of one file: declared by recording or dialect, or the one they show.
 
     Raises LogError if they show none.
     """
-    if source.time is not None:
-        return next(form for form in TIME_FORMS if form == source.time)
-    if not dialect.time.forms:
-        return dialect.time.possible[0]
-    rows = {0, len(stamps.cells) // 2, len(stamps.cells) - 1}
-    shown = {recognised(str(stamps.cells[row]), dialect.time.forms) for row in rows} - {None}
-    if len(shown) == 1:
-        return next(form for form in TIME_FORMS if form in shown)
-    forms = "; ".join(words(form) for form in dialect.time.forms)
-    raise LogError(
-        f"{stamps.location(0)}: the form of the time stamps does not show: of {forms} it is "
-        f"{'more than one' if shown else 'none'}. Declare it in recording.yaml, such as "
-        f"`sources.{name}.time: ms`; forms: {', '.join(TIME_FORMS)}."
-    )
+    if source.declared.time is not None:
+        return checked_form(source.declared.time, source.name)
+    time = source.dialect.time
+    declare = f"in recording.yaml, such as `sources.{source.name}.time: ms`"
+    return form_shown(stamps, time.forms, declare) if time.forms else time.possible[0]
 
 
 def inside(folder: Path, file: str) -> Path:

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
 from cell.dialect import TimeForm
-from cell.errors import LogError
+from cell.errors import DescriptionError, LogError
+from cell.schema_errors import nearest
 
 Stamps = NDArray[np.int64]
 TIME_FORMS: tuple[TimeForm, ...] = get_args(TimeForm)
@@ -46,7 +47,7 @@ _IEC = re.compile(
     r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?",
     re.IGNORECASE,
 )
-_FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
+FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
 _REMEDY = "Correct the cell, or declare the form of the stamps in recording.yaml under `time`."
 _WRAP = 2**32
@@ -74,7 +75,7 @@ _COUNTS: dict[str, _Count] = {
     "ms-32bit": _Count(10**6, wraps=True, words="ms in 32 bits"),
     "ns-32bit": _Count(1, wraps=True, words="ns in 32 bits"),
     "filetime": _Count(
-        100, _FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"
+        100, FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"
     ),
     "dc": _Count(1, -_DC_1970, (5.0e17, 1.14e18), words="ns since 2000 (distributed clock)"),
     "unix-s": _Count(10**9, 0, (1.45e9, 2.1e9), words="s since 1970"),
@@ -134,6 +135,31 @@ def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
         if between is not None and between[0] <= value <= between[1]:
             fits.append(form)
     return fits[0] if len(fits) == 1 else None
+
+
+def checked_form(declared: str, place: str) -> TimeForm:
+    """The form of time stamps of that name. Raises DescriptionError, beginning with `place`."""
+    for form in TIME_FORMS:
+        if form == declared:
+            return form
+    choices = nearest(declared, TIME_FORMS, noun="form")
+    raise DescriptionError(f"{place}: unknown form of time {declared!r}.{choices}")
+
+
+def form_shown(time: TimeCells, forms: Sequence[TimeForm], declare: str) -> TimeForm:
+    """The form that the first, middle and last stamp show.
+
+    declare : how it can be declared instead, such as "in recording.yaml: `time: ms`".
+    Raises LogError if they show none, or several.
+    """
+    rows = {0, len(time.cells) // 2, len(time.cells) - 1}
+    shown = {recognised(str(time.cells[row]), forms) for row in rows} - {None}
+    if len(shown) == 1:
+        return next(form for form in forms if form in shown)
+    raise LogError(
+        f"{time.location(0)}: the form of the time stamps does not show. Declare it {declare}; "
+        f"forms: {', '.join(TIME_FORMS)}."
+    )
 
 
 def stamps_ns(time: TimeCells, form: TimeForm) -> tuple[Stamps, tuple[Finding, ...]]:
@@ -230,7 +256,7 @@ def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ..
         return out, ()
     sentence = "in exponent form, rounded to no worse than 1 ms by a spreadsheet."
     lines = time.line[rounded]
-    return out, (finding("rounded stamp", "repaired", time.file, sentence, lines=lines),)
+    return out, (finding("rounded stamp", time.file, sentence, lines=lines),)
 
 
 def _wrong(time: TimeCells, row: int, what: str) -> LogError:

@@ -16,6 +16,14 @@ ForceSource = Literal["auto", "none", "torque", "sensor"]
 
 
 @dataclass(frozen=True)
+class JointErrors:
+    """Joint errors learned elsewhere: their amplitudes are kept."""
+
+    orders: tuple[tuple[int, float], ...]  # joint, from 0, and order
+    values: tuple[float, ...]  # [rad] cosine and sine amplitude of each
+
+
+@dataclass(frozen=True)
 class FitOptions:
     """Options of an identification. Raises ValueError for an unknown correction."""
 
@@ -30,6 +38,8 @@ class FitOptions:
     samples: int = DEFAULT_SAMPLES  # of each recording
     # [m] stated TCP uncertainty that is asked for; None: half of the nominal robot's error
     accuracy: float | None = None
+    # of still poses without recordings: searched, left out, or those learned elsewhere
+    joint_errors: Literal["auto", "none"] | JointErrors = "auto"
 
     def __post_init__(self) -> None:
         for name in self.corrections or ():

@@ -117,7 +117,7 @@ def with_damaged(table: Table, rows: Rows, channels: Sequence[str] = ()) -> Tabl
     which = f" ({', '.join(channels)})" if channels else ""
     sentence = f"the rows around it lead elsewhere{which}: a damaged number; row left out."
     kind, flag = "implausible value", RowFlag.IMPLAUSIBLE
-    return table.remarked(kind, "repaired", sentence, rows=rows, flag=flag)
+    return table.remarked(kind, sentence, rows=rows, flag=flag)
 
 
 def _noise(t: Array, values: Array) -> Array:

@@ -101,7 +101,7 @@ def with_status_checked(table: Table, status: Mapping[EncoderName, str]) -> Tabl
         sentence = (
             f"encoders {', '.join(silent)} have no status column, so their faults cannot be seen."
         )
-        table = table.remarked("no status word", "warning", sentence, count=len(silent))
+        table = table.remarked("no status word", sentence, count=len(silent))
     for encoder, column in status.items():
         if encoder not in silent:
             table = _with_status_word_checked(table, encoder, column)
@@ -118,20 +118,20 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
         )
     preset = np.flatnonzero(np.diff(word & SET_COUNTER_DONE) > 0) + 1
     sentence = f"the counter of encoder {encoder} was preset here; a new segment."
-    table = table.remarked("counter preset", "warning", sentence, rows=preset, flag=RowFlag.PRESET)
+    table = table.remarked("counter preset", sentence, rows=preset, flag=RowFlag.PRESET)
     late = (word & SYNC_ERROR) != 0
     sentence = f"encoder {encoder} missed the bus cycle; its sample may be one cycle old."
-    table = table.remarked("sync error", "warning", sentence, rows=late, flag=RowFlag.SYNC)
+    table = table.remarked("sync error", sentence, rows=late, flag=RowFlag.SYNC)
     for bit, (flag, kind, meaning) in FAULTS.items():
         sentence = f"encoder {encoder}: {meaning}; rows left out."
-        table = table.remarked(kind, "repaired", sentence, rows=(word & bit) != 0, flag=flag)
+        table = table.remarked(kind, sentence, rows=(word & bit) != 0, flag=flag)
     stale = np.concatenate(([False], np.diff(word & TOGGLE) == 0))
     if stale.sum() > (1.0 - _TOGGLES) * len(table):
         return table  # not every bus cycle is logged
     sentence = (
         f"the toggle bit of encoder {encoder} stands still: its data are those of the row before."
     )
-    return table.remarked("stale process data", "warning", sentence, rows=stale, flag=RowFlag.STALE)
+    return table.remarked("stale process data", sentence, rows=stale, flag=RowFlag.STALE)
 
 
 def counter_scales(fitted: Fitted) -> dict[str, float]:
@@ -206,7 +206,7 @@ def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) ->
         "or moved on unseen."
     )
     reset, flag = rows[jumps.lasting], RowFlag.PRESET
-    return table.remarked("counter jumped", "warning", sentence, rows=reset, flag=flag)
+    return table.remarked("counter jumped", sentence, rows=reset, flag=flag)
 
 
 def powered_up(words: Counts, fitted: Fitted, before: int | None, behind: int | None) -> bool:

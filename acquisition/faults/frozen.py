@@ -220,5 +220,5 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
             f"lines {', '.join(lines)}{more}, {why}: frozen; rows left out."
         )
         kind, flag = "frozen channel", RowFlag.FROZEN
-        table = table.remarked(kind, "repaired", sentence, rows=rows, flag=flag)
+        table = table.remarked(kind, sentence, rows=rows, flag=flag)
     return table

@@ -72,7 +72,7 @@ def with_angle_jumps_checked(table: Table, angles: RobotAngles) -> tuple[Table, 
     sentence = (
         "the angles jump here and do not come back: another start of the logger; a new segment."
     )
-    table = table.remarked("angles jump", "warning", sentence, rows=reset)
+    table = table.remarked("angles jump", sentence, rows=reset)
     return table, reset[np.diff(angles.t)[reset - 1] > 0]  # where the clock goes on
 
 

@@ -1,4 +1,4 @@
-"""Logged robot angles to joint angles, and what of the numbers can be used.
+"""Logged robot angles to joint angles and motor torques to those at the gears, and what is usable.
 
 A dialect holds motor angles, the controller's axis angles or the DH model's joint angles, in rad or
 degrees. Kind and unit are never guessed and never converted silently; numbers that contradict the
@@ -16,16 +16,71 @@ from acquisition.flags import RowFlag, usable
 from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.descriptions import Robot
-from cell.dialect import AngleKind
+from cell.dialect import AngleKind, Dialect
 from cell.errors import LogError
 from cell.file_units import AngleUnit
 from cell.neighbours import Rows
 from cell.robot_angles import (
     controller_to_joints,
+    gear_to_axis_torques,
     joints_to_axes,
     joints_to_motors,
     motors_to_joints,
 )
+
+# Times the arm's own weight at full reach: no motor bears more at its gear's output, one in
+# another unit does.
+HEAVY = 20.0
+
+
+def gear_torques(robot: Robot, table: Table, dialect: Dialect) -> Array | None:
+    """(N, J) [N m] motor torques at the gears' outputs, positive along the gear's angle.
+
+    None if they are not logged.
+
+    dialect : names their columns, and says whether they are at the motor, positive along its angle,
+        or already behind the gear, positive along the controller's axis angle.
+    A gear passes power on: what multiplies the angle, transmission[i, i], divides the torque.
+    Losses count as friction, and the couplings between the joints come after the gears (thesis App.
+    A).
+    Raises LogError for torques that no motor of the robot has.
+    """
+    columns = dialect.torque_columns
+    if not columns or columns[0] not in table.columns:
+        return None
+    logged = np.stack([table.columns[name] for name in columns], axis=1)
+    at_motors = dialect.torques_at == "motors"
+    if at_motors:
+        torque = logged / np.diag(robot.transmission)
+    else:
+        torque = gear_to_axis_torques(robot, logged)
+    heavy = np.abs(torque) > HEAVY * full_weight(robot)
+    if heavy.any():
+        row, motor = (int(index) for index in np.argwhere(heavy)[0])
+        value = f"{logged[row, motor]:.5g} N m"
+        if at_motors:
+            value += f" at the motor would be {abs(torque[row, motor]):.3g} N m"
+        doubt, place = (
+            ("At the gear's output, in percent", "at the motor")
+            if at_motors
+            else ("In percent", "behind the gear")
+        )
+        raise LogError(
+            f"{table.location(row)}: column {columns[motor]}: {value} at the gear's output of axis "
+            f"{motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
+            f"{int(heavy.any(axis=1).sum())} such rows. {doubt}, in N mm? Here are N m {place}. "
+            "Convert the log, or name its dialect in recording.yaml."
+        )
+    return torque
+
+
+def full_weight(robot: Robot) -> float:
+    """[N m] moment of the arm's whole weight at its full reach; inf where it is unknown."""
+    if robot.links is None:
+        return float("inf")
+    reach = float(np.abs(robot.a).sum() + np.abs(robot.d).sum())
+    return float(sum(link.mass for link in robot.links[1:]) * np.linalg.norm(robot.gravity) * reach)
+
 
 # [rad] 0.1 deg beyond a limit that is named: limits are stated in whole degrees, logs are rounded,
 # and a controller that stops at its limit overshoots by less.
@@ -173,13 +228,13 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
     drop = absent.any(axis=1)
     if drop.any():
         sentence = "9E9 stands for no value; row left out."
-        table = table.remarked("sentinel", "repaired", sentence, rows=drop)
+        table = table.remarked("sentinel", sentence, rows=drop)
     zero = ~drop & (angles == 0.0).all(axis=1)
     first = int(np.argmin(zero)) if not zero.all() else 0
     # A robot that starts at zero leaves it slowly.
     if first and np.abs(angles[first]).max() > MOVES:
         sentence = "all angles are 0 before the first true ones; rows left out."
-        table = table.remarked("zeros at the start", "repaired", sentence, rows=np.arange(first))
+        table = table.remarked("zeros at the start", sentence, rows=np.arange(first))
         drop[:first] = True
     if not drop.any():
         return table
@@ -199,5 +254,5 @@ def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
         sentence = (
             f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the right robot?"
         )
-        table = table.remarked("axis beyond its limits", "warning", sentence, rows=rows)
+        table = table.remarked("axis beyond its limits", sentence, rows=rows)
     return table

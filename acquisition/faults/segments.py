@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.flags import usable
-from acquisition.report import Severity
 from acquisition.stamps.order import GAP, STAMP, amount
 from acquisition.table.table import Table
 from acquisition.times import Stamps
@@ -71,7 +70,6 @@ class _Boundary(NamedTuple):
     """An event between two rows."""
 
     kind: str  # empty for nothing that is reported
-    severity: Severity = "warning"
     sentence: str = ""
     separates: bool = False  # the rows behind cannot be used together with those before
     shift: int = 0  # [ns] to be added to the stamps behind
@@ -124,7 +122,7 @@ def find_segments(
             stamps = np.concatenate((stamps[:row], stamps[row:] + change.shift))
         if change.kind:
             at = np.array([row])
-            table = table.remarked(change.kind, change.severity, change.sentence, rows=at)
+            table = table.remarked(change.kind, change.sentence, rows=at)
     segment = np.cumsum(boundary, dtype=np.uint16)
     table, used = _longest(table, stamps, parts)
     return table, Segments(stamps, segment, used)
@@ -143,19 +141,19 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
                 "are put one period after the last, and identification measures the rest."
             )
             shift = round(log.period - elapsed)
-            return _Boundary("clock set back", "repaired", sentence, shift=shift)
+            return _Boundary("clock set back", sentence, shift=shift)
         sentence = (
             f"the stamp goes back by {duration} and the motion does not go on: the time between is "
             "unknown."
         )
-        return _Boundary("logger restarted", "warning", sentence, separates=True)
+        return _Boundary("logger restarted", sentence, separates=True)
     if row in log.reset:
         if elapsed <= GAP * log.period:
             return _Boundary("")
         sentence = (
             f"a counter was reset while rows are missing for {duration}: its zero is another."
         )
-        return _Boundary("counter reset", "warning", sentence, separates=True)
+        return _Boundary("counter reset", sentence, separates=True)
     if elapsed <= log.pause:
         return _Boundary("")
     if log.powered_up is not None and log.powered_up(before, behind):
@@ -163,9 +161,9 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
             f"all counters start near zero after {duration} without rows: switched off and on, "
             "their zeros are others."
         )
-        return _Boundary("counter reset", "warning", sentence, separates=True)
+        return _Boundary("counter reset", sentence, separates=True)
     sentence = f"{duration} without rows: a pause, or the clock was set; a new segment."
-    return _Boundary("pause or clock jump", "warning", sentence)
+    return _Boundary("pause or clock jump", sentence)
 
 
 def _goes_on(log: _Log, stamps: Stamps, row: int, before: int, behind: int) -> bool:
@@ -204,5 +202,5 @@ def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int16]) -> tuple[Ta
                 "recording of their own."
             )
             at = np.array([first])
-            table = table.remarked("part not used", "repaired", sentence, rows=at, count=count)
+            table = table.remarked("part not used", sentence, rows=at, count=count)
     return table, np.asarray(parts == parts[firsts[chosen]])

@@ -81,7 +81,7 @@ def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
         sentence = (
             f"the file ends within a message or in NUL bytes (bytes {first} to {last}); left out."
         )
-        findings.append(finding("torn end", "repaired", file, sentence, count=1))
+        findings.append(finding("torn end", file, sentence, count=1))
     damaged, count = frames.damaged, len(frames.messages) + len(frames.damaged)
     if len(damaged) > max(1.0, DAMAGED_LIMIT * count):
         raise LogError(
@@ -90,7 +90,7 @@ def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
         )
     if damaged:
         sentence = "message damaged; dropped."
-        findings.append(finding("checksum", "repaired", file, sentence, lines=damaged))
+        findings.append(finding("checksum", file, sentence, lines=damaged))
     if not frames.messages:
         raise LogError(
             f"{file}: no complete message. Copy it again, or record while the robot sends EGM."
@@ -129,7 +129,7 @@ def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
     if step.min(initial=1) < 0:
         sentence = "message came behind one that was sent later; put in order."
         late = np.flatnonzero(step < 0) + 1
-        table = table.remarked("reordered message", "repaired", sentence, rows=late)
+        table = table.remarked("reordered message", sentence, rows=late)
     order = np.argsort(seqno, kind="stable")
     repeated = np.flatnonzero(np.diff(seqno[order], prepend=-1) == 0)
     for before, row in zip(order[repeated - 1], order[repeated], strict=True):
@@ -140,13 +140,13 @@ def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
             )
     if repeated.size:
         sentence = "same message as the one before; the first is kept."
-        table = table.remarked("repeated message", "repaired", sentence, rows=order[repeated])
+        table = table.remarked("repeated message", sentence, rows=order[repeated])
     first = np.delete(order, repeated)
     lost, table = np.diff(seqno[first]) - 1, table.take(first)
     if lost.any():
         sentence = f"{lost.sum()} messages lost before these."
         behind = np.flatnonzero(lost) + 1
-        table = table.remarked("lost messages", "warning", sentence, rows=behind)
+        table = table.remarked("lost messages", sentence, rows=behind)
     return table
 
 
@@ -167,7 +167,7 @@ def _from_first_angles(table: Table, feedback: list[EgmFeedback]) -> Table:
         )
     if start:
         sentence = "no joint angles, or zeros for all, before the first feedback; left out."
-        table = table.remarked("leading zeros", "repaired", sentence, rows=np.arange(start))
+        table = table.remarked("leading zeros", sentence, rows=np.arange(start))
     return table.take(np.arange(start, len(table)))
 
 
@@ -188,7 +188,7 @@ def _test_signals(
         return table, dict(zip(names, values.T, strict=False))
     what = "holds zeros only" if fewest else "is not in every message"
     sentence = f"the field of test signals {what}; they are left out."
-    return table.remarked("no test signals", "warning", sentence, count=len(feedback)), {}
+    return table.remarked("no test signals", sentence, count=len(feedback)), {}
 
 
 def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np.int64]]:
@@ -199,7 +199,7 @@ def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np
             "no time in the feedback (RobotWare before 6.07): the time of sending is used, in "
             "whole milliseconds."
         )
-        table = table.remarked("time of sending", "warning", sentence, count=len(times))
+        table = table.remarked("time of sending", sentence, count=len(times))
         times = [None if e.tm_ms is None else e.tm_ms * 1_000_000 for e in feedback]
     missing = _first(time is None for time in times)
     if missing is not None:

@@ -58,7 +58,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     if torn:
         first, last = len(raw) - torn, len(raw) - 1
         sentence = f"the last row has {torn} of {width} bytes (bytes {first} to {last}); dropped."
-        findings.append(finding("torn row", "repaired", file, sentence, count=1))
+        findings.append(finding("torn row", file, sentence, count=1))
     numbers = np.frombuffer(raw, dtype="<f4", offset=at, count=(len(raw) - at - torn) // 4)
     with np.errstate(invalid="ignore"):  # signalling NaNs, refused below
         rows = numbers.reshape(-1, len(names)).astype(np.float64)
@@ -67,7 +67,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     count = int(filled[-1]) + 1 if filled.size else 0
     if nul := len(rows) - count:
         sentence = f"the last {nul} rows are NUL bytes (power loss); left out."
-        findings.append(finding("NUL block at the end", "repaired", file, sentence, count=nul))
+        findings.append(finding("NUL block at the end", file, sentence, count=nul))
     if not count:
         raise LogError(f"{file}: a head but no complete row behind it. Copy it again.")
     _check_rows(rows[:count], names, [names.index(name) for name in wanted], file)

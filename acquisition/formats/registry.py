@@ -7,10 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from acquisition.formats.egm_table import read_egm
-from acquisition.formats.json_lines import read_json_lines
+from acquisition.formats.messages import read_json_lines, read_rsi
 from acquisition.formats.mpe import VERSIONS, read_mpe
 from acquisition.formats.ros_bag import read_ros_bag
-from acquisition.formats.rsi import read_rsi
 from acquisition.formats.scope import read_scope
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table, read_table

@@ -20,10 +20,11 @@ from acquisition.formats.columns import one_file, wanted_columns
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
+from acquisition.table.text import require_file
 from cell.errors import DescriptionError, LogError
 
 if TYPE_CHECKING:
-    from acquisition.formats.joint_state import JointState
+    from acquisition.formats.ros_messages import JointState
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _SQLITE = b"SQLite format 3\0"
@@ -51,9 +52,9 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
     table = one_file({time: stamps}, file, np.arange(1, holds.size + 1), findings)
     sentence = f"{topic}: messages without the joints {', '.join(wanted)}; left out."
-    table = table.remarked("other joints", "warning", sentence, rows=~holds)
+    table = table.remarked("other joints", sentence, rows=~holds)
     sentence = "header.stamp is zero; message left out."
-    table = table.remarked("no stamp", "repaired", sentence, rows=holds & (stamps == 0))
+    table = table.remarked("no stamp", sentence, rows=holds & (stamps == 0))
     chosen = np.flatnonzero(holds & (stamps != 0))
     if not chosen.size:
         raise LogError(
@@ -67,11 +68,7 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
 
 def _check_stored(path: Path, file: str) -> None:
     """Raises LogError if there is no such file, or one of no size that a bag has."""
-    if not path.is_file():
-        raise LogError(
-            f"{file}: no such file (looked for {path}). "
-            "Correct the name in recording.yaml, or copy the file there."
-        )
+    require_file(path, file)
     size = path.stat().st_size
     if not size:
         raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
@@ -86,8 +83,7 @@ def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[Jo
     Raises LogError if the bag or a message is damaged, or there are none.
     """
     try:
-        from acquisition.formats.joint_state import decode  # noqa: PLC0415 - needs the extra `ros`
-        from acquisition.formats.mcap_file import mcap_messages  # noqa: PLC0415
+        from acquisition.formats.ros_messages import decode, mcap_messages  # noqa: PLC0415
     except ImportError as error:
         raise DescriptionError(
             f"{file}: ROS bags need the package {error.name}, which is not installed. Install the "
@@ -147,7 +143,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
             f"{log.name} beside it holds messages that the recorder had not yet moved in; run "
             "`ros2 bag reindex` or convert."
         )
-        findings.append(finding("write-ahead log", "warning", file, sentence, count=1))
+        findings.append(finding("write-ahead log", file, sentence, count=1))
     _check_size(path, file)
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
     connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
@@ -186,7 +182,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
                 yield topics[key][0], _blob(data, f"{file}: {topics[key][0]}")
         if lost:
             sentence = "the numbers of the messages have gaps."
-            findings.append(finding("missing messages", "warning", file, sentence, count=lost))
+            findings.append(finding("missing messages", file, sentence, count=lost))
     except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
         raise LogError(
             f"{file}: the database cannot be read ({error}): damaged, or cut off. SQLite's "

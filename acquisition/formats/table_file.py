@@ -1,21 +1,159 @@
-"""Every kind of file that holds poses as the lines of a table: text, workbook, RAPID, KUKA RSI."""
+"""Every kind of file that holds poses as the lines of a table: text, workbook, RAPID, KUKA RSI.
+
+Of an Excel workbook (.xlsx) one sheet is read, by openpyxl (extra `xlsx`). Of an ABB RAPID module
+the joint targets are, as the module lists them:
+
+    CONST jointtarget p10:=[[0,-15.2,30,0,45,10],[9E9,9E9,9E9,9E9,9E9,9E9]];
+
+Their angles are degrees of the controller's axes. Targets of an array and of `MoveAbsJ` are read
+too, comments (`! ...`) are not. Source: ABB, Technical reference manual RAPID, jointtarget.
+"""
 
 from __future__ import annotations
 
+import io
+import re
+import zipfile
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from acquisition.formats.rapid import holds_jointtargets, jointtarget_text
+from acquisition.formats.messages import rsi_text
 from acquisition.formats.registry import container_of
-from acquisition.formats.rsi import rsi_text
-from acquisition.formats.workbook import holds_workbook, workbook_text
 from acquisition.report import finding
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
-from acquisition.table.text import LogText, read_bytes, text_of
-from cell.errors import LogError
+from acquisition.table.text import (
+    SEPARATORS,
+    Content,
+    LogText,
+    check_unpacked,
+    is_number,
+    read_bytes,
+    require_file,
+    split_fields,
+    text_of,
+)
+from cell.errors import InputError, LogError
+
+_ZIP = b"PK\x03\x04"
+
+
+def holds_workbook(raw: bytes) -> bool:
+    """Whether the content of a file is a zip archive, as workbooks are."""
+    return raw.startswith(_ZIP)
+
+
+def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
+    """The filled rows of a sheet, cells separated by tabs, numbers as the workbook stores them.
+
+    sheet : its name; the first one if None.
+    Raises LogError if the file is no workbook, or has no such sheet; InputError without openpyxl.
+    """
+    try:
+        import openpyxl  # noqa: PLC0415  an extra
+    except ImportError:
+        raise InputError(
+            f"{file}: workbooks are read by openpyxl, which is not installed. Install it with "
+            "`pip install ballbar-bench[xlsx]`, or save the sheet as .csv."
+        ) from None
+    try:
+        with zipfile.ZipFile(io.BytesIO(content.raw)) as archive:
+            check_unpacked(
+                sum(part.file_size for part in archive.infolist()), len(content.raw), file
+            )
+        book = openpyxl.load_workbook(io.BytesIO(content.raw), read_only=True, data_only=True)
+    except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
+        raise LogError(
+            f"{file}: is no workbook (.xlsx), or damaged: {error}. Save it again, or as .csv."
+        ) from None
+    names = book.sheetnames
+    if sheet is not None and sheet not in names:
+        raise LogError(f"{file}: no sheet {sheet!r}; it has {', '.join(names)}. Name one of them.")
+    lines, number = [], []
+    for row, cells in enumerate(book[sheet or names[0]].iter_rows(values_only=True), start=1):
+        line = "\t".join(map(_text, cells)).rstrip("\t")
+        if line.strip():
+            lines.append(line)
+            number.append(row)
+    book.close()
+    if not lines:
+        raise LogError(
+            f"{file}: sheet {sheet or names[0]!r} is empty. Name another: {', '.join(names)}."
+        )
+    width = max(line.count("\t") for line in lines)
+    for k, line in enumerate(lines):
+        # columns that a line of names leaves without name get `-`
+        named = not any(map(is_number, line.split("\t")))
+        lines[k] += ("\t-" if named else "\t") * (width - line.count("\t"))
+    return LogText(
+        file=file,
+        encoding="xlsx",
+        lines=lines,
+        number=np.array(number, dtype=np.int64),
+        quoted=False,
+        findings=content.findings,
+    )
+
+
+def _text(cell: Any) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, datetime):
+        return cell.isoformat(" ")
+    return " ".join(str(cell).split())
+
+
+COLUMNS = tuple(f"rax_{k} [deg]" for k in range(1, 7))
+_NUMBER = r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*"
+_TARGET = re.compile(rf"\[\s*\[{','.join([_NUMBER] * 6)}\]\s*,\s*\[[^\[\]]*\]\s*\]")
+_BEGINS = re.compile(r"\bjointtarget\b|\bMoveAbsJ\b", re.IGNORECASE)
+_LIST = re.compile(r"\[\s*\[\s*[-+0-9.]")
+
+
+def holds_jointtargets(text: LogText) -> bool:
+    """Whether a text is RAPID code with joint targets."""
+    return any(_BEGINS.search(line) and "[" in line for line in text.lines)
+
+
+def jointtarget_text(text: LogText) -> LogText:
+    """A table of COLUMNS with the axis angles [deg] of every joint target.
+
+    Raises LogError for a target that has not six angles, or one of 9E9 (an axis that is absent).
+    """
+    code = [line.partition("!")[0] for line in text.lines]
+    joined, starts = "\n".join(code), np.cumsum([0, *(len(line) + 1 for line in code[:-1])])
+    rows, number = ["\t".join(COLUMNS)], [0]
+    for statement in re.finditer(r"[^;]*;?", joined):
+        if not _BEGINS.search(statement[0]):
+            continue
+        targets = list(_TARGET.finditer(statement[0]))
+        at = statement.start() + (statement[0].find("[") if "[" in statement[0] else 0)
+        if len(targets) != len(_LIST.findall(statement[0])) or not statement[0].endswith(";"):
+            line = int(text.number[np.searchsorted(starts, at, side="right") - 1])
+            raise LogError(
+                f"{text.file}:{line}: expected a jointtarget of six angles and six external axes, "
+                "such as [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]. Correct the line; is the file "
+                "cut off?"
+            )
+        for target in targets:
+            place = statement.start() + target.start()
+            line = int(text.number[np.searchsorted(starts, place, side="right") - 1])
+            if any(float(angle) > 8.9e9 for angle in target.groups()):
+                raise LogError(
+                    f"{text.file}:{line}: 9E9 for a robot axis, which stands for an axis that is "
+                    "not there. Remove the target."
+                )
+            rows.append("\t".join(target.groups()))
+            number.append(line)
+    if len(rows) == 1:
+        raise LogError(
+            f"{text.file}: RAPID code without jointtargets that hold angles. Positions of the tool "
+            "(robtarget) do not state joint angles: export jointtargets."
+        )
+    return replace(text, lines=rows, number=np.array(number, dtype=np.int64), quoted=False)
+
 
 FileKind = Literal["table", "workbook", "rapid", "kuka-rsi"]
 _COMMENTS = ("#", "%", "//")
@@ -27,11 +165,7 @@ def pose_text(path: Path, file: str, sheet: str | None = None) -> tuple[LogText,
     file : the name that errors and findings give it. sheet : of a workbook; else its first one.
     Raises LogError if the file is missing, unreadable, empty, or of a kind that holds no poses.
     """
-    if not path.is_file():
-        raise LogError(
-            f"{file}: no such file (looked for {path}). Correct the name in poses.yaml; a path is "
-            "taken from the folder of that file."
-        )
+    require_file(path, file, "poses.yaml")
     content = read_bytes(path, file)
     if not content.raw:
         raise LogError(f"{file}: the file is empty. Export it again.")
@@ -67,7 +201,7 @@ def _without_comments(text: LogText) -> LogText:
     lines = list(text.lines)
     if header is not None:
         lines[first - 1], comment[first - 1] = header, False
-    entry = finding("comment line", "repaired", text.file, "skipped.", lines=text.number[comment])
+    entry = finding("comment line", text.file, "skipped.", lines=text.number[comment])
     rows = np.flatnonzero(~comment)
     return replace(
         text,

@@ -21,8 +21,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from acquisition.live.folder import RecordingFolder, SegmentFile
-from acquisition.live.progress import Progress, RecorderState, Tally
-from acquisition.live.source import Batch, DeviceSilentError, Source
+from acquisition.live.source import Batch, DeviceSilentError, Progress, RecorderState, Source, Tally
 from cell.errors import FailureError
 
 POLL = 0.1  # [s] between polls: what a crash loses, and half of what may be lost

@@ -57,7 +57,7 @@ def _by_sequence(table: Table, sequence: str) -> Table:
     if (step == 0).any():
         sentence = "same sequence number as the row before: read twice; the first is kept."
         again = np.flatnonzero(step == 0) + 1
-        table = table.remarked("row read twice", "repaired", sentence, rows=again)
+        table = table.remarked("row read twice", sentence, rows=again)
         table = table.take(np.concatenate(([True], step != 0)))
         step = np.diff(table.columns[sequence])
     late = np.flatnonzero((step < 0) & (step >= -_LATEST)) + 1
@@ -66,7 +66,7 @@ def _by_sequence(table: Table, sequence: str) -> Table:
     stretch = np.concatenate(([0], np.cumsum(step < -_LATEST)))
     order = np.lexsort((table.columns[sequence], stretch))
     sentence = "rows put in the order of their sequence numbers."
-    table = table.remarked("rows out of order", "repaired", sentence, rows=late).take(order)
+    table = table.remarked("rows out of order", sentence, rows=late).take(order)
     table = table.flagged(order != np.arange(order.size), RowFlag.REORDERED)
     restarted = np.diff(stretch[order], prepend=0) > 0
     return replace(table, begins=table.begins | restarted)
@@ -99,7 +99,7 @@ def _without_strays(table: Table) -> Table:
     sentence = (
         "the stamp stands out of the order of its neighbours, so it is damaged; row left out."
     )
-    return table.remarked("damaged stamp", "repaired", sentence, rows=rows).take(~stray)
+    return table.remarked("damaged stamp", sentence, rows=rows).take(~stray)
 
 
 def in_order(table: Table) -> Table:
@@ -125,7 +125,7 @@ def in_order(table: Table) -> Table:
             "finer one, or declare `quantised: true` if the rows were taken evenly."
         )
     sentence = "same stamp as the row before; the first row of each stamp is kept."
-    table = table.remarked("duplicate stamp", "repaired", sentence, rows=repeated)
+    table = table.remarked("duplicate stamp", sentence, rows=repeated)
     first = np.concatenate(([True], step != 0))
     before = np.flatnonzero(first)[np.cumsum(first)[repeated] - 1]
     return table.flagged(before, RowFlag.DUPLICATE).take(first)
@@ -191,7 +191,7 @@ def with_periods_checked(table: Table, t: Array, usual_s: tuple[float, float]) -
             f"the median period is {amount(period)}; {usual}. Is the time column in the declared "
             "unit?"
         )
-        table = table.remarked("unusual period", "warning", sentence, count=1)
+        table = table.remarked("unusual period", sentence, count=1)
     gap = step > GAP * period
     overrun = (step > OVERRUN * period) & ~gap
     table = _with_late_rows(table, "overrun", overrun, step, period)
@@ -218,7 +218,7 @@ def _with_irregular(table: Table, step: Array, period: float, known: NDArray[np.
         return table
     most, others = amount(float(off[odd - 1].max())), amount(max(usual, 1e-9))
     sentence = f"up to {most} off the period, which the other rows keep to {others}."
-    return table.remarked("irregular stamp", "warning", sentence, rows=odd)
+    return table.remarked("irregular stamp", sentence, rows=odd)
 
 
 def _with_late_rows(
@@ -234,7 +234,7 @@ def _with_late_rows(
         sentence = (
             f"rows up to {most} after the one before; the nominal period is {amount(period)}."
         )
-        table = table.remarked(kind, "warning", sentence, rows=rows + 1)
+        table = table.remarked(kind, sentence, rows=rows + 1)
     return table
 
 

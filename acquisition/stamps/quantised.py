@@ -87,7 +87,7 @@ def spread(table: Table, declared: bool | None = None) -> Table:
         f"{amount(period * step * 1e-9)} apart, anew at {len(lines) - 1} places; the furthest is "
         f"moved by {amount(float(np.abs(moved - stamps).max()) * 1e-9)}."
     )
-    table = table.remarked("quantised stamps", "repaired", sentence, count=stamps.size)
+    table = table.remarked("quantised stamps", sentence, count=stamps.size)
     return replace(table, columns={**table.columns, STAMP: moved})
 
 

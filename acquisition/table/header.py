@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from acquisition.report import Finding, finding
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
 from cell import selectors
 from cell.errors import LogError
 
@@ -112,11 +111,11 @@ def read_header(text: LogText, layout: Layout) -> Header:
         if glued:
             kind = "header without line end"
             sentence = "the header has no line end; the first row stands on its line."
-            findings.append(finding(kind, "repaired", text.file, sentence, lines=[line.number]))
+            findings.append(finding(kind, text.file, sentence, lines=[line.number]))
         if row:
             sentence = f"{row} lines before the header skipped."
             lines = text.number[:row]
-            findings.append(finding("preamble", "repaired", text.file, sentence, lines=lines))
+            findings.append(finding("preamble", text.file, sentence, lines=lines))
     names, columns, positions, unused = _columns_in(line, cells, layout)
     return Header(
         separator=separator,
@@ -225,7 +224,7 @@ def _columns_in(
         similar = ((name, other) for name in absent if (other := _nearest(name, unused)))
         meant = [f" Is {other!r} meant for {name}? Then rename it." for name, other in similar]
         sentence, count = f"{_listed(unused)}.{''.join(meant[:1])}", len(unused)
-        findings = (finding("column not used", "warning", line.file, sentence, count=count),)
+        findings = (finding("column not used", line.file, sentence, count=count),)
     return names, columns, tuple(positions[name][0] for name in columns), findings
 
 

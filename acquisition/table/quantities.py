@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.formats.table_file import FileKind
-from acquisition.report import Finding, Severity, finding
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
+from acquisition.report import Finding, finding
 from acquisition.table.header import PREAMBLE, Kind, Layout, Remedies
 from acquisition.table.table import Form, text_table
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
 from cell.file_units import METRES, RADIANS
@@ -74,17 +73,13 @@ class PoseRows:
         return f"{self.file}:{self.line[row]}"
 
     def remark(
-        self,
-        kind: str,
-        sentence: str,
-        chosen: NDArray[np.bool_] | None = None,
-        severity: Severity = "warning",
+        self, kind: str, sentence: str, chosen: NDArray[np.bool_] | None = None
     ) -> tuple[Finding, ...]:
         """A finding about the chosen rows (N,), none if there are none; else about the file."""
         if chosen is None:
-            return (finding(kind, severity, self.file, sentence, count=1),)
+            return (finding(kind, self.file, sentence, count=1),)
         lines = self.line[chosen]
-        return (finding(kind, severity, self.file, sentence, lines=lines),) if lines.size else ()
+        return (finding(kind, self.file, sentence, lines=lines),) if lines.size else ()
 
     def take(self, chosen: NDArray[np.bool_]) -> PoseRows:
         """The chosen rows (N,)."""

@@ -16,10 +16,9 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding, Severity, finding
-from acquisition.table.fields import SEPARATORS, split_fields
+from acquisition.report import Finding, finding
 from acquisition.table.header import Header, Layout, Remedies
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, split_fields
 from cell.errors import LogError, UnfinishedLogError
 
 # Share of the lines: a recorder that loses more is not torn, it writes something else.
@@ -65,14 +64,13 @@ class _Lines:
     def remarked(
         self,
         kind: str,
-        severity: Severity,
         sentence: str,
         *,
         lines: NDArray[np.int64] | tuple[int, ...] = (),
         count: int | None = None,
     ) -> _Lines:
         """The same lines with one finding more."""
-        entry = finding(kind, severity, self.file, sentence, lines=lines, count=count)
+        entry = finding(kind, self.file, sentence, lines=lines, count=count)
         return replace(self, findings=(*self.findings, entry))
 
 
@@ -88,7 +86,7 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
         sentence = "the header stands here again: the logger was restarted; a new segment."
         number = rows.number[again]
         rows = replace(rows, begins=again).take(np.flatnonzero(~again))
-        rows = rows.remarked("header again", "repaired", sentence, lines=number)
+        rows = rows.remarked("header again", sentence, lines=number)
     if not rows.lines:
         raise UnfinishedLogError(
             f"{text.file}: a header but no complete row below it. Is the file cut off? "
@@ -144,7 +142,7 @@ def _without_end(rows: _Lines) -> _Lines:
         return rows
     lines = [line[:-1] if closed(line) else line for line in rows.lines]
     rows = replace(rows, lines=lines)
-    return rows.remarked("separator at the line end", "repaired", "left out.", count=len(lines))
+    return rows.remarked("separator at the line end", "left out.", count=len(lines))
 
 
 def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
@@ -167,7 +165,7 @@ def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
     got = f"expected {rows.width} fields, got {width[torn[0]]}"
     full = rows.take(np.flatnonzero(width == rows.width))
     sentence = f"{got}; treated as torn line and dropped."
-    return full.remarked("torn line", "repaired", sentence, lines=rows.number[torn])
+    return full.remarked("torn line", sentence, lines=rows.number[torn])
 
 
 def _width(line: str, separator: str) -> int:
@@ -236,7 +234,7 @@ def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[
             )
     if commas and layout.decimal == "either":
         sentence = f"read as decimal point in {', '.join(commas)}."
-        rows = rows.remarked("decimal comma", "repaired", sentence, count=len(rows.lines))
+        rows = rows.remarked("decimal comma", sentence, count=len(rows.lines))
     return rows, bool(commas)
 
 

@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.flags import Flags, RowFlag
-from acquisition.report import Finding, Severity, finding
+from acquisition.report import Finding, finding
 from acquisition.table.fast_path import FINE, clean_columns
-from acquisition.table.fields import SEPARATORS, split_fields
 from acquisition.table.header import Header, Kind, Layout, read_header
 from acquisition.table.rows import PlainRows, plain_rows
-from acquisition.table.text import Content, LogText, open_filled, text_of
+from acquisition.table.text import SEPARATORS, Content, LogText, open_filled, split_fields, text_of
 from cell.errors import LogError
 
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -81,7 +80,6 @@ class Table:
     def remarked(
         self,
         kind: str,
-        severity: Severity,
         sentence: str,
         *,
         rows: NDArray[Any] | None = None,
@@ -94,11 +92,11 @@ class Table:
         count : how often it was found; default the number of rows. flag : set at the rows.
         """
         if rows is None:
-            entries = [finding(kind, severity, self.files[0], sentence, count=count)]
+            entries = [finding(kind, self.files[0], sentence, count=count)]
         else:
             file, line = self.file[rows], self.line[rows]
             entries = [
-                finding(kind, severity, self.files[k], sentence, lines=line[file == k], count=count)
+                finding(kind, self.files[k], sentence, lines=line[file == k], count=count)
                 for k in np.unique(file)
             ]
         table = replace(self, findings=(*self.findings, *entries))
@@ -241,7 +239,7 @@ def _without_damaged(rows: PlainRows, header: Header, limit: int) -> PlainRows:
     if not whole.size:
         raise LogError(f"{first} No row is left. Export the file again.")
     sentence = f"{reasons[damaged[0]]} Left out, as `damaged_rows: {limit}` allows."
-    entry = finding("damaged row", "repaired", rows.file, sentence, lines=rows.number[damaged])
+    entry = finding("damaged row", rows.file, sentence, lines=rows.number[damaged])
     return replace(
         rows,
         lines=[rows.lines[k] for k in whole],

@@ -1,4 +1,4 @@
-"""A device file as lines of text, however it was saved and wherever it was cut off.
+"""A device file as lines of text and their fields, however it was saved and wherever it was cut.
 
 A log that stopped with the power ends in half a line or in a block of NUL bytes. A half line can
 look whole (`2000000049` cut to `200000` is a number too), so a last line without line end is never
@@ -9,6 +9,7 @@ writes.
 from __future__ import annotations
 
 import bz2
+import csv
 import errno
 import gzip
 import lzma
@@ -27,6 +28,45 @@ from numpy.typing import NDArray
 from acquisition.report import Finding, finding
 from cell.errors import LogError, UnfinishedLogError
 from cell.foreign_files import open_regular
+
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank"}
+HEAD = 50  # lines among which the header is looked for
+_TORN = "?"  # stands for a line whose quotes do not close; no number and no column has that name
+
+
+def split_fields(line: str, separator: str) -> list[str]:
+    """The fields of one line, without quotes and surrounding blanks."""
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True))]
+    except csv.Error:
+        return [_TORN]
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a number, with a decimal point or comma."""
+    try:
+        float(field.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def likely_separator(text: LogText) -> str:
+    """The separator of the last line: beside semicolons and tabs, commas are decimal commas."""
+    return next((s for s in (";", "\t", ",") if s in text.lines[-1]), " ")
+
+
+def column_names(text: LogText) -> list[str]:
+    """Fields of the header: the first line with as many fields as the last one."""
+    separator = likely_separator(text)
+    width = len(split_fields(text.lines[-1], separator))
+    fields = (split_fields(line, separator) for line in text.lines[:HEAD])
+    return next((row for row in fields if len(row) == width), [])
+
 
 MOST_BYTES = 2_000_000_000  # of one file: fifty hours of a robot's log
 # A packed file may claim anything. Logs shrink to a third (gzip) or a sixth (xz).
@@ -95,17 +135,22 @@ def read_filled(path: Path, file: str) -> Content:
         return Content(source.read(), findings)
 
 
+def require_file(path: Path, file: str, description: str = "recording.yaml") -> None:
+    """Raises LogError if there is no file at a path that `description` names `file`."""
+    if not path.is_file():
+        raise LogError(
+            f"{file}: no such file (looked for {path}). Correct the name in {description}, or copy "
+            "the file there."
+        )
+
+
 @contextmanager
 def open_filled(path: Path, file: str) -> Iterator[tuple[BinaryIO, tuple[Finding, ...]]]:
     """A device file of at least one byte, open and unpacked, with what was found unpacking it.
 
     Raises as `read_filled` does, also where reading fails inside the `with`.
     """
-    if not path.is_file():
-        raise LogError(
-            f"{file}: no such file (looked for {path}). "
-            "Correct the name in recording.yaml, or copy the file there."
-        )
+    require_file(path, file)
     with _opened(path, file) as (source, findings):
         if not source.read(1):
             raise UnfinishedLogError(f"{file}: the file is empty. Copy it again from the logger.")
@@ -118,7 +163,7 @@ def text_of(content: Content, file: str) -> LogText:
     decoded, findings = _decode(content.raw), list(content.findings)
     if decoded.encoding != "utf-8":
         sentence = f"read as {decoded.encoding}."
-        findings.append(finding("encoding", "repaired", file, sentence, count=1))
+        findings.append(finding("encoding", file, sentence, count=1))
     text = decoded.text.rstrip("\0")
     if len(text) > _LARGE:
         ends = text.count("\n") + text.count("\r")
@@ -129,7 +174,7 @@ def text_of(content: Content, file: str) -> LogText:
     if stripped := (len(decoded.text) - len(text)) * decoded.width:
         first, last = decoded.size - stripped, decoded.size - 1
         sentence = f"bytes {first} to {last} are NUL (power loss); left out."
-        findings.append(finding("NUL block at the end", "repaired", file, sentence, count=1))
+        findings.append(finding("NUL block at the end", file, sentence, count=1))
     if "\0" in text:
         raise LogError(_nul_inside(text, decoded, file))
     if not text:
@@ -143,7 +188,7 @@ def text_of(content: Content, file: str) -> LogText:
     if not all(lines) or any(map(str.isspace, lines)):
         filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
         blank = np.flatnonzero(~filled) + 1
-        findings.append(finding("blank line", "repaired", file, "skipped.", lines=blank))
+        findings.append(finding("blank line", file, "skipped.", lines=blank))
         lines, number = [line for line in lines if line.strip()], number[filled]
     if not lines:
         raise LogError(f"{file}: the file holds no complete line. Copy it again.")
@@ -164,7 +209,7 @@ def _refuse_long(lines: list[str], file: str) -> None:
 def unterminated(file: str, line: int) -> Finding:
     """The finding for a last line that was cut off."""
     sentence = "the last line has no line end, so it may be cut inside a number; dropped."
-    return finding("unterminated last line", "repaired", file, sentence, lines=[line])
+    return finding("unterminated last line", file, sentence, lines=[line])
 
 
 def read_bytes(path: Path, file: str) -> Content:
@@ -223,7 +268,7 @@ def _unpacked(packed: Any, file: str, stored: int) -> Content:
                 part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
             except EOFError:
                 sentence = "what it holds up to there is read."
-                findings.append(finding("packed file cut off", "repaired", file, sentence, count=1))
+                findings.append(finding("packed file cut off", file, sentence, count=1))
                 break
             if not part:
                 break

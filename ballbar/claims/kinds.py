@@ -28,7 +28,8 @@ SIX_AXES = 6  # of both robots of the thesis
 class Reasoned(Strict):
     """A check with its reason."""
 
-    what: str = Field(description="Text before the number.")
+    what: str
+    """Text before the number."""
     reason: str
 
 
@@ -48,7 +49,8 @@ class Limited(Reasoned):
 class Measure(Strict):
     """A statistic of the selected runs."""
 
-    what: str = Field(description="Text before the number.")
+    what: str
+    """Text before the number."""
     statistic: Statistic = "median"
     column: str = DISTANCE
     rows: Rows = Field({}, description="Selected runs: column and value, or values.")
@@ -81,9 +83,8 @@ class Ratio(Quotient, Measure, Limited):
     """The number of some runs over that of other runs lies within limits."""
 
     kind: Literal["ratio"]
-    than: Quotient | None = Field(
-        None, description="Runs by whose ratio this one is divided: how much more `of` gains."
-    )
+    than: Quotient | None = None
+    """Runs by whose ratio this one is divided: how much more `of` gains."""
 
 
 class Ordered(Measure, Reasoned):
@@ -91,12 +92,10 @@ class Ordered(Measure, Reasoned):
 
     kind: Literal["ordered"]
     by: str = Field(description="Column that tells the groups apart.")
-    order: Annotated[list[Scalar], Field(min_length=2)] = Field(
-        description="Its values, smallest number first."
-    )
-    apart: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Least factor from a group to the next."
-    )
+    order: Annotated[list[Scalar], Field(min_length=2)]
+    """Its values, smallest number first."""
+    apart: Annotated[float, Field(gt=0.0)] = 1.0
+    """Least factor from a group to the next."""
 
 
 class Monotonic(Measure, Reasoned):
@@ -105,9 +104,8 @@ class Monotonic(Measure, Reasoned):
     kind: Literal["monotonic"]
     over: str
     direction: Literal["rising", "falling"]
-    tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
-        0.0, description="Relative step in the other direction that is accepted."
-    )
+    tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    """Relative step in the other direction that is accepted."""
 
 
 class Apart(Limited):
@@ -118,9 +116,12 @@ class Apart(Limited):
 
     kind: Literal["apart"]
     rows: Rows = Field({})
-    first: Rows = Field(description="Runs of one recording, one for each seed and `each`.")
-    second: Rows = Field(description="Runs of the other recording, as many.")
-    each: str = Field("identify.cost", description="One number for every value of this column.")
+    first: Rows
+    """Runs of one recording, one for each seed and `each`."""
+    second: Rows
+    """Runs of the other recording, as many."""
+    each: str = "identify.cost"
+    """One number for every value of this column."""
 
 
 class AmongLargest(Reasoned):
@@ -129,9 +130,8 @@ class AmongLargest(Reasoned):
     kind: Literal["among_largest"]
     rows: Rows = Field({})
     places: Annotated[int, Field(ge=1)]
-    parameters: Annotated[list[str], Field(min_length=1)] = Field(
-        description="Names, or their beginning: `btheta`. One that is not fitted has no error."
-    )
+    parameters: Annotated[list[str], Field(min_length=1)]
+    """Names, or their beginning: `btheta`. One that is not fitted has no error."""
     at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
 

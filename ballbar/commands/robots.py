@@ -55,7 +55,7 @@ def new(
     --out FILE : File to write; NAME.yaml if none. It must not exist.
     """
     from ballbar.robot_file.dh_table import draft_from_table
-    from ballbar.robot_file.from_urdf import draft_from_urdf
+    from ballbar.robot_file.draft import draft_from_urdf
     from ballbar.robot_file.new_robot import target_file, write_robot
 
     file = target_file(name, out_file)

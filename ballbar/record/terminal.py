@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.faults.encoders import FAULTS, SYNC_ERROR
-from acquisition.live.progress import Progress, RecorderState
 from acquisition.live.recorder import LiveRecording, notes
+from acquisition.live.source import Progress, RecorderState
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import line, panel
 

@@ -118,24 +118,23 @@ class PairFit:
     """Two files fitted together."""
 
     misfit: float  # [m] median residual of a pose, in the file that fits worse
-    seats: tuple[Array, Array]
-    targets: tuple[Array, Array]
+    placed: Array  # (2, 6 + 3 K) [rad, m] seat, and marks on the flange, of each file
 
     @property
     def apart(self) -> float:
         """[m] distance of the targets on the flange."""
-        return float(np.linalg.norm(self.targets[1][0] - self.targets[0][0]))
+        return float(np.linalg.norm(np.diff(self.placed[:, 6:9], axis=0)))
 
     @property
     def turned(self) -> float:
         """[deg] between the seats."""
-        first, second = (Rotation.from_rotvec(seat[:3]) for seat in self.seats)
+        first, second = Rotation.from_rotvec(self.placed[:, :3])
         return float(np.rad2deg((first.inv() * second).magnitude()))
 
     @property
     def moved(self) -> float:
         """[m] between the origins of the seats."""
-        return float(np.linalg.norm(self.seats[1][3:] - self.seats[0][3:]))
+        return float(np.linalg.norm(np.diff(self.placed[:, 3:6], axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,31 +155,25 @@ class FilePair:
 
     def fit(self, hypothesis: Hypothesis) -> PairFit:
         """Both files by one seat or two, one target or two."""
-        one_seat, one_target = hypothesis
-        (seat_a, target_a), (seat_b, target_b) = self.a.start, self.b.start
-        parts = [seat_a, target_a.ravel()]
-        parts += [] if one_seat else [seat_b]
-        parts += [] if one_target else [target_b.ravel()]
-        marks = target_a.size
-
-        def placed(x: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-            seat, target = x[:6], x[6 : 6 + marks]
-            seats = (seat, seat if one_seat else x[6 + marks : 12 + marks])
-            targets = (target, target if one_target else x[-marks:])
-            return seats, (targets[0].reshape(-1, 3), targets[1].reshape(-1, 3))
-
-        at_a = self.a.flange(self.rows[0])
-        at_b = at_a if self.paired else self.b.flange(self.rows[1])  # but for their rounding
+        files = self.a, self.b
+        own = np.stack([np.append(*file.start) for file in files])  # seat and marks of each
+        places = np.arange(own.size).reshape(own.shape)  # of these numbers in the unknowns
+        for one, part in zip(hypothesis, (slice(6), slice(6, None)), strict=True):
+            places[1, part] = places[0 if one else 1, part]
+        at = [file.flange(rows) for file, rows in zip(files, self.rows, strict=True)]
+        if self.paired:
+            at[1] = at[0]  # but for their rounding
 
         def residuals(x: Array) -> list[Array]:
-            seats, targets = placed(x)
-            first = self.a.residual(seats[0], targets[0], self.rows[0], at_a)
-            second = self.b.residual(seats[1], targets[1], self.rows[1], at_b)
-            return [second - first] if self.paired else [first, second]
+            parts = [
+                file.residual(numbers[:6], numbers[6:].reshape(-1, 3), rows, flange)
+                for file, numbers, rows, flange in zip(files, x[places], self.rows, at, strict=True)
+            ]
+            return [parts[1] - parts[0]] if self.paired else parts
 
-        x = np.concatenate(parts)
-        start, free = x.copy(), np.ones(x.size, dtype=bool)
-        free[3 : 6 + marks] = not self.paired  # origin and target of the first file cancel
+        x, free = own.ravel(), np.isin(np.arange(own.size), places)
+        start = x.copy()
+        free[3 : own.shape[1]] = not self.paired  # origin and target of the first file cancel
 
         def stacked(unknown: Array) -> Array:
             x[free] = unknown
@@ -192,7 +185,7 @@ class FilePair:
                 stacked, x[free], loss=loss, f_scale=self.tolerance, x_scale="jac", max_nfev=50
             ).x
         misfits = (np.sqrt((part**2).sum(axis=2).mean(axis=0)) for part in residuals(x))  # [m]
-        return PairFit(max(float(np.median(misfit)) for misfit in misfits), *placed(x))
+        return PairFit(max(float(np.median(misfit)) for misfit in misfits), x[places])
 
 
 @dataclass(frozen=True)

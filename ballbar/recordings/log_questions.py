@@ -14,8 +14,8 @@ from typing import Any, get_args
 
 from acquisition.explain import ANGLES
 from acquisition.sources import layout_of
-from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
+from acquisition.table.text import split_fields
 from acquisition.times import TIME_FORMS, recognised, words
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.dialect_questions import new_dialect

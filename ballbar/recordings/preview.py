@@ -9,8 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.formats.registry import container_of
-from acquisition.table.fields import HEAD, column_names, likely_separator, split_fields
-from acquisition.table.text import LogText, read_filled, text_of
+from acquisition.table.text import (
+    HEAD,
+    LogText,
+    column_names,
+    likely_separator,
+    read_filled,
+    split_fields,
+    text_of,
+)
 from cell.arrays import Array
 from cell.dialect import Container
 

@@ -14,10 +14,9 @@ import numpy as np
 from acquisition.declared_columns import selectors_of
 from acquisition.faults.nominal_robot import judged, spread_of
 from acquisition.formats.table_file import FileKind
-from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE
 from acquisition.table.quantities import header_names, quantities, read_rows, split_unit
-from acquisition.table.text import LogText
+from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError

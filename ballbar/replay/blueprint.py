@@ -20,7 +20,6 @@ from ballbar.replay.entities import (
     CELL,
     CLOCK,
     CLOCK_ERROR,
-    CLOCK_IDENTIFIED,
     COVERAGE_SHARE,
     COVERED,
     ENCODERS,
@@ -48,7 +47,15 @@ from cell.arrays import Array
 _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right, in front and above; times the reach
 _LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
 _SPEED = 4.0  # a run takes minutes; the eye still follows
-_ROD = ((FORCE, "Rod force, tension positive [N]"), (STRAIN, "Axial elongation of the rod [um]"))
+_MORE = (  # tab, entity and title of a plot, and whether zero is in its middle
+    ("TCP error", TCP_ERROR, "TCP error against the truth [um]", False),
+    ("TCP error", TCP_AFTER, "Of the identified robot alone [um]", False),
+    ("Rod", FORCE, "Rod force, tension positive [N]", True),
+    ("Rod", STRAIN, "Axial elongation of the rod [um]", True),
+    ("Clock", CLOCK, "Clock offset: robot's minus the other log's [ms]", False),
+    ("Clock", CLOCK_ERROR, "Error of the identified offset [us]", True),
+    ("Coverage", COVERAGE_SHARE, "Part of the sphere covered [%]", False),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,19 +160,14 @@ def _texts(root: str) -> rrb.Container:
 
 
 def _residuals(shown: Shown) -> rrb.Container:
-    rows = [
-        _residual(shown, kind, quantity)
-        for kind, quantity in ((POSITION, "position [um]"), (ANGLE, "angle [urad]"))
-        if f"{AFTER}/{kind}" in shown.series
-    ]
-    return rrb.Tabs(*rows, active_tab=0)
-
-
-def _residual(shown: Shown, kind: str, quantity: str) -> rrb.Horizontal:
-    before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
-    both = _plot(shown, before, f"Residual before and after, {quantity}", also=after)
-    alone = _plot(shown, after, f"Residual after, {quantity}", largest=shown.largest(after))
-    return rrb.Horizontal(both, alone, name=f"Loop closure: {quantity}")
+    tabs = []
+    for kind, quantity in ((POSITION, "position [um]"), (ANGLE, "angle [urad]")):
+        before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
+        if after in shown.series:
+            both = _plot(shown, before, f"Residual before and after, {quantity}", also=after)
+            alone = _plot(shown, after, f"Residual after, {quantity}", about_zero=True)
+            tabs.append(rrb.Horizontal(both, alone, name=f"Loop closure: {quantity}"))
+    return rrb.Tabs(*tabs, active_tab=0)
 
 
 def _angles(shown: Shown) -> rrb.Container:
@@ -177,40 +179,24 @@ def _angles(shown: Shown) -> rrb.Container:
 
 def _more(shown: Shown) -> rrb.Container:
     """TCP error, rod, clock and coverage, as far as they are known."""
-    tcp, clock = [], []
-    if TCP_BEFORE in shown.series:
-        tcp.append(_plot(shown, TCP_ERROR, "TCP error against the truth [um]"))
-        tcp.append(_plot(shown, TCP_AFTER, "Of the identified robot alone [um]"))
-    rod = [
-        _plot(shown, entity, title, largest=largest)
-        for entity, title in _ROD
-        if (largest := shown.largest(entity)) is not None
-    ]
-    if CLOCK_IDENTIFIED in shown.series:
-        clock.append(_plot(shown, CLOCK, "Clock offset: robot's minus the other log's [ms]"))
-    if (largest := shown.largest(CLOCK_ERROR)) is not None:
-        title = "Error of the identified offset [us]"
-        clock.append(_plot(shown, CLOCK_ERROR, title, largest=largest))
-    coverage = [_plot(shown, COVERAGE_SHARE, "Part of the sphere covered [%]")]
-    tabs = (("TCP error", tcp), ("Rod", rod), ("Clock", clock), ("Coverage", coverage))
-    return rrb.Tabs(
-        *(rrb.Horizontal(*views, name=name) for name, views in tabs if views), active_tab=0
-    )
+    views: dict[str, list[rrb.View]] = {}
+    for tab, entity, title, about_zero in _MORE:
+        if shown.largest(entity) is not None or entity == COVERAGE_SHARE:
+            views.setdefault(tab, []).append(_plot(shown, entity, title, about_zero=about_zero))
+    tabs = [rrb.Horizontal(*plots, name=tab) for tab, plots in views.items()]
+    return rrb.Tabs(*tabs, active_tab=0)
 
 
 def _plot(
-    shown: Shown, entity: str, title: str, *, also: str = "", largest: float | None = None
+    shown: Shown, entity: str, title: str, *, also: str = "", about_zero: bool = False
 ) -> rrb.TimeSeriesView:
-    """A plot of everything below an entity.
-
-    Its axis is symmetric about zero where the largest absolute value is given.
-    """
-    end = 1.1 * rounded_up(largest) if largest is not None else None
+    """A plot of everything below an entity; about_zero : whether zero is in its middle."""
+    end = 1.1 * rounded_up(shown.largest(entity) or 0.0)
     return rrb.TimeSeriesView(
         origin=f"{shown.root}{entity}",
         contents=[f"{shown.root}{path}/**" for path in (entity, also) if path],
         name=title,
         axis_x=rrb.TimeAxis(view_range=whole_range(shown.duration)),
-        axis_y=rrb.ScalarAxis(range=(-end, end)) if end else None,
+        axis_y=rrb.ScalarAxis(range=(-end, end)) if about_zero else None,
         plot_legend=rrb.Corner2D.RightTop,
     )

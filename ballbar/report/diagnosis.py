@@ -10,7 +10,7 @@ import numpy as np
 from ballbar.report.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.extended_yaml import SHIPPED
@@ -38,7 +38,6 @@ SHOWN = 8  # rows of a table; what follows is added up
 NAMED = 4  # unknowns of a direction that are named
 WORTHWHILE = 0.05  # share of the stated uncertainty below which a step is not recommended
 PATHS = ("a", "b", "planned")  # of scenarios/paths, behind the robot's name
-Row = dict[str, object]  # of a table, by the columns of the template
 ENOUGH = (Status.GOOD, Status.SUSPECT, Status.UNCERTAIN)  # nothing is to be repaired first
 
 _KINDS = {
@@ -51,6 +50,17 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
+class Driver:
+    """One thing that moves the tool, over the poses of the workspace."""
+
+    names: str  # of parameters or coefficients, in the notation of the tables
+    what: str
+    share: float  # of the whole; outside 0 to 1 where parts outweigh each other
+    size: float | None = None  # [m] rms; None of several together
+    sigma: float | None = None  # [m]
+
+
+@dataclass(frozen=True)
 class Steps:
     """Predicted next steps, and the one that would help most."""
 
@@ -59,9 +69,9 @@ class Steps:
     rows: tuple[tuple[str, ...], ...] = ()
 
 
-def advised_steps(run: Run) -> Steps:
+def advised_steps(run: RunData) -> Steps:
     """Predicted next steps of a ball-bar's logs, where nothing is to be repaired first."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return Steps()
     result, robot = run.identification, run.identification.robot
     if robot.cell.ballbar.stroke is not None or result.verdict.status not in ENOUGH:
@@ -81,9 +91,9 @@ def advised_steps(run: Run) -> Steps:
     )
 
 
-def diagnosis_section(run: Run, steps: Steps) -> list[Section]:
+def diagnosis_section(run: RunData, steps: Steps) -> list[Section]:
     """Drivers of the error before and after, and next steps."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return []
     robot = run.identification.robot
     parts = correction_parts(robot, accuracy_grid(robot.cell.robot))
@@ -93,6 +103,7 @@ def diagnosis_section(run: Run, steps: Steps) -> list[Section]:
             "diagnosis.html",
             {"diagnosis": "Diagnosis"},
             MACHINE,
+            percent=_percent,
             before=_before(parts, sentences),
             after=_after(robot.tcp),
             several=run.several,
@@ -101,47 +112,21 @@ def diagnosis_section(run: Run, steps: Steps) -> list[Section]:
     ]
 
 
-def _before(parts: Sequence[CorrectionPart], sentences: dict[str, str]) -> list[Row]:
+def _before(parts: Sequence[CorrectionPart], sentences: dict[str, str]) -> list[Driver]:
     rows = [
-        _driver(
-            part.name,
-            sentences[part.source] if part.source else _meaning(part.name),
-            part.share,
-            size=significant(part.size * MM),
-            sigma=significant(part.sigma * MM, 2),
-        )
-        for part in parts[:SHOWN]
+        Driver(p.name, sentences.get(p.source) or _meaning(p.name), p.share, p.size, p.sigma)
+        for p in parts[:SHOWN]
     ]
-    others = parts[SHOWN:]
-    if others:
+    if others := parts[SHOWN:]:
         what = f"{len(others)} smaller ones together"
-        rows.append(_driver("", what, sum(part.share for part in others)))
+        rows.append(Driver("", what, sum(part.share for part in others)))
     return rows
 
 
-def _after(tcp: TcpUncertainty) -> list[Row]:
+def _after(tcp: TcpUncertainty) -> list[Driver]:
     directions = tcp.directions[:SHOWN]
-    rows = [
-        _driver(_members(d), _direction(d), tcp.share(d), size=significant(d.rms * MM))
-        for d in directions
-    ]
-    return [*rows, _driver("", "all other directions", 1.0 - sum(map(tcp.share, directions)))]
-
-
-def _driver(names: str, what: str, share: float, *, size: str = "", sigma: str = "") -> Row:
-    """One thing that moves the tool, over the poses of the workspace.
-
-    names : of parameters or coefficients, in the notation of the tables. size, sigma : [mm] rms.
-    """
-    bar = round(100.0 * min(1.0, max(0.0, share)), 1)  # [%] its length beside the share
-    return {
-        "names": names,
-        "what": what,
-        "size": size,
-        "sigma": sigma,
-        "share": _percent(share),
-        "bar": bar,
-    }
+    rows = [Driver(_members(d), _direction(d), tcp.share(d), d.rms) for d in directions]
+    return [*rows, Driver("", "all other directions", 1.0 - sum(map(tcp.share, directions)))]
 
 
 def _members(direction: TcpDirection) -> str:

@@ -91,15 +91,26 @@ class Fit:
                 gradient += gradient_of(self.model, k, block, residual)
         return normal, gradient
 
+    @property
+    def still(self) -> slice:
+        """The groups of still poses among the parts."""
+        return slice(len(self.model.recordings), None)
+
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
-        """(P, E, N) derivative of the whitened error of every part, robust weights included."""
-        linear = self.linear
+        """(P, E, N) derivative of the whitened error of every group of still poses, robust weights
+        included.
+        """
+        linear, parts = self.linear, range(*self.still.indices(len(self.model.parts)))
         return tuple(
-            whole_jacobian(self.model, self.x, k, point, weights.scaled(robust))
-            for k, (point, weights, robust) in enumerate(
-                zip(linear.evaluations, linear.weights, linear.robust, strict=True)
+            whole_jacobian(
+                self.model,
+                self.x,
+                k,
+                linear.evaluations[k],
+                linear.weights[k].scaled(linear.robust[k]),
             )
+            for k in parts
         )
 
     @property

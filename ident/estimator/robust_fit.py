@@ -135,8 +135,13 @@ def widened(declared: Unknowns, x: Array) -> Unknowns:
     """The unknowns with the priors of parameters and coefficients in Student's distribution."""
     sigma, machine = declared.sigma.copy(), declared.machine
     far = (x[machine] - declared.mean[machine]) / sigma[machine]
-    sigma[machine] *= np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
+    sigma[machine] *= student_widening(far)
     return replace(declared, sigma=sigma)
+
+
+def student_widening(far: Array) -> Array:
+    """Factors on the standard deviations of priors in Student's distribution; far : in those."""
+    return np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
 
 
 def determined(linear: NormalEquations, layout: Unknowns) -> float:

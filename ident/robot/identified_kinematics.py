@@ -16,13 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cell.arrays import Array
+from cell.arrays import Array, finite_rows, rigid_poses
 from cell.chain import Chain, cross, forward, joint_screws
 from cell.closed_form import arm_branches, has_arm_branches
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain
-from cell.given_arrays import finite_rows, rigid_poses
 from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
 from cell.payload import Payload, with_payload
 from cell.placement import Placement

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.formats.workbook import workbook_text
+from acquisition.formats.table_file import workbook_text
 from acquisition.pose_tables import read_poses
 from acquisition.recording import read_recording
 from acquisition.table.header import Layout

@@ -26,9 +26,8 @@ from acquisition.live import ads, egm_source, recorder
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.progress import RecorderState
 from acquisition.live.recorder import LiveRecording
-from acquisition.live.source import DeviceSilentError
+from acquisition.live.source import DeviceSilentError, RecorderState
 from acquisition.recording import read_recording
 from cell.plc_ring import RING
 from sim.live.plc import loopback_address

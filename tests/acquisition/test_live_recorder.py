@@ -27,9 +27,8 @@ from acquisition.live.ads import AdsMemory
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder, SegmentFile
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.progress import Progress, RecorderState, Tally
 from acquisition.live.recorder import POLL, LiveRecording, Recorder
-from acquisition.live.source import Batch, Source
+from acquisition.live.source import Batch, Progress, RecorderState, Source, Tally
 from acquisition.recording import read_recording
 from ballbar.record.terminal import say_recording, status_table, status_words
 from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout

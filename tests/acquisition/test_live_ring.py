@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.live.folder import SegmentFile
-from acquisition.live.plc_source import PlcSource
-from acquisition.live.ring import RingReader
+from acquisition.live.plc_source import PlcSource, RingReader
 from acquisition.live.source import DeviceSilentError
 from tests.helpers.plc_server import Plc, plc_samples, text_of
 from tests.helpers.ring_memory import RingMemory

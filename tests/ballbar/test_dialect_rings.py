@@ -10,9 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from acquisition.recording import read_recording
-from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import IdentifySettings, load_scenario
-from ballbar.truth.compare import identification_against_truth
+from ballbar.scenario import load_scenario
 from cell.dialect import dialect_names, load_dialect
 from cell.errors import InputError
 from tests.helpers.simulated_recordings import Recorded, record
@@ -105,16 +103,3 @@ def test_a_dialect_that_cannot_be_written_is_refused(
 ) -> None:
     with pytest.raises((InputError, ValidationError), match=words):
         record(tmp_path / "recording", logs=logs)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("dialect", [*ROBOTS, *BALLBARS])
-def test_a_robot_is_identified_from_every_dialect(dialect: str, tmp_path: Path) -> None:
-    side = OF[dialect]
-    done = record(
-        tmp_path / "recording", plant={"kind": "kinematic"}, logs={side: {"dialect": dialect}}
-    )
-    data = identify_recordings([done.folder], settings=IdentifySettings(samples=300))
-    assert data.acceptable, data.identification.verdict.sentence
-    compared = identification_against_truth(data.identification, done.simulation.truth)
-    assert compared.tcp.mean < 0.03e-3  # nominal 2.7 mm; steps of 17 urad with abb-libegm

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from ballbar.replay import write as replay
@@ -35,6 +34,15 @@ from cell.load import load_cell
 from ident.robot.accuracy import accuracy_grid
 from tests.helpers.command_line import ballbar
 from tests.helpers.identified_run import simulated_run
+from tests.helpers.replay_files import (
+    chunks,
+    entities,
+    free_port,
+    over_time,
+    rerun_says,
+    values,
+    verified,
+)
 
 NS = 1e9
 
@@ -73,37 +81,14 @@ def file(run, tmp_path_factory) -> Path:
     return path
 
 
-def _rerun(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "rerun_cli", *arguments], capture_output=True, text=True, check=False
-    )
-
-
-def _entities(path: Path) -> set[str]:
-    return {chunk.entity_path for chunk in RrdReader(str(path)).stream().to_chunks()}
-
-
-def _read(path: Path, entity: str, component: str) -> tuple[Array, Array]:
-    """Times [ns] and values of one component over the timeline."""
-    times, values = [], []
-    for chunk in RrdReader(str(path)).stream().filter(content=entity):
-        batch = chunk.to_record_batch()
-        known = {"robot_time", component} <= set(batch.schema.names)
-        if not chunk.is_static and known:
-            times.append(batch.column("robot_time").cast("int64").to_numpy())
-            values.append(np.array(batch.column(component).to_pylist()).reshape(chunk.num_rows, -1))
-    return np.concatenate(times), np.concatenate(values)
-
-
 @pytest.mark.slow
 def test_rerun_itself_finds_no_fault_in_the_file(file):
-    done = _rerun("rrd", "verify", str(file))
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert verified(file)
 
 
 def test_joint_angles_are_the_logged_rows_bit_for_bit(file, run):
     log = run.recordings[0].recording.robot_log
-    ns, degrees = _read(file, "/robot/joint_angles_deg", "Scalars:scalars")
+    ns, degrees = over_time(file, "/robot/joint_angles_deg", "Scalars:scalars")
     rows = np.searchsorted(log.t, ns / NS - 1e-6)  # the file holds whole ns, the log float seconds
     np.testing.assert_array_equal(degrees, np.degrees(log.q[rows]))
     assert np.abs(ns - log.t[rows] * NS).max() <= 1.0
@@ -113,8 +98,8 @@ def test_joint_angles_are_the_logged_rows_bit_for_bit(file, run):
 def test_residuals_are_in_um_and_urad_on_the_robots_clock(file, run):
     estimate = run.recordings[0].estimate
     for when, residuals in (("before", estimate.before), ("after", estimate.after)):
-        ns, position = _read(file, f"/residual/{when}/position_um", "Scalars:scalars")
-        _, angle = _read(file, f"/residual/{when}/angle_urad", "Scalars:scalars")
+        ns, position = over_time(file, f"/residual/{when}/position_um", "Scalars:scalars")
+        _, angle = over_time(file, f"/residual/{when}/angle_urad", "Scalars:scalars")
         np.testing.assert_array_equal(position, residuals.position * 1e6)
         np.testing.assert_array_equal(angle, residuals.angle * 1e6)
         expected = estimate.clock.offset + (1.0 + estimate.clock.skew) * residuals.t
@@ -124,14 +109,14 @@ def test_residuals_are_in_um_and_urad_on_the_robots_clock(file, run):
 def test_bodies_of_the_file_stand_where_the_identified_kinematics_put_them(file, run):
     (fitted,) = run.recordings
     frames = robot_frames(fitted.estimate.geometry, cell_motion(fitted).q)
-    _, places = _read(file, "/cell/robot/link4", "Transform3D:translation")
+    _, places = over_time(file, "/cell/robot/link4", "Transform3D:translation")
     np.testing.assert_allclose(
         places.reshape(-1, 3), frames.origin[4].T, atol=2e-7
     )  # float32 in the viewer
 
 
 def test_everything_a_newcomer_needs_is_in_the_file(file):
-    entities = _entities(file)
+    present = entities(file)
     links = {f"/cell/robot/{name}" for name in ("base", *(f"link{i}" for i in range(1, 7)))}
     bar = {
         f"/cell/ballbar/{name}"
@@ -148,16 +133,13 @@ def test_everything_a_newcomer_needs_is_in_the_file(file):
         "/ballbar/encoder_angles_deg",
         "/notes",
     }
-    assert links | bar | tool | errors | plots | {"/cell/plate", "/cell/sphere"} <= entities
-    assert "/ballbar/rod_force_N" not in entities  # the kinematic plant knows none
+    assert links | bar | tool | errors | plots | {"/cell/plate", "/cell/sphere"} <= present
+    assert "/ballbar/rod_force_N" not in present  # the kinematic plant knows none
 
 
 def test_the_timeline_is_the_robots_clock(file):
     timelines = {
-        name
-        for chunk in RrdReader(str(file)).stream().to_chunks()
-        if not chunk.is_static
-        for name in chunk.timeline_names
+        name for chunk in chunks(file) if not chunk.is_static for name in chunk.timeline_names
     }
     assert timelines == {"robot_time"}
 
@@ -166,13 +148,9 @@ def test_the_timeline_is_the_robots_clock(file):
 def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path):
     again = tmp_path / "again.rrd"
     write_replay(again, run)
-    done = _rerun("rrd", "compare", "--unordered", str(file), str(again))
+    done = rerun_says("compare", "--unordered", file, again)
     assert done.returncode == 0, done.stdout + done.stderr
-    components = {
-        name
-        for chunk in RrdReader(str(again)).stream().to_chunks()
-        for name in chunk.to_record_batch().schema.names
-    }
+    components = {name for chunk in chunks(again) for name in chunk.to_record_batch().schema.names}
     assert not [
         name for name in components if "start_time" in name or "log_time" in name
     ]  # `compare` looks past these
@@ -186,14 +164,14 @@ def test_a_minute_takes_little_space(file):
 def test_a_real_recording_needs_no_truth(real, tmp_path):
     path = tmp_path / "real.rrd"
     write_replay(path, real)
-    entities = _entities(path)
+    present = entities(path)
     assert not [
-        e for e in entities if e.startswith("/tcp_error") or "error_of" in e or "true_position" in e
+        e for e in present if e.startswith("/tcp_error") or "error_of" in e or "true_position" in e
     ]
-    assert {"/cell/ballbar/rod_b3", "/residual/after/position_um"} <= entities
-    _, angles = _read(path, "/ballbar/encoder_angles_deg", "Scalars:scalars")
+    assert {"/cell/ballbar/rod_b3", "/residual/after/position_um"} <= present
+    _, angles = over_time(path, "/ballbar/encoder_angles_deg", "Scalars:scalars")
     assert angles.shape[1] == 2
-    assert _rerun("rrd", "verify", str(path)).returncode == 0
+    assert verified(path)
 
 
 @pytest.mark.slow
@@ -212,7 +190,7 @@ def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
     motion = cell_motion(bare_recording)
     assert np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3
     write_replay(tmp_path / "bare.rrd", bare)
-    assert "/ballbar/encoder_angles_deg" not in _entities(tmp_path / "bare.rrd")
+    assert "/ballbar/encoder_angles_deg" not in entities(tmp_path / "bare.rrd")
 
 
 def test_a_file_that_cannot_be_finished_leaves_the_old_one_and_nothing_else(
@@ -364,7 +342,7 @@ def test_taken_port_is_refused_by_number(file):
 
 
 def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
-    port = _free_port()
+    port = free_port()
     with web_server(file, port=port) as (url, server):
         assert url.startswith(f"http://127.0.0.1:{port}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A")
         with urllib.request.urlopen(url, timeout=5.0) as answer:
@@ -397,16 +375,10 @@ def test_the_port_belongs_to_the_web_viewer(file):
 
 
 def test_the_arrows_are_explained_beside_the_scene_and_not_on_it(file):
-    text = [
-        text
-        for chunk in RrdReader(str(file)).stream().filter(content="/legend").to_chunks()
-        for row in chunk.to_record_batch().column("TextDocument:text").to_pylist()
-        for text in row
-    ]
-    assert len(text) == 1
+    (text,) = values(file, "/legend", "TextDocument:text")
     assert "Orange arrow, nominal robot: tool" in text[0]
     assert "Blue arrow, identified robot: tool" in text[0]
-    assert not [path for path in _entities(file) if path.endswith("/legend") and path != "/legend"]
+    assert not [path for path in entities(file) if path.endswith("/legend") and path != "/legend"]
 
 
 def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
@@ -435,9 +407,3 @@ def test_a_run_with_live_view_is_refused_at_once_where_there_is_no_screen(
     assert "there is no screen" in error
     assert "Leave out --live." in error
     assert not (tmp_path / "run").exists()
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

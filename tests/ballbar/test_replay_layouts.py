@@ -6,9 +6,6 @@ Events, coverage, parameters, comparison.
 from __future__ import annotations
 
 import re
-import socket
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +14,6 @@ import matplotlib.image
 import numpy as np
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from ballbar.replay.entities import PARAMETERS
@@ -35,6 +31,7 @@ from cell.logs import BallBarLog
 from ident.identify import identify
 from ident.options import FitOptions, Listener
 from tests.helpers.identified_run import simulated_run
+from tests.helpers.replay_files import chunks, entities, free_port, values, verified
 
 SECOND = 1e-9  # of the ns in a file
 
@@ -57,32 +54,6 @@ def other(run, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("other") / "unknown.rrd"
     write_replay(path, replace(run, name="unknown", simulation=None, comparison=None, limits=()))
     return path
-
-
-def _chunks(path: Path, entity: str) -> list:
-    return [
-        chunk for chunk in RrdReader(str(path)).stream().to_chunks() if chunk.entity_path == entity
-    ]
-
-
-def _values(path: Path, entity: str, component: str) -> list:
-    return [row for chunk in _chunks(path, entity) for row in _column(chunk, component)]
-
-
-def _column(chunk, component: str) -> list:
-    batch = chunk.to_record_batch()
-    return batch.column(component).to_pylist() if component in batch.schema.names else []
-
-
-def _verified(path: Path) -> bool:
-    return (
-        subprocess.run(
-            [sys.executable, "-m", "rerun_cli", "rrd", "verify", str(path)],
-            capture_output=True,
-            check=False,
-        ).returncode
-        == 0
-    )
 
 
 def test_watching_changes_nothing(run):
@@ -175,8 +146,8 @@ def test_clock_error_is_that_of_the_comparison(run):
 
 
 def test_the_picture_of_the_parameters_shows_changes_and_intervals_to_scale(file, run):
-    (bars,) = _values(file, f"{PARAMETERS}/values/interval", "LineStrips2D:strips")
-    (changes,) = _values(file, f"{PARAMETERS}/values/change", "LineStrips2D:strips")
+    (bars,) = values(file, f"{PARAMETERS}/values/interval", "LineStrips2D:strips")
+    (changes,) = values(file, f"{PARAMETERS}/values/change", "LineStrips2D:strips")
     intervals, changes = (np.array(bar).reshape(-1, 2, 2) for bar in (bars, changes))
     robot = run.identification.robot
     rows = (*robot.geometry.table.robot, "bd3")  # where the bar stands is none of the robot's
@@ -194,9 +165,9 @@ def test_the_picture_of_the_parameters_shows_changes_and_intervals_to_scale(file
 @pytest.mark.slow
 def test_two_runs_stand_below_roots_of_their_own(file, other):
     with chosen_replay(file, other) as path:
-        assert _verified(path)
-        entities = {chunk.entity_path for chunk in RrdReader(str(path)).stream().to_chunks()}
-        names = _values(path, "/B/tcp_error/identified_um", "SeriesLines:names")
+        assert verified(path)
+        present = entities(path)
+        names = values(path, "/B/tcp_error/identified_um", "SeriesLines:names")
     assert not path.exists()
     assert ["B identified"] in names
     assert {
@@ -204,7 +175,7 @@ def test_two_runs_stand_below_roots_of_their_own(file, other):
         "/B/robot/joint_angles_deg",
         "/A/notes",
         "/B/notes",
-    } <= entities
+    } <= present
 
 
 def test_a_comparison_refuses_what_is_no_replay(file, tmp_path):
@@ -249,13 +220,13 @@ def test_live_run_shows_the_cell(run, tmp_path):
                 run.simulation.cell, motion.geometry, motion.t[rows], motion.q[rows], motion.b[rows]
             )
         live.finished(run)
-    assert _verified(path)
-    assert _chunks(path, "/cell/robot/link6")
+    assert verified(path)
+    assert chunks(path, "/cell/robot/link6")
 
 
 @pytest.mark.slow
 def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
-    port = _free_port()
+    port = free_port()
     if not any(
         Path(folder).is_dir() and any(Path(folder).iterdir())
         for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
@@ -282,9 +253,3 @@ def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
             assert (
                 len(np.unique(np.floor(shades * 16.0), axis=0)) > 100
             )  # a scene, not an empty window
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

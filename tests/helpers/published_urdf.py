@@ -15,7 +15,6 @@ import numpy as np
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 MINUS_X, MINUS_Y, MINUS_Z = (-1, 0, 0), (0, -1, 0), (0, 0, -1)
 NO_TURN = (0.0, 0.0, 0.0)
-UR_QUARTER = 1.570796327  # as UR prints it
 Triple = tuple[float, float, float]
 
 
@@ -37,210 +36,129 @@ class PublishedUrdf:
     joints: tuple[Joint, ...]
 
 
-TO_FRONT = Joint((0, 0, 0), None, (0, pi / 2, 0))  # tool0 of ABB and KUKA: z along link 6's x
-TO_FRONT_TURNED = Joint((0, 0, 0), None, (pi, -pi / 2, 0))  # of Fanuc
+def _published(source: str, frames: str, joints: str) -> PublishedUrdf:
+    """The robot of these joints: x y z [m], axis, and roll pitch yaw [rad] of those that turn."""
+    return PublishedUrdf(source, frames, tuple(map(_joint, joints.split("; "))))
 
 
-def _ur(d1: float, a2: float, a3: float, d4: float, d5: float, d6: float) -> tuple[Joint, ...]:
-    """The origins that all arms of UR share; offsets of 2e-11 m in the files are left out."""
-    return (
-        Joint((0, 0, d1), Z),
-        Joint((0, 0, 0), Z, (UR_QUARTER, 0, 0)),
-        Joint((a2, 0, 0), Z),
-        Joint((a3, 0, d4), Z),
-        Joint((0, -d5, 0), Z, (UR_QUARTER, 0, 0)),
-        Joint((0, d6, 0), Z, (UR_QUARTER, pi, pi)),
-    )
+def _joint(text: str) -> Joint:
+    x, y, z, axis, *turn = text.split()
+    roll, pitch, yaw = map(_number, turn or "000")
+    return Joint((_number(x), _number(y), _number(z)), AXES[axis], (roll, pitch, yaw))
 
 
-_UR = "ros-industrial/universal_robot, ur_description/config/{}/default_kinematics.yaml, {}"
-_ABB = "ros-industrial/abb, {}_macro.xacro, {}"
-_KUKA = "ros-industrial/kuka_experimental, {}_macro.xacro, {}"
+def _number(text: str) -> float:
+    return ANGLES[text] if text in ANGLES else float(text)
 
+
+AXES = {"x": X, "y": Y, "z": Z, "-x": MINUS_X, "-y": MINUS_Y, "-z": MINUS_Z, "fixed": None}
+ANGLES = {"pi": pi, "pi/2": pi / 2, "-pi/2": -pi / 2}
+# Of UR's files offsets of 2e-11 m are left out; a quarter turn is printed as 1.570796327.
 PUBLISHED = {
-    "ur5": PublishedUrdf(
-        _UR.format("ur5", "9238b2c4b788c43326569a60e43282aa1b1914ad"),
+    "ur5": _published(
+        "ros-industrial/universal_robot, ur_description/config/ur5/default_kinematics.yaml, "
+        "9238b2c4b788c43326569a60e43282aa1b1914ad",
         "base to tool0",
-        _ur(0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823),
+        "0 0 0.089159 z; 0 0 0 z 1.570796327 0 0; -0.425 0 0 z; -0.39225 0 0.10915 z; "
+        "0 -0.09465 0 z 1.570796327 0 0; 0 0.0823 0 z 1.570796327 pi pi",
     ),
-    "ur10": PublishedUrdf(
-        _UR.format("ur10", "e30bc2ed83093a1fd1468cf77bb61b1b1725df9d"),
+    "ur10": _published(
+        "ros-industrial/universal_robot, ur_description/config/ur10/default_kinematics.yaml, "
+        "e30bc2ed83093a1fd1468cf77bb61b1b1725df9d",
         "base to tool0",
-        _ur(0.1273, -0.612, -0.5723, 0.163941, 0.1157, 0.0922),
+        "0 0 0.1273 z; 0 0 0 z 1.570796327 0 0; -0.612 0 0 z; -0.5723 0 0.163941 z; "
+        "0 -0.1157 0 z 1.570796327 0 0; 0 0.0922 0 z 1.570796327 pi pi",
     ),
-    "ur5e": PublishedUrdf(
-        _UR.format("ur5e", "6485dfa6444f769f854d8135c123d4baf6796f44"),
+    "ur5e": _published(
+        "ros-industrial/universal_robot, ur_description/config/ur5e/default_kinematics.yaml, "
+        "6485dfa6444f769f854d8135c123d4baf6796f44",
         "base to tool0",
-        _ur(0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+        "0 0 0.1625 z; 0 0 0 z 1.570796327 0 0; -0.425 0 0 z; -0.3922 0 0.1333 z; "
+        "0 -0.0997 0 z 1.570796327 0 0; 0 0.0996 0 z 1.570796327 pi pi",
     ),
-    "ur10e": PublishedUrdf(
+    "ur10e": _published(
         "yerayNS-CDEI/ur_arm_control, urdf/ur10e.urdf (ur_description of ROS Humble, expanded), "
         "d572ef234de91c5cea6d8ce81a6f3b95a1e31503",
         "base to tool0",
-        _ur(0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+        "0 0 0.1807 z; 0 0 0 z 1.570796327 0 0; -0.6127 0 0 z; -0.57155 0 0.17415 z; "
+        "0 -0.11985 0 z 1.570796327 0 0; 0 0.11655 0 z 1.570796327 pi pi",
     ),
-    "irb120": PublishedUrdf(
-        _ABB.format(
-            "abb_irb120_support/urdf/irb120_3_58", "59e17fb621af582f149e0b86179b68a51bd10e1d"
-        ),
+    "irb120": _published(
+        "ros-industrial/abb, abb_irb120_support/urdf/irb120_3_58_macro.xacro, "
+        "59e17fb621af582f149e0b86179b68a51bd10e1d",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0), Z),
-            Joint((0, 0, 0.29), Y),
-            Joint((0, 0, 0.27), Y),
-            Joint((0, 0, 0.07), X),
-            Joint((0.302, 0, 0), Y),
-            Joint((0.072, 0, 0), X),
-            TO_FRONT,
-        ),
+        "0 0 0 z; 0 0 0.29 y; 0 0 0.27 y; 0 0 0.07 x; 0.302 0 0 y; 0.072 0 0 x; "
+        "0 0 0 fixed 0 pi/2 0",
     ),
-    "irb1600": PublishedUrdf(
-        _ABB.format(
-            "abb_irb1600_support/urdf/irb1600_10_145", "09a4feed7b9f6f529542b9415e7e0b8a7f8893b8"
-        ),
+    "irb1600": _published(
+        "ros-industrial/abb, abb_irb1600_support/urdf/irb1600_10_145_macro.xacro, "
+        "09a4feed7b9f6f529542b9415e7e0b8a7f8893b8",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0), Z),
-            Joint((0.15, 0, 0.4865), Y),
-            Joint((0, 0, 0.700), Y),
-            Joint((0.300, 0, 0), X),
-            Joint((0.300, 0, 0), Y),
-            Joint((0.065, 0, 0), X),
-            TO_FRONT,
-        ),
+        "0 0 0 z; 0.15 0 0.4865 y; 0 0 0.7 y; 0.3 0 0 x; 0.3 0 0 y; 0.065 0 0 x; "
+        "0 0 0 fixed 0 pi/2 0",
     ),
-    "irb2400": PublishedUrdf(
-        _ABB.format(
-            "abb_irb2400_support/urdf/irb2400_12_155", "d266f42024b83698eecdee3c44f029c0e9b4b59e"
-        ),
+    "irb2400": _published(
+        "ros-industrial/abb, abb_irb2400_support/urdf/irb2400_12_155_macro.xacro, "
+        "d266f42024b83698eecdee3c44f029c0e9b4b59e",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0), Z),
-            Joint((0.1, 0, 0.615), Y),
-            Joint((0, 0, 0.705), Y),
-            Joint((0, 0, 0.135), X),
-            Joint((0.755, 0, 0), Y),
-            Joint((0, 0, 0), X),
-            Joint((0.085, 0, 0), None, (0, pi / 2, 0)),
-        ),
+        "0 0 0 z; 0.1 0 0.615 y; 0 0 0.705 y; 0 0 0.135 x; 0.755 0 0 y; 0 0 0 x; "
+        "0.085 0 0 fixed 0 pi/2 0",
     ),
-    "irb4600": PublishedUrdf(
-        _ABB.format(
-            "abb_irb4600_support/urdf/irb4600_40_255", "0707207a3f24c21bb98d39756f67ec83f4e0d977"
-        ),
+    "irb4600": _published(
+        "ros-industrial/abb, abb_irb4600_support/urdf/irb4600_40_255_macro.xacro, "
+        "0707207a3f24c21bb98d39756f67ec83f4e0d977",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0.495), Z),
-            Joint((0.175, 0, 0), Y),
-            Joint((0, 0, 1.095), Y),
-            Joint((0, 0, 0.175), X),
-            Joint((1.270, 0, 0), Y),
-            Joint((0.135, 0, 0), X),
-            TO_FRONT,
-        ),
+        "0 0 0.495 z; 0.175 0 0 y; 0 0 1.095 y; 0 0 0.175 x; 1.27 0 0 y; 0.135 0 0 x; "
+        "0 0 0 fixed 0 pi/2 0",
     ),
-    "irb6640": PublishedUrdf(
-        _ABB.format(
-            "abb_irb6640_support/urdf/irb6640_185_280", "d7348925ea5aa8518ee70b36b2fa311f5c27aca6"
-        ),
+    "irb6640": _published(
+        "ros-industrial/abb, abb_irb6640_support/urdf/irb6640_185_280_macro.xacro, "
+        "d7348925ea5aa8518ee70b36b2fa311f5c27aca6",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0.780), Z),
-            Joint((0.320, 0, 0), Y),
-            Joint((0, 0, 1.075), Y),
-            Joint((0, 0, 0.2), X),
-            Joint((1.392, 0, 0), Y),
-            Joint((0.2, 0, 0), X),
-            TO_FRONT,
-        ),
+        "0 0 0.78 z; 0.32 0 0 y; 0 0 1.075 y; 0 0 0.2 x; 1.392 0 0 y; 0.2 0 0 x; "
+        "0 0 0 fixed 0 pi/2 0",
     ),
-    "kr10_r1100": PublishedUrdf(
-        _KUKA.format(
-            "kuka_kr10_support/urdf/kr10r1100sixx", "62c4af1c3a02141002db9de59e0c8536fab2f28b"
-        ),
+    "kr10_r1100": _published(
+        "ros-industrial/kuka_experimental, kuka_kr10_support/urdf/kr10r1100sixx_macro.xacro, "
+        "62c4af1c3a02141002db9de59e0c8536fab2f28b",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0.400), MINUS_Z),
-            Joint((0.025, 0, 0), Y),
-            Joint((0.560, 0, 0), Y),
-            Joint((0, 0, 0.035), MINUS_X),
-            Joint((0.515, 0, 0), Y),
-            Joint((0.080, 0, 0), MINUS_X),
-            TO_FRONT,
-        ),
+        "0 0 0.4 -z; 0.025 0 0 y; 0.56 0 0 y; 0 0 0.035 -x; 0.515 0 0 y; 0.08 0 0 -x; "
+        "0 0 0 fixed 0 pi/2 0",
     ),
-    "kr210": PublishedUrdf(
-        _KUKA.format(
-            "kuka_kr210_support/urdf/kr210r2700extra", "01ae9a4c28bd13178449bd3c5937190cc3b7e25a"
-        ),
+    "kr210": _published(
+        "ros-industrial/kuka_experimental, kuka_kr210_support/urdf/kr210r2700extra_macro.xacro, "
+        "01ae9a4c28bd13178449bd3c5937190cc3b7e25a",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0.675), MINUS_Z),
-            Joint((0.350, 0, 0), Y),
-            Joint((1.150, 0, 0), Y),
-            Joint((0, 0, -0.041), MINUS_X),
-            Joint((1.200, 0, 0), Y),
-            Joint((0.215, 0, 0), MINUS_X),
-            TO_FRONT,
-        ),
+        "0 0 0.675 -z; 0.35 0 0 y; 1.15 0 0 y; 0 0 -0.041 -x; 1.2 0 0 y; 0.215 0 0 -x; "
+        "0 0 0 fixed 0 pi/2 0",
     ),
-    "panda": PublishedUrdf(
+    "panda": _published(
         "frankaemika/franka_ros, franka_description/robots/common/franka_arm.xacro, "
         "b2a62ff6052db4deff8b5ad734658deea2403390",
         "panda_link0 to panda_link8",
-        (
-            Joint((0, 0, 0.333), Z),
-            Joint((0, 0, 0), Z, (-pi / 2, 0, 0)),
-            Joint((0, -0.316, 0), Z, (pi / 2, 0, 0)),
-            Joint((0.0825, 0, 0), Z, (pi / 2, 0, 0)),
-            Joint((-0.0825, 0.384, 0), Z, (-pi / 2, 0, 0)),
-            Joint((0, 0, 0), Z, (pi / 2, 0, 0)),
-            Joint((0.088, 0, 0), Z, (pi / 2, 0, 0)),
-            Joint((0, 0, 0.107), None),
-        ),
+        "0 0 0.333 z; 0 0 0 z -pi/2 0 0; 0 -0.316 0 z pi/2 0 0; 0.0825 0 0 z pi/2 0 0; "
+        "-0.0825 0.384 0 z -pi/2 0 0; 0 0 0 z pi/2 0 0; 0.088 0 0 z pi/2 0 0; 0 0 0.107 fixed",
     ),
-    "iiwa14": PublishedUrdf(
+    "iiwa14": _published(
         "lbr-stack/lbr_fri_ros2_stack, lbr_description/urdf/iiwa14/iiwa14_description.xacro, "
         "122a16a3d5e09fe673508066f332e584a10ce1e4",
         "link_0 to link_ee",
-        (
-            Joint((0, 0, 0.1475), Z),
-            Joint((0, -0.01, 0.2125), Y),
-            Joint((0, 0.01, 0.228), Z),
-            Joint((0, 0.0105, 0.192), MINUS_Y),
-            Joint((0, -0.0105, 0.2075), Z),
-            Joint((0, -0.0707, 0.1925), Y),
-            Joint((0, 0.0707, 0.091), Z),
-            Joint((0, 0, 0.035), None),
-        ),
+        "0 0 0.1475 z; 0 -0.01 0.2125 y; 0 0.01 0.228 z; 0 0.0105 0.192 -y; 0 -0.0105 0.2075 z; "
+        "0 -0.0707 0.1925 y; 0 0.0707 0.091 z; 0 0 0.035 fixed",
     ),
-    "m20ia": PublishedUrdf(
+    "m20ia": _published(
         "ros-industrial/fanuc, fanuc_m20ia_support/urdf/m20ia_macro.xacro, "
         "526347abe10e6cd77cc1ed183414361dd4fdb218",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0.525), Z),
-            Joint((0.150, 0, 0), Y),
-            Joint((0, 0, 0.790), MINUS_Y),
-            Joint((0, 0, 0.250), MINUS_X),
-            Joint((0.835, 0, 0), MINUS_Y),
-            Joint((0.100, 0, 0), MINUS_X),
-            TO_FRONT_TURNED,
-        ),
+        "0 0 0.525 z; 0.15 0 0 y; 0 0 0.79 -y; 0 0 0.25 -x; 0.835 0 0 -y; 0.1 0 0 -x; "
+        "0 0 0 fixed pi -pi/2 0",
     ),
-    "gp25": PublishedUrdf(
+    "gp25": _published(
         "ros-industrial/motoman, motoman_gp25_support/urdf/gp25_macro.xacro, "
         "0961ed72690b3f506deede8f55a9404b3eaeab90",
         "base_link to tool0",
-        (
-            Joint((0, 0, 0.505), Z),
-            Joint((0.150, 0, 0), Y),
-            Joint((0, 0, 0.760), MINUS_Y),
-            Joint((0, 0, 0.200), MINUS_X),
-            Joint((0.795, 0, 0), MINUS_Y),
-            Joint((0, 0, 0), MINUS_X),
-            Joint((0.100, 0, 0), None, (3.1415926, -1.570796, 0)),
-        ),
+        "0 0 0.505 z; 0.15 0 0 y; 0 0 0.76 -y; 0 0 0.2 -x; 0.795 0 0 -y; 0 0 0 -x; "
+        "0.1 0 0 fixed 3.1415926 -1.570796 0",
     ),
 }
 

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.scope import Channel
+from acquisition.formats.scope import read_scope
+from acquisition.report import Finding
+from acquisition.table.header import Kind, Layout
 
 FILETIME = 132_959_733_843_760_000  # start of every export: 2022-05-02, UTC [100 ns since 1601]
 START_NS = (FILETIME - 116_444_736_000_000_000) * 100  # the same instant since 1970
@@ -143,21 +146,30 @@ def _signed(k: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
     return (k + 128) % 256 - 128 if bits == 8 else k
 
 
-def assert_counted(channels: Sequence[Channel], cycles: int, *, scaling_applied: bool) -> None:
-    """The integer channels hold what the program counted, at its times."""
-    found = {channel.name: channel for channel in channels}
+def channel(
+    file: Path, name: str, kind: Kind = "float"
+) -> tuple[NDArray[np.int64], NDArray, tuple[Finding, ...]]:
+    """Times (N,) [ns] since START_NS and values (N,) of one channel of an export, and findings."""
+    table, _ = read_scope(file, file.name, "time", Layout((), {"time": "integer", name: kind}))
+    return table.columns["time"] - START_NS, table.columns[name], table.findings
+
+
+def assert_counted(file: Path, cycles: int, *, scaling_applied: bool) -> None:
+    """The integer channels of a file hold what the program counted, at its times."""
     k = np.arange(cycles)
     for bits in BITS:
-        whole, signed = found[f"var_UINT{bits}"], found[f"var_INT{bits}"]
-        assert np.array_equal(whole.values, k % 2**bits if bits < 16 else k)
-        assert np.array_equal(signed.values, _signed(k, bits))
-        assert whole.values.dtype == signed.values.dtype == np.int64
-    assert np.array_equal(found["var_UINT32"].time_ns, START_NS + 1_000_000 * k)
-    assert np.array_equal(found["var_BIT"].values, np.minimum(k, 1))
-    assert np.array_equal(found["func_scaled_int"].values, 1 - k if scaling_applied else k)
-    assert found["func_scaled_int"].scaled
-    assert not found["var_INT32"].scaled
-    if "func_OS" in found:
+        times, whole, _ = channel(file, f"var_UINT{bits}", "integer")
+        _, signed, _ = channel(file, f"var_INT{bits}", "integer")
+        assert np.array_equal(times, 1_000_000 * k)
+        assert np.array_equal(whole, k % 2**bits if bits < 16 else k)
+        assert np.array_equal(signed, _signed(k, bits))
+        assert whole.dtype == signed.dtype == np.int64
+    assert np.array_equal(channel(file, "var_BIT", "integer")[1], np.minimum(k, 1))
+    _, values, findings = channel(file, "func_scaled_int")
+    assert np.array_equal(values, 1 - k if scaling_applied else k)
+    assert [entry.kind for entry in findings] == ["scaled channel"]
+    if b"func_OS" in file.read_bytes():
         oversampled = np.arange(5 * cycles - 4)
-        assert np.array_equal(found["func_OS"].time_ns, START_NS + 200_000 * oversampled)
-        assert np.array_equal(found["func_OS"].values, oversampled / 5)
+        times, values, _ = channel(file, "func_OS")
+        assert np.array_equal(times, 200_000 * oversampled)
+        assert np.array_equal(values, oversampled / 5)

@@ -13,8 +13,7 @@ from ident.corrections.joint_compliance import gear_compliance
 from ident.estimates import pulled
 from ident.estimator.fit import Fit
 from ident.fitted_robot import softer_gears
-from ident.table_estimate import TableEstimate, table_estimate
-from tests.helpers.still_poses import table_of, true_robot
+from ident.table_fit import added_table
 
 
 def fit_of(changes: dict[str, float], sigma: float = 1e-6) -> Fit:
@@ -58,25 +57,6 @@ def test_softness_is_the_mean_factor_over_the_gears(factor: float) -> None:
     assert softer_gears(fit) == pytest.approx(factor, rel=1e-12)
 
 
-@pytest.mark.parametrize(("ignored", "lost"), [(0, ""), (2, ", 2 of them too far off to count")])
-def test_the_sentence_of_a_table_has_its_errors_and_the_poses_left_out(
-    ignored: int, lost: str
-) -> None:
-    estimate = TableEstimate(
-        table=table_of(true_robot("ur5")),
-        seats={},
-        targets={},
-        errors=(np.array([1e-5, 3e-5]), np.array([8e-5])),
-        ignored=ignored,
-        unexplained=0.0,
-        declared=1e-5,
-    )
-    name = estimate.table.name
-    assert estimate.sentence == (
-        f"3 still poses of {name}{lost}: mean error 0.040 mm, largest 0.080 mm"
-    )
-
-
 def test_a_fit_of_recordings_alone_has_no_table() -> None:
     model = SimpleNamespace(unknowns=SimpleNamespace(), recordings=(), table=None)
-    assert table_estimate(cast("Fit", SimpleNamespace(model=model)), np.eye(1)) is None
+    assert added_table(cast("Fit", SimpleNamespace(model=model)), np.eye(1)) is None

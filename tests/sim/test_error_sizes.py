@@ -51,9 +51,10 @@ from sim.motion import Motion
 from sim.path_files import scenario_path
 from sim.plant.effects import Plant, PlantEffects, plant_effects, stated_masses
 from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
+from sim.recording_files import write_recording
 from sim.settings import ClockSettings, ErrorSettings
 from sim.simulate import simulate
-from tests.helpers.simulated_recordings import SCENARIOS, record, settings
+from tests.helpers.simulated_recordings import SCENARIOS, lissajous, settings, wire_settings
 
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
@@ -76,6 +77,13 @@ class Size:
 def spread(values: Array, sigma: float) -> Size:
     """Standard deviation of values whose mean is 0."""
     return Size(np.sqrt(np.mean(values**2)), sigma, 5.0 / np.sqrt(2.0 * values.size))
+
+
+def white(values: Array, sigma: float) -> Size:
+    """Standard deviation of three channels over a minute, which have no memory nor each other's."""
+    assert abs(np.sum(values[1:] * values[:-1]) / np.sum(values**2)) < 0.02
+    assert np.abs(np.corrcoef(values.T) - np.eye(3)).max() < 0.04
+    return spread(values, sigma)
 
 
 def share(hit: Array, probability: float) -> Size:
@@ -280,9 +288,10 @@ def motor_offsets() -> Size:
 
 def grown(errors: dict[str, float]) -> Array:
     """(7, 2) [m] by which a2 and d4 are longer every 10 s, so that the loop closes."""
-    path = {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 60.0, "stops": 0}
     chosen = settings(
-        path=path, plant={"kind": "kinematic"}, errors={"thermal_growth": errors}, seed=1
+        path=lissajous("paths/irb2400_a.yaml", 60.0, dwell_s=4.0),
+        plant={"kind": "kinematic"},
+        errors={"thermal_growth": errors},
     )
     motion = simulate(chosen, relative_to=SCENARIOS).motion
     rows = np.searchsorted(motion.t, np.arange(0.0, 61.0, 10.0) - 1e-6)
@@ -375,32 +384,10 @@ def zeros() -> Size:
     return spread(np.array(drawn) - NOMINAL["bd3"], 2e-3)
 
 
-def length_run(**changes: Any) -> dict[str, Any]:
-    """The main scenario with a draw-wire in place of the ball-bar."""
-    return {
-        "cell": {
-            "robot": "irb2400",
-            "instrument": "drawwire_2m",
-            "ballbar_position_m": [-0.006, -0.575, 0.062],
-        },
-        "path": {
-            "kind": "lissajous",
-            "file": "paths/irb2400_drawwire.yaml",
-            "duration_s": 60.0,
-            "stops": 0,
-        },
-        "plant": {"kind": "kinematic"},
-        "errors": {},
-        "encoders": {},
-        "clocks": {},
-        "length": changes,
-    }
-
-
 def zero_scale() -> Size:
     nominal, *zero = (
-        simulate(settings(**length_run(zero_scale=s)), relative_to=SCENARIOS).truth.geometry["bd3"]
-        for s in (0.0, 1.0, 3.0)
+        simulate(chosen, relative_to=SCENARIOS).truth.geometry["bd3"]
+        for chosen in (wire_settings(length={"zero_scale": s}) for s in (0.0, 1.0, 3.0))
     )
     assert abs(zero[0] - nominal) > 0.0
     return Size((zero[1] - nominal) / (zero[0] - nominal), 3.0)
@@ -490,6 +477,8 @@ def jitter() -> Size:
     chosen = ClockSettings.model_validate({"jitter": {"sigma_s": 3e-4}})
     stamps = log_times(600.0, chosen, seed=1).robot_stamp
     late = stamps - stamps[0] - ABB_PERIOD * np.arange(stamps.size)
+    assert late[0] == 0.0  # the first row, from which time counts
+    assert late[1:] @ late[:-1] / (late @ late) == pytest.approx(0.0, abs=0.02)
     return spread(late[1:], 3e-4)
 
 
@@ -552,36 +541,36 @@ def sensor_period() -> Size:
     return Size(np.diff(felt(0.0, 10.0, rate_hz=250.0)[0]), 1.0 / 250.0)
 
 
+def ramp_felt(**clock: float) -> tuple[Array, Array]:
+    """Stamps and readings of a load that grows by 1 N/s in every channel, over 10 s."""
+    ramp = replace(loaded(0.0, 10.0), wrench=np.array([[0.0] * 6, [10.0] * 6]))
+    sensor = ForceSensor.model_validate(EXACT_SENSOR | {"offset_s": 0.3} | clock)
+    drawn = drawn_loads(LoadLogs(force_sensor=sensor), 1)
+    return sensor_rows(ramp, 0.0, 10.0, sensor=sensor, drawn=drawn, seed=1)
+
+
 def sensor_start() -> Size:
-    """The sensor's first row by a load that grows by 1 N/s; its last is that of the robot."""
-    ramp = Motion(**(vars(loaded(0.0, 10.0)) | {"wrench": np.array([[0.0] * 6, [10.0] * 6])}))
-    sensor = ForceSensor.model_validate(EXACT_SENSOR | {"offset_s": 0.3})
-    stamps, read = sensor_rows(
-        ramp, 0.0, 10.0, sensor=sensor, drawn=drawn_loads(LoadLogs(force_sensor=sensor), 1), seed=1
-    )
+    """By the first row."""
+    stamps, read = ramp_felt()
     assert stamps[0] == SENSOR_EPOCH
     return Size(read[0], 0.3)
 
 
 def sensor_clock() -> Size:
-    """The sensor's last row by the same ramp: the robot's clock has gained 5 ms in 10 s."""
-    ramp = Motion(**(vars(loaded(0.0, 10.0)) | {"wrench": np.array([[0.0] * 6, [10.0] * 6])}))
-    sensor = ForceSensor.model_validate(EXACT_SENSOR | {"offset_s": 0.3, "skew": 5e-4})
-    stamps, read = sensor_rows(
-        ramp, 0.0, 10.0, sensor=sensor, drawn=drawn_loads(LoadLogs(force_sensor=sensor), 1), seed=1
-    )
+    """By the last row: the robot's clock has gained 5 ms in 10 s."""
+    stamps, read = ramp_felt(skew=5e-4)
     return Size((read[-1] - read[0]) / (stamps[-1] - stamps[0]) - 1.0, 5e-4, 1e-6)
 
 
 LOADS: dict[str, Callable[[], Size]] = {
     "force_sensor.skew": sensor_clock,
-    "torque.noise_N_m": lambda: spread(shown(0.0, 60.0, noise_N_m=3.0)[:, :3], 3.0),
-    "torque.wrist_noise_N_m": lambda: spread(shown(0.0, 60.0, wrist_noise_N_m=0.4)[:, 3:], 0.4),
+    "torque.noise_N_m": lambda: white(shown(0.0, 60.0, noise_N_m=3.0)[:, :3], 3.0),
+    "torque.wrist_noise_N_m": lambda: white(shown(0.0, 60.0, wrist_noise_N_m=0.4)[:, 3:], 0.4),
     "torque.gain_sigma": lambda: spread(
         np.stack([shown(1.0, 0.01, s, gain_sigma=0.03)[0] for s in SEEDS]) - 1.0, 0.03
     ),
-    "force_sensor.noise_N": lambda: spread(felt(0.0, 60.0, noise_N=1.5)[1][:, :3], 1.5),
-    "force_sensor.noise_N_m": lambda: spread(felt(0.0, 60.0, noise_N_m=0.15)[1][:, 3:], 0.15),
+    "force_sensor.noise_N": lambda: white(felt(0.0, 60.0, noise_N=1.5)[1][:, :3], 1.5),
+    "force_sensor.noise_N_m": lambda: white(felt(0.0, 60.0, noise_N_m=0.15)[1][:, 3:], 0.15),
     "force_sensor.bias_N": lambda: spread(sensors(bias_N=3.0)[:, :3], 3.0),
     "force_sensor.bias_N_m": lambda: spread(sensors(bias_N_m=0.3)[:, 3:], 0.3),
     "force_sensor.gain_sigma": lambda: spread(sensors(gain_sigma=0.02) / 1e3, 0.02),
@@ -608,8 +597,9 @@ def test_no_source_is_without_a_test_of_its_size() -> None:
 
 
 def test_lengths_are_rounded_to_the_stated_step(tmp_path: Path) -> None:
-    done = record(tmp_path / "recording", **length_run(resolution_m=3e-5))
-    (file,) = done.folder.glob("raw/length*.csv")
+    chosen = wire_settings(length={"resolution_m": 3e-5})
+    write_recording(simulate(chosen, relative_to=SCENARIOS), chosen, tmp_path / "recording")
+    (file,) = tmp_path.glob("recording/raw/length*.csv")
     steps = np.loadtxt(file, delimiter=",", skiprows=1)[:, 1] / 3e-2  # mm
     assert np.abs(steps - np.rint(steps)).max() < 1e-4  # the file has seven decimals
     assert np.gcd.reduce(np.diff(np.rint(steps).astype(int))) == 1

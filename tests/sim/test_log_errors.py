@@ -34,8 +34,8 @@ from sim.motion import Motion
 from sim.recording_files import truth_path
 from sim.settings import ErrorSettings, SimulationSettings
 from sim.truth import Truth, load_truth
-from tests.helpers.simulated_recordings import Recorded, record, settings
-from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
+from tests.helpers.simulated_recordings import Recorded, lissajous, record, settings
+from tests.helpers.six_axes import NAMES
 
 PERIOD = 0.004032  # [s] of the robot's rows
 WITHIN = 0.01  # of what was asked for
@@ -115,13 +115,7 @@ def simulated(folder: Path, *, duration: float = 30.0, **changes: Any) -> Run:
         "clocks": CLOCK,
         "plant": {"kind": "kinematic"},
     }
-    path = {
-        "kind": "lissajous",
-        "file": "paths/irb2400_a.yaml",
-        "duration_s": duration,
-        "dwell_s": 2.0,
-        "stops": 0,
-    }
+    path = lissajous("paths/irb2400_a.yaml", duration)
     done: Recorded = record(folder / "recording", **(base | {"path": path} | changes))
     return Run(done.folder, done.simulation.motion, load_truth(truth_path(done.folder)))
 
@@ -401,25 +395,7 @@ def test_ballbar_stamps_are_rounded_to_their_quantum(tmp_path: Path) -> None:
     assert np.diff(run.robot()[0]) == pytest.approx(PERIOD, abs=1.1e-6)
 
 
-@pytest.mark.slow
-def test_jitter_of_the_robots_stamps_has_the_asked_size_and_no_memory(tmp_path: Path) -> None:
-    run = simulated(tmp_path, duration=150.0, clocks={**CLOCK, "jitter": {}})
-    stamps, _ = run.robot()
-    jitter = stamps - PERIOD * np.arange(stamps.size)
-    assert jitter.std() == pytest.approx(2e-4, rel=WITHIN)
-    assert jitter[1:] @ jitter[:-1] / (jitter @ jitter) == pytest.approx(0.0, abs=0.02)
-    assert abs(jitter[1:].mean()) < 5e-6  # the first row, from which time counts, has none
-
-
 # --- loggers
-
-
-@pytest.mark.long
-def test_overruns_come_as_often_as_asked_and_on_the_task_grid(tmp_path: Path) -> None:
-    run = simulated(tmp_path, duration=600.0, clocks={**CLOCK, "overrun_probability": 0.4})
-    step = np.diff(run.ballbar())
-    assert set(step.tolist()) == {10_000_000, 15_000_000}
-    assert np.mean(step == 15_000_000) == pytest.approx(0.4, rel=WITHIN)
 
 
 @pytest.fixture(scope="module")
@@ -429,23 +405,7 @@ def lossy(tmp_path_factory: pytest.TempPathFactory) -> Run:
         "dropped_rows": {"robot_probability": 0.4, "ballbar_probability": 0.45},
         "duplicated_rows": {"robot_probability": 0.45, "ballbar_probability": 0.4},
     }
-    return simulated(tmp_path_factory.mktemp("lossy"), duration=600.0, clocks=clocks)
-
-
-@pytest.mark.slow
-def test_rows_are_dropped_and_duplicated_as_often_as_asked(lossy: Run) -> None:
-    robot, bar = lossy.robot()[0] / PERIOD, lossy.ballbar() // 10_000_000
-    for side, place, (dropped, duplicated) in (
-        ("robot", np.rint(robot).astype(int), (0.4, 0.45)),
-        ("ballbar", bar, (0.45, 0.4)),
-    ):
-        different = np.unique(place)
-        taken = place[-1] + 1
-        assert 1.0 - different.size / taken == pytest.approx(dropped, rel=WITHIN)
-        assert place.size / different.size - 1.0 == pytest.approx(duplicated, rel=WITHIN)
-        stated = lossy.truth.logs.rows[side]
-        assert stated.taken - stated.dropped == different.size
-        assert stated.duplicated == place.size - different.size
+    return simulated(tmp_path_factory.mktemp("lossy"), duration=60.0, clocks=clocks)
 
 
 @pytest.mark.slow
@@ -481,6 +441,16 @@ def test_another_recording_is_of_the_same_machine_with_noise_of_its_own(tmp_path
 def test_the_first_row_from_which_time_counts_is_always_written_once() -> None:
     hit = np.stack([chosen(3, 0.49, np.random.default_rng(seed)) for seed in range(100)])
     assert hit.any(axis=0).tolist() == [False, True, True]
+
+
+@pytest.mark.slow
+def test_the_truth_counts_the_rows_that_are_lost_and_doubled(lossy: Run) -> None:
+    robot, bar = np.rint(lossy.robot()[0] / PERIOD).astype(int), lossy.ballbar() // 10_000_000
+    for side, place in (("robot", robot), ("ballbar", bar)):
+        different, stated = np.unique(place), lossy.truth.logs.rows[side]
+        assert stated.taken > place[-1]  # the last ones may be lost
+        assert stated.taken - stated.dropped == different.size
+        assert stated.duplicated == place.size - different.size
 
 
 @pytest.mark.slow
@@ -533,52 +503,30 @@ def drawn(errors: dict[str, Any], seed: int) -> Array:
     return true_geometry(NOMINAL, asked, CELL, seed=seed).values - NOMINAL.values
 
 
-@pytest.mark.slow
+AXES = AXIS_OFFSETS + AXIS_ANGLES
+
+
 @pytest.mark.parametrize(
-    ("source", "names", "sigma_m", "sigma_rad"),
+    ("source", "parameters", "names"),
     [
-        ({"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}, tuple(THESIS_3_1), 2e-3, 1e-3),
-        (
-            {"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3, "parameters": "robot"}},
-            (*THESIS_3_1, "ralpha6", "rbeta2", "rbeta6"),
-            2e-3,
-            1e-3,
-        ),
-        (
-            {"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3, "parameters": "all"}},
-            tuple(n for n in NAMES if n != "ra6"),
-            2e-3,
-            1e-3,
-        ),
-        ({"ballbar_axes": {}}, AXIS_OFFSETS + AXIS_ANGLES, 5e-6, 5e-5),
-        (
-            {"ballbar_axes": {"parameters": "all"}},
-            AXIS_OFFSETS + AXIS_ANGLES + ("ba5", "bd1", "bd5", "balpha5"),
-            5e-6,
-            5e-5,
-        ),
-        ({"base_tilt": {}}, BASE_TILT, 0.0, 1e-3),
-        ({"plate_length": {}}, ("ra6",), 5e-6, 0.0),
+        ("static", "thesis", tuple(THESIS_3_1)),
+        ("static", "robot", (*THESIS_3_1, "ralpha6", "rbeta2", "rbeta6")),
+        ("static", "all", tuple(n for n in NAMES if n != "ra6")),
+        ("ballbar_axes", "between", AXES),
+        ("ballbar_axes", "all", (*AXES, "ba5", "bd1", "bd5", "balpha5")),
+        ("base_tilt", "", BASE_TILT),
+        ("plate_length", "", ("ra6",)),
     ],
 )
-def test_a_static_source_deviates_its_own_parameters_by_its_own_size(
-    source: dict[str, Any], names: tuple[str, ...], sigma_m: float, sigma_rad: float
+def test_a_static_source_deviates_its_own_parameters_one_by_one(
+    source: str, parameters: str, names: tuple[str, ...]
 ) -> None:
-    seeds = 30_000 // len(names)
-    scale = np.array([sigma_m if p.is_length else sigma_rad for p in PARAMETERS])[
-        [INDEX[n] for n in names]
-    ]
-    values = np.stack([drawn(source, seed) for seed in range(seeds)])
+    stated = STATIC[source] | ({"parameters": parameters} if parameters else {})
+    values = np.stack([drawn({source: stated}, seed) for seed in range(400)])
     assert {NAMES[i] for i in np.flatnonzero(values.any(axis=0))} == set(names)
-    unit = values[:, [INDEX[n] for n in names]] / scale
-    length = np.array([PARAMETERS[INDEX[n]].is_length for n in names])
-    for kind in (length, ~length):
-        assert not kind.any() or unit[:, kind].std() == pytest.approx(1.0, rel=WITHIN)
-    assert (
-        np.abs(np.corrcoef(unit.T) - np.eye(len(names))).max() < 6.0 / np.sqrt(seeds)
-        if len(names) > 1
-        else True
-    )
+    own = values[:, values.any(axis=0)]
+    alike = np.atleast_2d(np.corrcoef(own.T)) - np.eye(len(names))
+    assert np.abs(alike).max() < 6.0 / np.sqrt(len(values))
 
 
 @pytest.mark.parametrize(
@@ -713,13 +661,11 @@ def test_an_encoder_error_changes_nothing_but_its_own_encoders(
             continue
         t, true = run.bar_time(), run.error(joint)[0]
         added = run.truth.directions[f"b{joint}"] * (effects.read_angle(true, t) - true)
-        added += (
-            run.description["encoders"][f"b{joint}"]["sign"] * effects.periods(t) * 4096 * COUNT
-        )
-        assert (
-            np.abs(difference - (added - added[0])).max()
-            < (2.01 if source != "frozen_bits" else 64.0) * COUNT
-        )
+        sign, most = run.description["encoders"][f"b{joint}"]["sign"], 2.01
+        added += sign * effects.periods(t) * 4096 * COUNT
+        if source == "frozen_bits":
+            most = 64.0
+        assert np.abs(difference - (added - added[0])).max() < most * COUNT
 
 
 @pytest.mark.slow
@@ -779,10 +725,8 @@ def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(
         assert not (run.robot()[0] == plain.robot()[0]).all()
     if source == "jitter":
         assert raw(run, "ballbar.csv") == raw(plain, "ballbar.csv")
-    for name in (
-        [f"{kind}{joint}" for kind in "bs" for joint in range(1, 6)] if source != "wander" else []
-    ):
-        assert (run.ballbar(name) == plain.ballbar(name)).all()
+    for name in (f"{kind}{joint}" for kind in "bs" for joint in range(1, 6)):
+        assert source == "wander" or (run.ballbar(name) == plain.ballbar(name)).all()
 
 
 @pytest.mark.slow
@@ -892,30 +836,11 @@ def test_a_source_of_size_zero_is_as_good_as_absent(
 
 @pytest.mark.slow
 def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: Path) -> None:
-    errors = (
-        NOISY["errors"]
-        | SENSORS
-        | {
-            "resolver_error": {},
-            "ballbar_axes": {"parameters": "all"},
-            "base_tilt": {},
-            "plate_length": {},
-        }
-    )
-    clocks = NOISY["clocks"] | {
-        "wander": {},
-        "step": {"at_s": 20.0, "step_s": 0.2},
-        "quantum": {},
-        "jitter": {},
-        **ROWS,
-    }
-    done = record(
-        tmp_path / "recording",
-        plant={"kind": "kinematic"},
-        errors=errors,
-        encoders=NOISY["encoders"],
-        clocks=clocks,
-    )
+    errors = NOISY["errors"] | SENSORS | GEOMETRY | {"resolver_error": {}}
+    step = {"at_s": 20.0, "step_s": 0.2}
+    clocks = NOISY["clocks"] | ROWS | {"wander": {}, "step": step, "quantum": {}, "jitter": {}}
+    changes = NOISY | {"plant": {"kind": "kinematic"}, "errors": errors, "clocks": clocks}
+    done = record(tmp_path / "recording", **changes)
     logs = load_truth(truth_path(done.folder)).logs
     assert logs == done.simulation.truth.logs
     assert [h.amplitude_rad for h in logs.encoders["b1"].own] == [6.0e-5, 2.5e-5, 8.0e-6]
@@ -959,35 +884,15 @@ def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plai
             "the logs run from 0.5 to 59.5 s of the path",
         ),
         (
-            {"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 61.0, "end_s": 62.0}]}},
-            r"start_s = 61.0: t = 61 s is not logged",
-        ),
-        (
             {"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 9.0, "end_s": 8.0}]}},
             "end_s = 8 must be later than start_s = 9",
         ),
-        (
-            {"errors": {"slipped_periods": [{"encoder": 6, "at_s": 9.0}]}},
-            "encoder = 6: expected 5 or less",
-        ),
-        (
-            {"errors": {"encoder_eccentricity": {"amplitude_rad": [1e-5, 1e-5]}}},
-            "amplitude_rad needs at least 3 items",
-        ),
-        ({"errors": {"subdivisional_error": {"amplitude_rad": -1e-5}}}, "expected 0 or more"),
-        ({"errors": {"frozen_bits": {"onset_factor": 0}}}, "expected more than 0"),
-        ({"errors": {"base_tilt": {"sigma_deg": 1.0}}}, "unknown key errors.base_tilt.sigma_deg"),
         (
             {"errors": {"static": {"table": "thesis_3_1", "parameters": "all"}}},
             "Table 3.1 has its own; to draw others, give sigma_m and sigma_rad",
         ),
         ({"clocks": {"step": {"at_s": 0.2}}}, "clocks.step.at_s = 0.2: t = 0.2 s is not logged"),
         ({"clocks": {"restart": {"at_s": 58.0}}}, "t = 60 s is not logged"),
-        (
-            {"clocks": {"jitter": {"sigma_s": 2e-3}}},
-            "clocks.jitter.sigma_s = 0.002: expected 0.0005 or less",
-        ),
-        ({"clocks": {"dropped_rows": {"robot_probability": 0.7}}}, "expected less than 0.5"),
     ],
 )
 def test_a_fault_that_cannot_happen_is_refused_in_words(

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from ballbar.scenario import load_scenario
 from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.errors import InputError
@@ -29,9 +28,8 @@ from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, 
 from sim.plant.statics import equilibrium, gravity_torque
 from sim.simulate import simulate
 from tests.helpers.drawn_robots import scenario_of
-from tests.helpers.log_analysis import pull_push
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
-from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed, settings
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed
 
 
 @pytest.fixture(scope="module")
@@ -316,17 +314,6 @@ def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(
         check_motion(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
 
 
-@pytest.mark.slow
-def test_pull_and_push_strains_the_rod_by_8_um_at_150_n_and_shows_the_backlash_asked_for() -> None:
-    scenario = load_scenario(SCENARIOS / "irb2400_push_pull.yaml")
-    motion = simulate(scenario, relative_to=SCENARIOS).motion
-    assert motion.rod_force.max() > 140.0
-    assert motion.rod_force.min() < -140.0
-    strain, backlash = pull_push(motion)
-    assert strain == pytest.approx(8.3e-6, rel=0.01)
-    assert backlash == pytest.approx(5e-6, rel=0.01)
-
-
 def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:
     motion = recorded.simulation.motion
     q = motion.q.copy()
@@ -345,30 +332,3 @@ def test_the_true_mechanism_of_a_run_has_the_errors_of_table_3_1(recorded: Recor
     assert (true["ra3"] - nominal["ra3"]) * 1e3 == pytest.approx(-1.52)
     assert (true["oy"] - nominal["oy"]) * 1e3 == pytest.approx(0.80)
     assert true["ra6"] == nominal["ra6"]  # the plate is the known length
-
-
-@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
-def test_both_robots_hang_together_at_zero(robot: str) -> None:
-    cell = load_cell(robot, "lund_600", "plate_250")
-    geometry = nominal_geometry(cell, np.array([0.7, 0.0, 0.5]))
-    frames = robot_frames(geometry, np.zeros((1, 6)))
-    perfect = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
-    plant = plant_model(perfect, timestep=1e-3)
-    assert plant.model.nv == 12
-    assert frames.tip[2, 0] > 0.0
-    assert bar_frames(geometry, np.zeros((1, 5))).tip[2, 0] == pytest.approx(
-        0.5 + cell.ballbar.length
-    )
-
-
-def test_drawn_static_errors_have_the_stated_size_and_leave_the_other_streams_alone(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    drawn = settings(
-        plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}
-    )
-    table = settings(plant={"kind": "kinematic"})
-    first, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
-    assert [e.offset for e in first.encoders] == [e.offset for e in other.encoders]
-    assert np.array_equal(first.times.bar_stamp, other.times.bar_stamp)
-    assert first.motion.geometry["ra2"] != other.motion.geometry["ra2"]

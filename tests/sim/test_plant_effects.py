@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy.optimize import curve_fit
 
 from ballbar.truth.true_robot import true_tool
@@ -27,16 +26,10 @@ from cell.inverse import pose_error
 from cell.load import load_robot
 from ident.robot.accuracy import accuracy_grid
 from sim.errors.plant_errors import PlantErrors
-from sim.logging.load_logs import (
-    ForceSensor,
-    LoadLogs,
-    TorqueLog,
-    drawn_loads,
-    motor_torques,
-    sensor_rows,
-)
+from sim.logging.load_logs import drawn_loads
 from sim.plant.effects import plant_effects
 from sim.plant.held import hold_machine
+from sim.plant.kinematic_plant import WITH_FORCES
 from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
@@ -53,7 +46,14 @@ from tests.helpers.log_analysis import (
     settled_direction,
     there_and_back,
 )
-from tests.helpers.simulated_recordings import SCENARIOS, record, settings, singular_passage
+from tests.helpers.simulated_recordings import (
+    SCENARIOS,
+    lissajous,
+    record,
+    settings,
+    singular_passage,
+    wire_settings,
+)
 
 pytestmark = pytest.mark.long  # a simulated run for each effect
 
@@ -85,13 +85,7 @@ def run(
     """The files of a run with perfect logs and the errors of `changes` only."""
     base: dict[str, Any] = {
         "cell": CELLS[robot],
-        "path": {
-            "kind": "lissajous",
-            "file": file or f"paths/{robot}_a.yaml",
-            "duration_s": duration,
-            "dwell_s": 2.0,
-            "stops": 0,
-        },
+        "path": lissajous(file or f"paths/{robot}_a.yaml", duration),
         "errors": {},
         "encoders": {"bits": 13},
         "clocks": {"offset_s": 0.137, "skew": 5e-5},
@@ -154,37 +148,12 @@ def assert_stiffness(logs: Logs, expected: Array) -> None:
 
 
 @pytest.mark.parametrize("robot", list(CELLS))
-def test_each_gear_yields_to_its_torque_by_the_asked_stiffness(robot: str, tmp_path: Path) -> None:
-    logs = run(tmp_path, robot=robot, plant=SAGGING, errors={"joint_compliance": {"scale": 0.8}})
-    assert_stiffness(logs, 0.8 * logs.cell.robot.gears.stiffness)
-
-
-def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(
-    tmp_path: Path,
-) -> None:
-    logs = run(tmp_path, plant=SAGGING, errors={"joint_compliance": {"spread": 0.3}})
+def test_each_gear_yields_to_its_torque_by_the_drawn_stiffness(robot: str, tmp_path: Path) -> None:
+    compliance = {"scale": 0.8, "spread": 0.3}
+    logs = run(tmp_path, robot=robot, plant=SAGGING, errors={"joint_compliance": compliance})
     drawn = np.array(stated(tmp_path).gear_stiffness_N_m_per_rad)
     assert np.std(drawn / logs.cell.robot.gears.stiffness) > 0.1
     assert_stiffness(logs, drawn)
-
-
-def test_stiffness_and_backlash_spread_as_stated_from_robot_to_robot(cell: Cell) -> None:
-    asked = PlantErrors.model_validate(
-        {"joint_compliance": {"spread": 0.3}, "gear_backlash": {"spread": 0.2}}
-    )
-    # 48 000 logarithms: their sigma is known to 0.3 %
-    drawn = [plant_effects(asked, cell, seed) for seed in range(8000)]
-    stiffness = np.log(
-        [
-            e.gear_stiffness / cell.robot.gears.stiffness
-            for e in drawn
-            if e.gear_stiffness is not None
-        ]
-    )
-    width = np.log([2.0 * e.gear_backlash / cell.robot.gears.lost_motion for e in drawn])
-    assert stiffness.std() == pytest.approx(0.3, rel=WITHIN)
-    assert width.std() == pytest.approx(0.2, rel=WITHIN)
-    assert abs(np.corrcoef(stiffness.ravel(), width.ravel())[0, 1]) < 0.02
 
 
 def test_a_gear_with_play_jumps_by_the_asked_width_where_its_load_changes_sign(
@@ -311,18 +280,6 @@ def test_a_body_has_the_mass_and_centre_that_the_truth_states_for_it(tmp_path: P
     assert true.robot.links[0] is nominal.robot.links[0]
 
 
-def test_masses_and_centres_spread_as_stated_from_robot_to_robot(cell: Cell) -> None:
-    errors = PlantErrors.model_validate({"masses": {"spread": 0.05, "centre_sigma_m": 2e-3}})
-    drawn = [plant_effects(errors, cell, seed).masses for seed in range(4000)]
-    bodies = [*cell.robot.links[1:], cell.plate.body, *cell.ballbar.links]
-    mass = np.log([m.mass for m in drawn]) - np.log([body.mass for body in bodies])
-    centre = np.array([m.centre for m in drawn]) - [body.com for body in bodies]
-    assert mass.std() == pytest.approx(0.05, rel=WITHIN)
-    assert centre.std() == pytest.approx(2e-3, rel=WITHIN)
-    each = np.concatenate((mass[:, :, None], centre), axis=2).reshape(len(drawn), -1)
-    assert np.abs(np.corrcoef(each.T) - np.eye(48)).max() < 6.0 / np.sqrt(len(drawn))
-
-
 def test_the_true_tool_sags_under_the_true_masses() -> None:
     """The reference of all TCP errors; held free in MuJoCo."""
     errors = {"joint_compliance": {}, "masses": {"spread": 0.1, "centre_sigma_m": 0.02}}
@@ -362,16 +319,8 @@ def test_a_cusped_ripple_is_the_rectified_sine_with_zero_mean(tmp_path: Path) ->
 def test_an_eccentric_gear_errs_once_a_turn_of_its_output_or_its_motor(
     side: str, tmp_path: Path
 ) -> None:
-    logs = run(
-        tmp_path,
-        errors={
-            "sinusoidal_gear_error": {
-                "side": side,
-                "amplitude_rad": 9e-5,
-                "axes": [1, 2, 3, 4, 5, 6],
-            }
-        },
-    )
+    error = {"side": side, "amplitude_rad": 9e-5, "axes": [1, 2, 3, 4, 5, 6]}
+    logs = run(tmp_path, errors={"sinusoidal_gear_error": error})
     # thesis App. A
     turns = [129.6, 129.99, 129.6, 55.0, 55.2, 44.0] if side == "input" else [1.0] * 6
     assert_ripples(logs, [[(turn, 9e-5)] for turn in turns], tmp_path)
@@ -389,18 +338,13 @@ def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behi
         2: [0.0, 1.0, -1.0, 0.0, 0.0, 0.0],
         4: [0.0, 0.0, 0.0, 1.0, 55 / 759, 55 * 62 / 41745],
     }
-    for k, (motor, shares) in enumerate(
-        carried.items()
-    ):  # thesis App. A: rows 2 and 4 of the motor-to-joint matrix
-        found = (
-            (in_joints[:, 2 * k] + 1j * in_joints[:, 2 * k + 1])
-            * np.exp(-1j * phases[motor])
-            / 2e-4
-        )
+    # thesis App. A: rows 2 and 4 of the motor-to-joint matrix
+    for k, (motor, shares) in enumerate(carried.items()):
+        wave = in_joints[:, 2 * k] + 1j * in_joints[:, 2 * k + 1]
+        found = wave * np.exp(-1j * phases[motor]) / 2e-4
         for joint, share in enumerate(shares):
-            assert abs(found[joint] - share) < WITHIN * (abs(share) or 1.0), (
-                f"motor {motor} in joint {joint + 1}"
-            )
+            place = f"motor {motor} in joint {joint + 1}"
+            assert abs(found[joint] - share) < WITHIN * (abs(share) or 1.0), place
 
 
 def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -> None:
@@ -530,15 +474,6 @@ def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_ne
     assert 1.0 / tilt == pytest.approx(stiffness, rel=WITHIN)
 
 
-def test_a_plate_of_asked_stiffness_is_not_that_of_its_file(tmp_path: Path) -> None:
-    logs = run(tmp_path, plant=SAGGING, errors={"plate_bending": {"tip_stiffness_N_per_m": 4e6}})
-    robot, load = logs.shown_robot, logs.on_tool
-    (across,) = fit(
-        [load[2] - 1.5 / 0.250 * load[4]], np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0)
-    )
-    assert 1.0 / across == pytest.approx(4e6, rel=WITHIN)
-
-
 def test_the_base_of_the_ball_bar_is_equally_compliant_in_all_directions(tmp_path: Path) -> None:
     logs = run(
         tmp_path,
@@ -552,18 +487,6 @@ def test_the_base_of_the_ball_bar_is_equally_compliant_in_all_directions(tmp_pat
         slope, constant = fit([logs.on_bar[axis], np.ones(logs.t.size)], shift[axis])
         assert 1.0 / slope == pytest.approx(3e7, rel=WITHIN)
         assert constant == pytest.approx(weight[axis] / 3e7, abs=2e-8)
-
-
-def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) -> None:
-    path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
-    logs = run(tmp_path, duration=120.0, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})
-    friction, speed = (
-        there_and_back(logs.t, values, 120.0) for values in (logs.bar_load, rate(logs.t, logs.b))
-    )
-    for j in range(5):
-        slides = np.abs(speed[:, j]) > 0.2 * np.abs(speed[:, j]).max()
-        coulomb, _ = fit([np.sign(speed[slides, j]), speed[slides, j]], friction[slides, j])
-        assert coulomb == pytest.approx(0.08, rel=WITHIN), f"joint b{j + 1}"
 
 
 # --- load logs
@@ -631,20 +554,9 @@ def test_grown_links_turn_the_joints_and_leave_loads_and_ballbar_as_they_were(
 
 
 def test_a_wire_measures_the_growth_of_links_whose_tool_nothing_holds() -> None:
-    wire = {
-        "cell": {
-            "robot": "irb2400",
-            "instrument": "drawwire_2m",
-            "ballbar_position_m": [-0.006, -0.575, 0.062],
-        },
-        "path": {"kind": "lissajous", "file": "paths/irb2400_drawwire.yaml", "duration_s": 60.0},
-        "plant": {"kind": "kinematic"},
-        "encoders": {},
-        "clocks": {},
-    }
     errors: tuple[dict[str, Any], ...] = ({}, GROWN)
     before, grown = (
-        simulate(settings(**wire, errors=each), relative_to=SCENARIOS).motion for each in errors
+        simulate(wire_settings(errors=each), relative_to=SCENARIOS).motion for each in errors
     )
     assert np.array_equal(before.shown, grown.shown)
     longer = at_the_end(before.geometry)
@@ -652,49 +564,6 @@ def test_a_wire_measures_the_growth_of_links_whose_tool_nothing_holds() -> None:
     length = np.linalg.norm(tool - longer.origin) - longer["bd3"]
     assert grown.rod_stretch[-1] == pytest.approx(length, abs=1e-12)
     assert abs(grown.rod_stretch[-1] - before.rod_stretch[-1]) > 1e-5
-
-
-def test_the_force_sensor_has_its_own_rate_and_begins_when_it_was_asked_to(
-    loaded: Simulation, tmp_path: Path
-) -> None:
-    log = force_log(loaded, tmp_path, rate_hz=250.0, offset_s=0.3)
-    assert np.diff(log[:, 0]) == pytest.approx(1.0 / 250.0, abs=1.1e-6)
-    first = float(loaded.times.robot_true[0]) + 0.3
-    assert first + (len(log) - 1) / 250.0 == pytest.approx(
-        loaded.times.robot_true[-1], abs=1.0 / 250.0
-    )
-    t, wrench = loaded.motion.t, loaded.motion.wrench
-    assert wrench is not None
-    true = np.hstack((wrench, rate(t, wrench)))
-    at_rows = [np.interp(first + np.arange(len(log)) / 250.0, t, column) for column in true.T]
-    late = [
-        fit([change], read - felt)[0]
-        for read, felt, change in zip(log[:, 1:].T, at_rows[:6], at_rows[6:], strict=True)
-    ]
-    assert np.abs(late).max() < 1e-5  # [s]; the plant's step is 1e-3
-
-
-def test_noise_of_force_sensor_and_torques_is_white_and_of_the_asked_size(
-    loaded: Simulation, tmp_path: Path
-) -> None:
-    noise = {"noise_N": 1.5, "noise_N_m": 0.12, "rate_hz": 1000.0}
-    added = (
-        force_log(loaded, tmp_path / "f", **noise)[:, 1:]
-        - force_log(loaded, tmp_path / "f0", rate_hz=1000.0)[:, 1:]
-    )
-    assert_white(added[:, :3], 1.5)
-    assert_white(added[:, 3:], 0.12)
-    exact = gear_torques(loaded, tmp_path / "t0")
-    added = gear_torques(loaded, tmp_path / "t", noise_N_m=2.5, wrist_noise_N_m=0.4) - exact
-    assert_white(added[:, :3], 2.5)
-    assert_white(added[:, 3:], 0.4)
-
-
-def assert_white(noise: Array, sigma: float) -> None:
-    """Three channels over a minute: 45 000 samples or more tell their sigma to 0.3 %."""
-    assert noise.std() == pytest.approx(sigma, rel=WITHIN)
-    assert abs(np.sum(noise[1:] * noise[:-1]) / np.sum(noise**2)) < 0.02
-    assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.03
 
 
 def test_gain_and_bias_are_one_number_a_channel_and_as_large_as_asked(
@@ -723,52 +592,6 @@ def line(clean: Array, read: Array) -> tuple[float, float]:
     gain, bias = fit([clean, np.ones(clean.size)], read)
     assert np.abs(read - gain * clean - bias).max() < 1e-4 + 1e-5 * np.abs(read).max()
     return gain - 1.0, bias
-
-
-def test_gains_and_biases_of_many_runs_scatter_as_asked(loaded: Simulation) -> None:
-    """Six channels in 8000 runs: their sigma is known to 0.3 %."""
-    two = np.stack([np.zeros(6), np.full(6, 1000.0)])
-    step = replace(loaded.motion, t=np.array([0.0, 1.0]), wrench=two, torque=two)
-    sensor = ForceSensor(
-        rate_hz=1.0,
-        noise_N=0.0,
-        noise_N_m=0.0,
-        bias_N=2.0,
-        bias_N_m=0.2,
-        gain_sigma=0.01,
-        offset_s=0.0,
-    )
-    torque_log = TorqueLog(noise_N_m=0.0, wrist_noise_N_m=0.0, gain_sigma=0.02)
-    robot, drawn = (
-        loaded.cell.robot,
-        [
-            drawn_loads(LoadLogs(torque=torque_log, force_sensor=sensor), seed)
-            for seed in range(8000)
-        ],
-    )
-    read = np.array(
-        [
-            sensor_rows(step, 0.0, 1.0, sensor=sensor, drawn=each, seed=seed)[1]
-            for seed, each in enumerate(drawn)
-        ]
-    )
-    shown = np.array(
-        [
-            motor_torques(robot, step, step.t, log=torque_log, drawn=each, seed=seed)[1]
-            for seed, each in enumerate(drawn)
-        ]
-    )
-    gains = (read[:, 1] - read[:, 0]) / 1000.0 - 1.0
-    torque_gains = shown / (1000.0 * np.diag(robot.transmission)) - 1.0
-    for drawn, sigma in (
-        (read[:, 0, :3], 2.0),
-        (read[:, 0, 3:], 0.2),
-        (gains, 0.01),
-        (torque_gains, 0.02),
-    ):
-        assert np.sqrt(np.mean(drawn**2)) == pytest.approx(sigma, rel=WITHIN)
-    together = np.hstack((read[:, 0], gains, torque_gains))
-    assert np.abs(np.corrcoef(together.T) - np.eye(18)).max() < 0.05
 
 
 # --- one source leaves all others alone
@@ -851,7 +674,7 @@ def draws(folder: Path, errors: dict[str, Any], logs: dict[str, Any]) -> Draws:
         return NotedGenerator(genuine(key), drawn[source])
 
     chosen: dict[str, Any] = {
-        "path": {"kind": "lissajous", "file": path, "duration_s": 8.0, "dwell_s": 1.0, "stops": 0},
+        "path": lissajous(path, 8.0, dwell_s=1.0),
         "errors": NOISY | errors,
         "logs": logs,
         "clocks": {"offset_s": 0.137, "overrun_probability": 0.05, "jitter": {}, "wander": {}},
@@ -886,11 +709,7 @@ def test_a_plant_effect_or_load_log_draws_from_its_own_stream_only(
     source: str, plain: tuple[Draws, Path], everything: Draws, tmp_path: Path
 ) -> None:
     errors = (
-        PLAY
-        if source == "gear_backlash"
-        else {source: EFFECTS[source]}
-        if source in EFFECTS
-        else {}
+        PLAY if source == "gear_backlash" else {k: v for k, v in EFFECTS.items() if k == source}
     )
     alone = draws(tmp_path, errors, {source: LOGS[source]} if source in LOGS else {})
     before, after = set(plain[0]), set(alone)
@@ -922,34 +741,15 @@ def test_a_load_log_changes_nothing_in_the_other_files_and_columns(
 
 
 @pytest.mark.parametrize(
-    "effect",
-    [
-        "joint_compliance",
-        "gear_friction",
-        "rod_strain",
-        "rod_backlash",
-        "bar_friction",
-        "plate_bending",
-        "base_compliance",
-        "masses",
-        "payload",
-    ],
+    ("section", "name"),
+    [*(("errors", name) for name in WITH_FORCES if name != "gear_backlash")]
+    + [("logs", name) for name in LOGS],
 )
-def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:
-    with pytest.raises(
-        InputError,
-        match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. "
-        "Use plant.kind = mujoco",
-    ):
-        simulate(settings(plant={"kind": "kinematic"}, errors={effect: {}}), relative_to=SCENARIOS)
-
-
-@pytest.mark.parametrize("log", list(LOGS))
-def test_the_kinematic_plant_refuses_to_log_forces(log: str) -> None:
-    with pytest.raises(
-        InputError, match=rf"logs.{log}: needs forces, and plant.kind = kinematic has none"
-    ):
-        simulate(settings(plant={"kind": "kinematic"}, logs={log: {}}), relative_to=SCENARIOS)
+def test_the_kinematic_plant_refuses_what_needs_forces(section: str, name: str) -> None:
+    chosen = settings(plant={"kind": "kinematic"}, **{section: {name: {}}})
+    words = rf"{section}.{name}: needs forces, and plant.kind = kinematic has none. Use plant.kind"
+    with pytest.raises(InputError, match=words):
+        simulate(chosen, relative_to=SCENARIOS)
 
 
 @pytest.mark.parametrize("kind", ["kinematic", "mujoco"])
@@ -958,17 +758,3 @@ def test_play_in_rigid_gears_is_refused(kind: str) -> None:
         simulate(
             settings(plant={"kind": kind}, errors={"gear_backlash": {}}), relative_to=SCENARIOS
         )
-
-
-@pytest.mark.parametrize(
-    ("errors", "words"),
-    [
-        ({"joint_compliance": {"scale": 0.0}}, "errors.joint_compliance.scale"),
-        ({"gear_backlash": {"kind": "backlash"}}, "errors.gear_backlash.kind"),
-        ({"cycloid_ripple": {"axes": [0]}}, "errors.cycloid_ripple.axes"),
-        ({"plate_bending": {"stiffness": 1e7}}, "errors.plate_bending.stiffness"),
-    ],
-)
-def test_a_size_or_name_that_is_not_valid_is_refused(errors: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValidationError, match=words):
-        settings(errors=errors)

@@ -1,28 +1,73 @@
-"""Messages of an MCAP bag, read as a stream: of a bag cut off by a crash, all complete chunks.
+"""Messages of ROS 2: JointState from CDR, the wire format of DDS, and all of an MCAP bag.
 
-Read by the library mcap; rosbags refuses a bag that was cut off, and unpacks whatever a chunk
-holds. Chunks are unpacked here: what they claim to unpack to is checked first, and no more is
-unpacked. Needs the extra `ros`. Source: MCAP format specification, version 0.
+A JointState (sensor_msgs/msg/JointState) is decoded by the library rosbags with its own definition
+of the message. Those that a bag brings along are left alone, and nothing in a bag is executed.
+
+MCAP bags are read as a stream by the library mcap: of a bag cut off by a crash, all complete
+chunks; rosbags refuses it, and unpacks whatever a chunk holds. Chunks are unpacked here: what they
+claim to unpack to is checked first, and no more is unpacked. Needs the extra `ros`. Source: MCAP
+format specification, version 0.
 """
 
 from __future__ import annotations
 
+import math
 import mmap
 import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
 
 from acquisition.report import Finding, finding
 from cell.errors import LogError
+
+_TYPES = get_typestore(Stores.ROS2_HUMBLE)  # the message is the same in all releases
+_REMEDY = "Copy the bag again, or correct the publisher and record again."
+
+
+class JointState(NamedTuple):
+    """Positions of some joints at one time."""
+
+    stamp_ns: int  # header.stamp, not the time of recording
+    positions: dict[str, float]  # [rad] by name: the order may change from message to message
+
+
+def decode(message: bytes) -> JointState:
+    """Stamp and positions of one message.
+
+    Raises LogError if the bytes are no such message, a joint stands twice, or a position is not
+    finite.
+    """
+    try:
+        state: Any = _TYPES.deserialize_cdr(message, "sensor_msgs/msg/JointState")
+    except SerdeError as error:
+        reason = str(error).rstrip(".")
+        raise LogError(f"JointState: {reason}. {_REMEDY}") from None
+    stamp, names, positions = state.header.stamp, state.name, state.position.tolist()
+    if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
+        raise LogError(
+            f"JointState: a stamp of {stamp.sec} s and {stamp.nanosec} ns cannot be. {_REMEDY}"
+        )
+    if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
+        raise LogError(
+            f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}. "
+            f"{_REMEDY}"
+        )
+    if not all(map(math.isfinite, positions)):
+        raise LogError(f"JointState: a position is not finite: {positions[:12]}. {_REMEDY}")
+    stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+    return JointState(stamp_ns, dict(zip(names, positions, strict=False)))
+
 
 _RECOVER = "The bag is damaged: copy it again, or save its other chunks with `mcap recover`."
 _LARGEST_CHUNK = 100_000_000  # bytes unpacked; recorders make chunks of 1 to 4 MB
@@ -82,7 +127,7 @@ def mcap_messages(
                 f"the bag is cut off: no whole record behind byte {complete} of {size}; what "
                 "stands before it is read."
             )
-            findings.append(finding("torn end", "repaired", file, sentence, count=1))
+            findings.append(finding("torn end", file, sentence, count=1))
 
 
 def _records(stream: mmap.mmap, size: int) -> Iterator[McapRecord]:
