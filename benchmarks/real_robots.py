@@ -341,7 +341,7 @@ def judged_sockets(result: TableEstimate, table: PoseTable) -> tuple[Array, floa
     arm, layout = result.identified_robot(), result.fit.model.unknowns
     known = {name: layout.target(result.fit.x, name) for name in layout.targets}
     fit = placed(arm, table, known)
-    errors = np.concatenate([p.closure.error[:3].T for p in fit.equations.points])
+    errors = np.concatenate([p.closure.error[:3].T for p in fit.linear.evaluations])
     away = np.linalg.norm(errors, axis=1) * MM
     everywhere = replace(arm, ranges=np.add(arm.ranges, [-9.0, 9.0]))
     return away, float(everywhere.within(table.q, errors).mean())

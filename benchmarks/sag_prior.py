@@ -35,6 +35,7 @@ from ident import table_fit
 from ident.corrections import unit_weights as weights
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 from ident.estimator import robust_fit as fit
+from ident.estimator.priors import with_tails
 from ident.estimator.unknowns import Unknowns
 from ident.robot.accuracy import position_error
 from ident.start.placements import start_of_poses
@@ -86,8 +87,7 @@ def identified(table: PoseTable, prior: Prior) -> TableEstimate:
     def widened(declared: Unknowns, x: Array) -> Unknowns:
         part = declared.machine if prior.tails else np.arange(declared.shared.size)
         sigma = declared.sigma.copy()
-        far = (x[part] - declared.mean[part]) / sigma[part]
-        sigma[part] *= np.sqrt(np.maximum(1.0, (fit.TAILS + far**2) / (fit.TAILS + 1.0)))
+        sigma[part] = with_tails(sigma[part], x[part] - declared.mean[part])
         return replace(declared, sigma=sigma)
 
     plain = table_fit.sag

@@ -30,7 +30,7 @@ from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.robot.identified import IdentifiedRobot, range_sentence
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.table_estimate import TableEstimate, position_errors
 from ident.table_steps import other_sides
 from ident.tracker import TrackerCheck, check_tracker

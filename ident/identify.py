@@ -85,12 +85,8 @@ def identify_together(
             f"{table.name} is of robot {table.robot.name}, the recordings are of "
             f"{cell.robot.name}: one fit is of one robot. Identify them one by one."
         )
-    silent = Listener(progress=listener.progress)
     try:
-        single = [
-            fit_recording(cell, logs, options, silent if k else listener)
-            for k, logs in enumerate(recordings)
-        ]
+        single = [fit_recording(cell, logs, options, listener) for logs in recordings]
     except StartError as error:
         raise StartError(Causes.of(cell, recordings).before(error)) from None
     causes, still = None, None

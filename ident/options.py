@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ident.corrections import CORRECTIONS
-from ident.estimator.iteration import IterationCallback
 
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
 
@@ -53,7 +52,6 @@ class Listener:
     """Callbacks of an identification."""
 
     progress: Callable[[str], None] = lambda _: None  # called with a sentence at each stage
-    on_iteration: IterationCallback | None = None  # of the chosen start and of the fits
 
 
 DEFAULTS = FitOptions()

@@ -25,7 +25,7 @@ from ident.loads.payload import PayloadEstimate
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.start.automatic import Start
 from ident.table_estimate import TableEstimate
 from ident.tracker import TrackerCheck

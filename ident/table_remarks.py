@@ -6,14 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.order_search import JointOrder
+from ident.estimator.priors import FAR, robot_prior
 from ident.estimator.regions import distinct_poses
 from ident.evidence import Evidence
 from ident.findings import Findings
 from ident.table_estimate import TableEstimate
 
-FAR = 5.0  # prior deviations: a joint's offset set wrongly, or another robot
 NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little of it
 DISTINCT = 0.7  # share of the rows that are poses of their own
 LOCAL = 2.0  # stated uncertainty over the fitted ranges against that beside the poses
@@ -131,7 +130,7 @@ def _far(estimate: TableEstimate) -> Iterator[str]:
     far = []
     for i, parameter in enumerate(layout.parameters):
         off = float(x[i] - layout.mean[i])
-        if abs(off) > FAR * (STILL_LENGTH_PRIOR if parameter.is_length else STILL_ANGLE_PRIOR):
+        if abs(off) > FAR * robot_prior(parameter):
             unit = "mm" if parameter.is_length else "mrad"
             far.append(f"{parameter.name} {off * 1e3:+.2f} {unit}")
     if far:

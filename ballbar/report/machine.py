@@ -19,43 +19,40 @@ from ballbar.result.run_data import RunData
 from ident.estimator.uncertainty import correlated_groups
 
 
-def machine_section(run: RunData) -> list[Section]:
+def machine_section(run: RunData) -> Section:
     """Held-out recordings, parameters, corrections, fit, and an overview of the recordings."""
-    if not run.recordings:
-        return []
-    robot, comparison = run.identification.robot, run.comparison
+    robot, moving = run.identification.robot, bool(run.recordings)
+    # parameters of still poses differ from the true ones by what their gauge holds too
+    comparison = run.comparison if moving else None
     covariance, corrections = robot.covariance, correction_tables(robot)
     groups = correlated_groups(covariance.values, covariance.names)
     links = {
         "held-out": "Held-out" if run.validations else "",
         "parameters": "Parameters",
         "corrections": "Corrections" if corrections else "",
-        "fit": "Fit",
+        "fit": "Fit" if moving else "",
         "recordings": "Recordings" if run.several else "",
     }
-    return [
-        section(
-            "machine.html",
-            links,
-            MACHINE,
-            result=run.identification,
-            against_truth=comparison is not None,
-            several=run.several,
-            held_out=run.outcomes,
-            groups=parameter_groups(robot, comparison),
-            z_rms=z_rms(run.identification, comparison) if comparison else None,
-            left_at_nominal=left_at_nominal(robot),
-            not_requested=not_requested(robot),
-            correlated=[", ".join(names) for names in groups],
-            correlations=correlation_map(covariance, groups),
-            corrections=corrections,
-            at_prior=parameters_at_prior(robot),
-            coefficients_at_prior=[
-                (c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)
-            ],
-            overviews={fitted.name: overview(fitted) for fitted in run.recordings},
-        )
-    ]
+    return section(
+        "machine.html",
+        links,
+        MACHINE if moving else "",
+        result=run.identification,
+        moving=moving,
+        against_truth=comparison is not None,
+        several=run.several,
+        held_out=[validation.outcome for validation in run.validations],
+        groups=parameter_groups(robot, comparison),
+        z_rms=z_rms(run.identification, comparison) if comparison else None,
+        left_at_nominal=left_at_nominal(robot),
+        not_requested=not_requested(robot) if moving else [],
+        correlated=[", ".join(names) for names in groups],
+        correlations=correlation_map(covariance, groups),
+        corrections=corrections,
+        at_prior=parameters_at_prior(robot),
+        coefficients_at_prior=[(c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)],
+        overviews={fitted.name: overview(fitted) for fitted in run.recordings},
+    )
 
 
 def held_out_imports(run: RunData) -> list[Section]:

@@ -14,12 +14,7 @@ from ballbar.report.machine import held_out_imports, machine_section
 from ballbar.report.provenance import provenance_section
 from ballbar.report.recording import recording_sections
 from ballbar.report.section import MACHINE, Section, section, template
-from ballbar.report.still_poses import (
-    error_section,
-    joint_error_section,
-    place_sections,
-    robot_section,
-)
+from ballbar.report.still_poses import error_section, joint_error_section, place_sections
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
 from ballbar.result.run_data import RunData
@@ -41,16 +36,15 @@ def render_report(run: RunData, *, command: str, written: datetime) -> str:
     view, steps = tcp_view(run), advised_steps(run)
     sections = [
         *error_section(run),
-        *tcp_section(run, view),
+        tcp_section(run, view),
         *diagnosis_section(run, steps),
-        *machine_section(run),
+        machine_section(run),
         *joint_error_section(run),
-        *robot_section(run),
         *place_sections(run),
         *recording_sections(run),
         *held_out_imports(run),
         provenance_section(run, command, written),
-        _limits(run, view.scale if view else None),
+        _limits(run, view.scale),
     ]
     return template("report.html").render(
         title=run.name,
@@ -60,7 +54,7 @@ def render_report(run: RunData, *, command: str, written: datetime) -> str:
     )
 
 
-def _limits(run: RunData, scale: float | None) -> Section:
+def _limits(run: RunData, scale: float) -> Section:
     return section(
         "limits.html",
         {"limits": "How to read"},

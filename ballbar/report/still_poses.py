@@ -7,17 +7,9 @@ import numpy as np
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
-from ballbar.report.numbers import significant
 from ballbar.report.section import Section, section
-from ballbar.report.summary import QUANTITIES
 from ballbar.result.run_data import RunData
-from ballbar.units import MM, MRAD, URAD
-from cell.arrays import Array
-from ident.corrections.joint_harmonics import harmonic_name
-from ident.fitted_robot import MOSTLY_PRIOR
-from ident.table_estimate import TableEstimate
-
-Row = dict[str, object]  # of a table, by the columns of the template
+from ballbar.units import MM
 
 
 def error_section(run: RunData) -> list[Section]:
@@ -48,61 +40,9 @@ def joint_error_section(run: RunData) -> list[Section]:
     result = run.identification.poses
     if result is None or result.search is None:
         return []
-    search = result.search
-    values = dict(zip(result.fit.model.unknowns.names, result.fit.x.tolist(), strict=True))
-    rows: list[Row] = []
-    for o in search.orders:
-        name = harmonic_name(o.joint, o.order)
-        size = float(np.hypot(values[f"{name}_cos"], values[f"{name}_sin"]))
-        rows.append(
-            {
-                "joint": o.joint + 1,
-                "order": f"{o.order:g}",
-                "amplitude": f"{size * URAD:.0f}",
-                "score": f"{o.score:.0f}",
-                "gain": f"{o.gain * 100.0:.1f}",
-                "aliases": ", ".join(f"{a:g}" for a in o.aliases),
-            }
-        )
-    spectra = order_spectra(search.spectrum_before, search.spectrum_after)
-    return [section("orders.html", {"orders": "Joint errors"}, spectra=spectra, orders=rows)]
-
-
-def robot_section(run: RunData) -> list[Section]:
-    """DH rows, and the sag of the joints under unit weights."""
-    result = run.identification.poses
-    if result is None or run.recordings:
-        return []
-    layout = result.fit.model.unknowns
-    parameters = []
-    for k, parameter in enumerate(layout.parameters):
-        scale, unit = (MM, "mm") if parameter.is_length else (MRAD, "mrad")
-        parameters.append(_row(result, parameter.name, float(layout.mean[k]), scale, unit, 3))
-    sag = [
-        _row(result, coefficient.name, 0.0, URAD, "urad/m", 1) | {"nominal": "0"}
-        for correction in result.fit.model.corrections
-        if correction.name == "unit_weights"
-        for coefficient in correction.coefficients
-    ]
-    links = {"parameters": "Parameters", "sag": "Sag"}
-    return [section("robot.html", links, parameters=parameters, sag=sag)]
-
-
-def _row(
-    result: TableEstimate, name: str, nominal: float, scale: float, unit: str, decimals: int
-) -> Row:
-    """One unknown of the robot; nominal : in SI, as its value is."""
-    i = result.fit.model.unknowns.names.index(name)
-    value, sigma = float(result.fit.x[i]), float(np.sqrt(result.fit.covariance[i, i]))
-    return {
-        "name": name,
-        "unit": unit,
-        "nominal": f"{nominal * scale:.{decimals}f}",
-        "identified": f"{value * scale:.{decimals}f}",
-        "deviation": f"{(value - nominal) * scale:+.{decimals}f}",
-        "sigma": f"{sigma * scale:.{decimals}f}",
-        "known": result.information_gain[i] > MOSTLY_PRIOR,
-    }
+    spectra = order_spectra(result.search.spectrum_before, result.search.spectrum_after)
+    links = {"orders": "Joint errors"}
+    return [section("orders.html", links, spectra=spectra, orders=result.search.orders)]
 
 
 def place_sections(run: RunData) -> list[Section]:
@@ -111,34 +51,13 @@ def place_sections(run: RunData) -> list[Section]:
     if poses is None:
         return []
     ends = np.rad2deg([poses.table.q.min(axis=0), poses.table.q.max(axis=0)])
-    placements = [
-        (f"{kind} {name}", _mm(estimate.placement.origin), _mm(estimate.sigma))
-        for kind, places in (("seat", poses.seats), ("target", poses.targets))
-        for name, estimate in places.items()
-    ]
-    groups = [
-        (
-            group.seat,
-            group.target,
-            group.file,
-            group.size,
-            QUANTITIES[group.measured],
-            significant(float(error.mean()) * MM, 3),
-        )
-        for group, error in zip(poses.table.groups, poses.errors, strict=True)
-    ]
     return [
         section(
             "places.html",
             {"ranges": "Fitted ranges", "places": "Seats and targets"},
-            alone=poses.alone,
-            ranges=[(j, f"{a:.1f}", f"{b:.1f}") for j, (a, b) in enumerate(ends.T, start=1)],
-            placements=placements,
-            groups=groups,
+            poses=poses,
+            ranges=ends.T.tolist(),
+            errors=[float(error.mean()) * MM for error in poses.errors],
             findings=[f for _, _, content in tables for f in content.report.findings],
         )
     ]
-
-
-def _mm(lengths: Array) -> list[str]:
-    return [f"{v * MM:.3f}" for v in lengths]

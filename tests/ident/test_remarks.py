@@ -16,8 +16,7 @@ from ident.estimator.samples import Samples
 from ident.remarks import change_remarks, joint_error_remark, log_remarks, wrong_ratios
 from ident.result import CoefficientEstimate, CorrectionEstimate
 from ident.signals.smooth_log import LogOutliers
-from ident.signals.step_fault import StepFault
-from ident.signals.steps import LogStep
+from ident.signals.steps import LogStep, StepFault
 from tests.helpers.synthetic_recording import recording
 
 
