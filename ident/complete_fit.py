@@ -68,9 +68,8 @@ MAX_ITERATIONS = 100
 NEW_WEIGHTS = 12
 # A fit of so many of each recording comes first, where there are so many times more.
 COARSE_SAMPLES, COARSE_SHARE = 1500, 3
-PER_UNKNOWN = (
-    1e-4  # predicted decrease for each unknown that ends a fit, as `fit.NEGLIGIBLE` for one
-)
+# predicted decrease for each unknown that ends a fit, as `fit.NEGLIGIBLE` for one
+PER_UNKNOWN = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
