@@ -22,6 +22,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
+from ident.identify_poses import identify_poses
 
 from acquisition.recording import read_recording
 from ballbar.scenario import Scenario, load_scenario
@@ -34,7 +35,6 @@ from cell.geometry import nominal_chain
 from cell.poses import PoseTable
 from ident.estimator import priors
 from ident.identify import identify_together
-from ident.identify_poses import identify_poses
 from ident.recording_fit import Logs
 from sim.recording_files import write_recording
 from sim.simulate import simulate
