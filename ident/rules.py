@@ -13,6 +13,7 @@ import numpy as np
 
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text, significant_text
+from cell.statistics import rms
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
 from ident.remarks import recording_remarks, rod_remark
@@ -64,9 +65,9 @@ def masses_in_doubt(softer: float) -> bool:
 def _another_machine(e: Evidence) -> Iterator[str]:
     """The data are not of what the files declare."""
     c = e.closure
-    if c and (strange := implausible(c.geometry, c.identified, c.nominal)):
-        machine = f"{c.cell.robot.title} on {c.cell.ballbar.title}"
-        fits = f"The logs fit a mechanism, but not {machine}" if c.converged else _unfinished(e)
+    if c and (strange := implausible(c.robot.geometry, [*c.robot.sigma], c.robot.nominal)):
+        machine = f"{c.robot.robot.title} on {c.robot.cell.ballbar.title}"
+        fits = f"The logs fit a mechanism, but not {machine}" if c.fit.converged else _unfinished(e)
         yield (
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
@@ -83,10 +84,10 @@ def _several_machines(e: Evidence) -> Iterator[str]:
     """Recordings or files that contradict each other."""
     if e.closure and e.closure.disagreement:
         yield f"{e.closure.disagreement}."
-    if e.recording and (e.recording.held_out or 0.0) > UNLIKE_OTHERS:
+    if e.held_out is not None and e.held_out > UNLIKE_OTHERS:
         yield (
             "the machine of the other recordings leaves "
-            f"{e.recording.held_out:.1f} times what noise and its uncertainty explain. Identify "
+            f"{e.held_out:.1f} times what noise and its uncertainty explain. Identify "
             "each recording by itself, and compare the results."
         )
     apart = e.closure.lengths_apart if e.closure else 0.0
@@ -100,7 +101,7 @@ def _several_machines(e: Evidence) -> Iterator[str]:
 
 def _no_machine(e: Evidence) -> Iterator[str]:
     """Values that no machine has."""
-    if e.closure and e.closure.unphysical and e.closure.converged:
+    if e.closure and e.closure.unphysical and e.closure.fit.converged:
         yield (
             f"{', '.join(e.closure.unphysical)} came out negative, as no stiffness, play "
             "or mass can be: something else is not in the model, or `links` and `body` in the "
@@ -138,14 +139,14 @@ def _unfinished(e: Evidence) -> str:
 def _unexplained(e: Evidence) -> Iterator[str]:
     """Something in the data, or in the files, that the model cannot have."""
     c = e.closure
-    if c and c.tells and c.autocorrelation > AUTOCORRELATED_MISFIT:
+    if c and c.tells and c.fit.autocorrelation > AUTOCORRELATED_MISFIT:
         yield (
             f"neighbouring residuals are correlated ({c.neighbours}): something "
             "systematic is in the data that is not in the model; the stated intervals are too "
             "narrow. Look where the residuals stand out (report.html); fit --model complete, or "
             "state what the robot's file lacks."
         )
-    if c and noise_status(c.chi2_per_dof) is Status.MISFIT:
+    if c and noise_status(c.fit.chi2_per_dof) is Status.MISFIT:
         yield (
             f"the residual is {c.ratio:.1f} times what the noise in the logs explains. "
             "Something is in the data that is not in the model; the stated intervals are widened "
@@ -163,14 +164,14 @@ def _uncertain(e: Evidence) -> Iterator[str]:
             f"({c.blocks} blocks of a few seconds, {FEW_BLOCKS} are needed). Record two minutes of "
             "motion of every joint."
         )
-    if c and c.tcp_sigma > c.largest_sigma:
+    if c and (sigma := rms(c.robot.tcp_sigma)) > c.largest_sigma:
         limit = (
             f"the {c.accuracy * 1e3:.3g} mm that are asked for"
             if c.accuracy is not None
             else f"half of the {significant_text(c.nominal_error * 1e3, 2)} mm that the nominal "
             "robot is off"
         )
-        known = significant_text(c.tcp_sigma * 1e3, 2)
+        known = significant_text(sigma * 1e3, 2)
         yield (
             f"the tool is known to {known} mm (1 sigma, rms over the workspace, with "
             f"the scale), and {limit} would be the most. Record longer, on a path that moves every "
@@ -222,7 +223,7 @@ def _cares(e: Evidence) -> Iterator[str]:
     c = e.closure
     if c is None:
         return
-    noise = noise_status(c.chi2_per_dof)
+    noise = noise_status(c.fit.chi2_per_dof)
     if masses_in_doubt(c.softer):
         yield (
             f"all gears together are {c.softer:.2f} times as soft as the catalogue's, as if the "
@@ -241,15 +242,16 @@ def _cares(e: Evidence) -> Iterator[str]:
             "cell files expect; either the files are wrong or something else is not in the model. "
             "Check these values in the files first."
         )
-    if c.tells and c.autocorrelation > AUTOCORRELATED:
+    if c.tells and c.fit.autocorrelation > AUTOCORRELATED:
         yield (
             f"neighbouring residuals are correlated ({c.neighbours}), so something systematic is "
             "not in the model; the stated intervals may be too narrow. Test the result on a "
             "held-out recording (--validate)."
         )
-    if noise is Status.GOOD and e.recording and e.recording.clock_sigma > UNSEEN_OFFSET:
+    offset_sigma = e.recording.clock_sigma[0] if e.recording else 0.0
+    if noise is Status.GOOD and offset_sigma > UNSEEN_OFFSET:
         yield (
-            f"the clock offset is known to {duration_text(e.recording.clock_sigma)} at best, since "
+            f"the clock offset is known to {duration_text(offset_sigma)} at best, since "
             "the length hardly changes. Vary it within its stroke, or move faster."
         )
     if noise is Status.SUSPECT:

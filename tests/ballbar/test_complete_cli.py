@@ -233,8 +233,9 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
 ) -> None:
     """A collision has changed one parameter."""
     result, geometry = machine.identification, machine.identification.robot.geometry
-    bent = replace(result.robot, geometry=geometry.replaced({name: geometry[name] + error}))
-    outcome = tried_on(replace(result, robot=bent), together.c)
+    bent = geometry.replaced({name: geometry[name] + error})
+    robot = replace(result.robot, identified=replace(result.robot.identified, geometry=bent))
+    outcome = tried_on(replace(result, robot=robot), together.c)
     assert not outcome.acceptable
     (sound,) = load_calibration(together.out / "calibration.yaml").file.held_out
     assert outcome.identified.ratio > 1.5 * sound.identified.ratio
