@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ballbar.commands.identifiability import parse_encoders
-from ballbar.identifiability.study import (
+from ballbar.identifiability import (
     KinematicLoop,
     Study,
     cost_columns,
@@ -18,8 +18,8 @@ from ballbar.identifiability.study import (
     nominal_loop,
     reidentified,
     study,
+    vector_text,
 )
-from ballbar.identifiability.tables import vector_text
 from ballbar.scenario import load_scenario
 from cell.errors import InputError
 from cell.geometry import bar_frames
