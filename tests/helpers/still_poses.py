@@ -171,7 +171,13 @@ def reached(true: TrueRobot, places: Array, *, seed: int) -> Array:
 
 
 def group(
-    measured: Measured, seat: str, q: Array, values: Array, sigma: Array, target: str = "ball"
+    measured: Measured,
+    seat: str,
+    q: Array,
+    values: Array,
+    sigma: Array,
+    target: str = "ball",
+    file: str = "table.csv",
 ) -> PoseGroup:
     """A group of poses as from a file of one row each."""
     return PoseGroup(
@@ -182,7 +188,7 @@ def group(
         values=values,
         sigma=sigma,
         rows=np.arange(2, len(q) + 2),
-        file="table.csv",
+        file=file,
     )
 
 
