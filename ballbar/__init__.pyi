@@ -36,12 +36,10 @@ from cell.robot_angles import joints_to_axes as joints_to_axes
 from ident.held_out import HeldOut as HeldOut
 from ident.held_out import held_out as held_out
 from ident.identify import identify as identify
+from ident.identify import identify_poses as identify_poses
 from ident.identify import identify_together as identify_together
-from ident.identify_poses import PoseOptions as PoseOptions
-from ident.identify_poses import identify_poses as identify_poses
 from ident.options import FitOptions as FitOptions
 from ident.options import Listener as Listener
-from ident.pose_result import PoseIdentification as PoseIdentification
 from ident.recording_fit import Logs as Logs
 from ident.result import Identification as Identification
 from ident.robot.accuracy import TcpError as TcpError

@@ -18,8 +18,8 @@ from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
-from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.fit import Fit
+from ident.estimator.priors import declared_sigma
 from ident.estimator.robust_fit import median_scale, whitened_lengths
 from ident.table_steps import Step
 
@@ -64,7 +64,7 @@ class Findings:
 
 def lengths_of(fit: Fit) -> Array:
     """(N,) each pose's whitened residual over the median-based scale of all, at least WIDE."""
-    lengths = whitened_lengths(fit.linear)
+    lengths = whitened_lengths(fit.linear)[fit.still]
     return np.concatenate(lengths) / max(median_scale(lengths), WIDE)
 
 
@@ -81,9 +81,8 @@ def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
     candidates: list[int] = []
     signs: list[float] = []
     first = 0
-    for point, weights, move in zip(
-        fit.linear.evaluations, fit.linear.weights, _last_moves(fit), strict=True
-    ):
+    points, whitenings = fit.linear.evaluations[fit.still], fit.linear.weights[fit.still]
+    for point, weights, move in zip(points, whitenings, _last_moves(fit), strict=True):
         n = point.still.size
         residual = weights(point.closure.error)
         if len(residual) >= 3 and n > 1:
@@ -104,10 +103,11 @@ def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
 
 def _last_moves(fit: Fit) -> list[Array]:
     """(6, N) of every group: change of the error for the whole last move of the robot."""
-    groups = [point.still for point in fit.linear.evaluations]
+    points = fit.linear.evaluations[fit.still]
+    moves = last_moves([point.still for point in points])
     return [
         np.asarray(np.einsum("jcn,nj->cn", point.target_closure.joint_columns, moved))
-        for point, moved in zip(fit.linear.evaluations, last_moves(groups), strict=True)
+        for point, moved in zip(points, moves, strict=True)
     ]
 
 
@@ -138,34 +138,45 @@ def _unfinished(fit: Fit) -> float:
 
     A score test of one unknown that turns every pose by that share, as the orders are tested.
     """
-    equations, moves = fit.linear, _last_moves(fit)
-    columns = [
-        weights(move) * robust
-        for move, weights, robust in zip(moves, equations.weights, equations.robust, strict=True)
-    ]
-    parts = list(zip(fit.jacobians, equations.residuals, columns, strict=True))
-    gram = sum(
-        jacobian.reshape(len(jacobian), -1) @ column.reshape(-1) for jacobian, _, column in parts
-    )
-    solved = np.linalg.solve(equations.normal, gram)
-    score = variance = information = 0.0
-    for jacobian, residual, column in parts:
-        rest = column - np.einsum("pen,p->en", jacobian, solved)
-        each = (rest * residual).sum(axis=0)
-        score += float(each.sum())
-        variance += float((each * each).sum())
-        information += float((rest * rest).sum())
-    if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
+    moves, linear = _last_moves(fit), fit.linear
+    weighted = zip(moves, linear.weights[fit.still], linear.robust[fit.still], strict=True)
+    columns = [(weights(move) * robust)[None] for move, weights, robust in weighted]
+    score, variance, information = _score(fit, range(len(columns)), columns)
+    if variance[0, 0] == 0.0 or score[0] ** 2 <= SHARE_OF_MOVE * variance[0, 0]:
         return 0.0
-    share = -score / information
+    share = -float(score[0] / information[0, 0])
     moved = np.concatenate([move[:3] for move in moves], axis=1)
     effect = abs(share) * float(np.sqrt((moved**2).mean()))
     return share if effect > LEAST_EFFECT * _error_of_one(fit) else 0.0
 
 
+def _score(fit: Fit, groups: Sequence[int], columns: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Score (K,) of K more unknowns, its variance by poses (K, K), and their information (K, K).
+
+    columns : (K, E, N) whitened, of the groups that they move. The unknowns of the fit are
+    eliminated.
+    """
+    count, size = fit.model.unknowns.count, len(columns[0])
+    residuals = fit.linear.residuals[fit.still]
+    gram = np.zeros((count, size))
+    for k, column in zip(groups, columns, strict=True):
+        gram += fit.jacobians[k].reshape(count, -1) @ column.reshape(size, -1).T
+    solved = np.linalg.solve(fit.linear.normal, gram)
+    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    for k, column in zip(groups, columns, strict=True):
+        rest = column - np.einsum("pen,pk->ken", fit.jacobians[k], solved)
+        each = (rest * residuals[k]).sum(axis=1)
+        score += each.sum(axis=1)
+        variance += each @ each.T
+        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    return score, variance, information
+
+
 def _error_of_one(fit: Fit) -> float:
     """[m] error of one measurement along an axis: declared noise and what is unexplained."""
-    noise = np.concatenate([p.position_sigma.reshape(-1) for p in fit.linear.evaluations])
+    noise = np.concatenate(
+        [p.position_sigma.reshape(-1) for p in fit.linear.evaluations[fit.still]]
+    )
     return float(np.hypot(fit.excess.position, np.median(noise)))
 
 
@@ -178,12 +189,7 @@ def scale_of(fit: Fit) -> tuple[float, float] | None:
     matter.
     """
     equations, layout = fit.linear, fit.model.unknowns
-    declared = np.array(
-        [STILL_LENGTH_PRIOR if p.is_length else STILL_ANGLE_PRIOR for p in layout.parameters]
-    )
-    sigma = layout.sigma.copy()
-    sigma[layout.geometric] = declared
-    prior = np.diag(sigma**-2.0 - layout.sigma**-2.0)
+    prior = np.diag(declared_sigma(layout) ** -2.0 - layout.sigma**-2.0)
     normal = equations.normal + prior
     gradient = equations.gradient + prior @ (equations.x - layout.mean)
     cross, own, slope = np.zeros(layout.count), 0.0, 0.0
@@ -224,35 +230,24 @@ def _drift(fit: Fit, seat: str) -> SeatDrift | None:
     """The drift of a seat if the score of its shifts, and of its turns where they are seen, is
     beyond chance, and the drift large enough to matter.
     """
-    equations, layout = fit.linear, fit.model.unknowns
-    part = layout.seats[seat]
+    part, points = fit.model.unknowns.seats[seat], fit.linear.evaluations[fit.still]
     size = part.stop - part.start
-    every = zip(equations.evaluations, fit.jacobians, equations.residuals, strict=True)
-    own = [each for each in every if each[0].still.seat == seat and each[0].still.time is not None]
-    times = [np.asarray(point.still.time) for point, _, _ in own]
+    own = [k for k, p in enumerate(points) if p.still.seat == seat and p.still.time is not None]
+    times = [np.asarray(points[k].still.time) for k in own]
     first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
     if span <= 0.0:
         return None
-    columns = [each[1][part] * ((t - first) / span) for each, t in zip(own, times, strict=True)]
-    gram = np.zeros((layout.count, size))
-    for (_, jacobian, _), column in zip(own, columns, strict=True):
-        gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
-    solved = np.linalg.solve(equations.normal, gram)
-    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
-    for (_, jacobian, residual), column in zip(own, columns, strict=True):
-        rest = column - np.einsum("pen,pk->ken", jacobian, solved)
-        each = (rest * residual).sum(axis=1)
-        score += each.sum(axis=1)
-        variance += each @ each.T
-        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    columns = [
+        fit.jacobians[k][part] * ((t - first) / span) for k, t in zip(own, times, strict=True)
+    ]
+    score, variance, information = _score(fit, own, columns)
     test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
     if test <= DRIFT * float(chdtri(size, CHANCE)):  # chi-square, upper tail
         return None
     change = np.zeros(6)
     change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-    arm = np.concatenate(
-        [p.target_closure.sight.point.T - p.target_closure.seat.origin for p, _, _ in own]
-    )
+    closures = [points[k].target_closure for k in own]
+    arm = np.concatenate([c.sight.point.T - c.seat.origin for c in closures])
     moved = float(np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1).mean())
     if moved <= np.sqrt(3.0) * LEAST_EFFECT * _error_of_one(fit):
         return None

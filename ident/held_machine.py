@@ -45,7 +45,7 @@ from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Machine
 from ident.robot.identified import IdentifiedRobot
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.start.automatic import StartError
 from ident.start.placements import start_of_poses
 
@@ -79,7 +79,7 @@ def recording_alone(
     Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
     """
     try:
-        return fit_recording(cell, logs, options, Listener(listener.progress))
+        return fit_recording(cell, logs, options, listener)
     except StartError as error:
         raise StartError(Causes.of(cell, [logs]).before(error)) from None
 
@@ -113,7 +113,7 @@ def closed_loop(
     ballbar = samples.ballbar_angles(recording.geometry, recording.clock)
     pose = Pose(model, layout.mean.copy(), [ballbar])
     if loaded and source == "none":
-        pose = continued(pose, Listener(listener.progress))
+        pose = continued(pose, listener)
     result = fit_pose(pose, excess)
     if not loaded:
         return result

@@ -27,11 +27,11 @@ from ident.held_machine import (
     recording_alone,
 )
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
-from ident.pose_result import PoseIdentification, position_errors
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.robot.identified import IdentifiedRobot, range_sentence
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
+from ident.table_estimate import TableEstimate, position_errors
 from ident.table_steps import other_sides
 from ident.tracker import TrackerCheck, check_tracker
 from ident.verdict import MISFIT
@@ -159,7 +159,7 @@ class PoseHeldOut:
         return f"{opening}: a misfit. The robot as identified does not explain these poses."
 
 
-def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
+def held_out_poses(result: TableEstimate, table: PoseTable) -> PoseHeldOut:
     """How well an identified robot predicts a table that it was not identified from."""
     robot = result.identified_robot()
     identified, moved = _as_it_stood(result, robot, table)
@@ -177,7 +177,7 @@ def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
     )
 
 
-def _elsewhere(result: PoseIdentification, held: Fit) -> bool:
+def _elsewhere(result: TableEstimate, held: Fit) -> bool:
     """Whether a seat of a held-out table stands at another place than all that were fitted."""
     known, own = result.fit.model.unknowns, held.model.unknowns
     fitted = np.stack([known.seat(result.fit.x, name).origin for name in known.seats])
@@ -188,7 +188,7 @@ def _elsewhere(result: PoseIdentification, held: Fit) -> bool:
 
 
 def _as_it_stood(
-    result: PoseIdentification, robot: IdentifiedRobot, table: PoseTable
+    result: TableEstimate, robot: IdentifiedRobot, table: PoseTable
 ) -> tuple[Fit, tuple[str, ...]]:
     """A table placed with each target on that side of its steps which fits better, and the names
     of the targets that are not on the side with most fitted poses.

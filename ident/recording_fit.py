@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
@@ -21,14 +22,14 @@ from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.priors import declared_names, priors
+from ident.estimator.priors import declared_names, priors, with_tails
 from ident.estimator.sample_times import sample_times
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
 from ident.signals.smooth_log import SmoothLog, smooth_log
-from ident.start.automatic import Hypothesis, Start, StartError, automatic_start, fit_hypothesis
+from ident.start.automatic import Hypothesis, Start, StartError, automatic_start
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
@@ -120,9 +121,6 @@ def fit_recording(
         known=known,
     )
     chosen = start.chosen
-    if listener.on_iteration:  # once more, to be followed alone among its rivals
-        hypothesis, report = chosen.hypothesis, listener.on_iteration
-        fit_hypothesis(hypothesis, robot, ballbar, encoders, excess, spacing, report)
     listener.progress("fitting")
     times = sample_times(robot, ballbar, chosen.fit.clock(), options.samples)
     directions, first_spacing = chosen.hypothesis.directions, float(times[1] - times[0])
@@ -135,7 +133,6 @@ def fit_recording(
         subset = identifiable_parameters(samples, geometry, clock, excess, nominal, requested)
     except UnreachableError as error:
         raise StartError(str(error)) from None
-    callback = listener.on_iteration
     fitted, free = np.concatenate((subset.parameters, subset.weak)), subset.parameters
     prior = priors(cell, nominal.table, fitted)
     if samples.measures_length:
@@ -143,19 +140,17 @@ def fit_recording(
     else:
         prior[: free.size] = np.inf
     begin = _on_nominal(geometry, nominal, free)  # the means of the priors are nominal
-    first = fit_kinematics(
-        samples, begin, clock, fitted, excess, prior_sigma=prior, on_iteration=callback
-    )
+    first = fit_kinematics(samples, begin, clock, fitted, excess, prior_sigma=prior)
     if samples.measures_length:
         samples = samples.with_noise_held(first.clock())
+    off = (first.geometry().values - nominal.values)[fitted]
     final = fit_kinematics(
         samples,
         _on_nominal(first.geometry(), nominal, free),
         first.clock(),
         fitted,
         ExcessNoise(rod=rod_deviation(first)),
-        prior_sigma=prior,
-        on_iteration=callback,
+        prior_sigma=with_tails(prior, off),
     )
     iterations = chosen.fit.iterations + first.iterations + final.iterations
     return RecordingFit(logs, nominal, start, subset, final, iterations)
@@ -168,32 +163,23 @@ def smoothed(
 
     A sensed length is given as the rod's extension [m] beyond its nominal `rod_length` [m].
     """
-    robot = smooth_log(
-        logs.robot.t,
-        logs.robot.q,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(logs.robot.segment),
-        checked=logs.robot.flags is not None,
-    )
+    robot = _spline(logs.robot, logs.robot.q)
     if logs.length is not None:
-        extension = smooth_log(
-            logs.length.t,
-            logs.length.length[:, None] - rod_length,
-            widest_knot_spacing=WIDEST_KNOT_SPACING,
-            starts=segment_starts(logs.length.segment),
-            checked=logs.length.flags is not None,
-        )
-        return robot, extension, ()
+        return robot, _spline(logs.length, logs.length.length[:, None] - rod_length), ()
     if logs.ballbar is None:
         return robot, None, ()
-    ballbar = smooth_log(
-        logs.ballbar.t,
-        logs.ballbar.angles,
+    return robot, _spline(logs.ballbar, logs.ballbar.angles), logs.ballbar.joints
+
+
+def _spline(log: RobotLog | BallBarLog | LengthLog, values: Array) -> SmoothLog:
+    """Values (N, C) of a log, smoothed."""
+    return smooth_log(
+        log.t,
+        values,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(logs.ballbar.segment),
-        checked=logs.ballbar.flags is not None,
+        starts=segment_starts(log.segment),
+        checked=log.flags is not None,
     )
-    return robot, ballbar, logs.ballbar.joints
 
 
 def nominal_robot_fit(recording: RecordingFit, samples: Samples) -> Fit:

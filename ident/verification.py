@@ -18,7 +18,7 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 
 from cell.arrays import Array
-from ident.estimator.robust_fit import student_widening
+from ident.estimator.priors import with_tails
 from ident.single_causes import Cause, Explanation
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged machine that call it changed
@@ -57,7 +57,7 @@ class Score:
             size, sigma = prior * far, prior * np.sqrt(np.diag(covariance))
             evidence = 0.5 * float(right @ far - np.linalg.slogdet(scaled)[1])
             gain = float(right @ far + far @ far)
-            prior = cause.prior * student_widening(size / cause.prior)
+            prior = with_tails(cause.prior, size)
         return Explanation(cause, size, sigma, evidence, gain)
 
     def ranked(self, causes: Sequence[Cause]) -> list[Explanation]:

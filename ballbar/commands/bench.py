@@ -29,7 +29,6 @@ from cell.files import require_writable
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.rehearsal.day import Stage
     from ballbar.replay.live import LiveRun
-    from ballbar.result.run_data import Run
     from ballbar.truth.limits import Limit
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
@@ -78,10 +77,9 @@ def run(
         from ballbar.truth.limits import plant_sentence
 
         words = command_line()
-        data: Run
         if isinstance(settings, PoseScenario):
             data = run_pose_scenario(settings, scenario, folder, command=words, progress=progress)
-            plant = data.simulation.plant if data.simulation else ""
+            plant = data.simulated_poses.plant if data.simulated_poses else ""
         else:
             data = run_scenario(
                 settings,
@@ -182,6 +180,7 @@ def rehearse(
         noticed, such as slip, encoder_frozen or tool_moved.
     """
     from ballbar.record.show import ads_reader
+    from ballbar.rehearsal.day import Day
     from ballbar.rehearsal.files import chain, rehearse_into
     from ballbar.scenario import load_scenario
 
@@ -199,21 +198,14 @@ def rehearse(
         out.print(f"{word} {stage.took:4.0f} s  {escape(f'{stage.name}: {stage.sentence}')}")
 
     with progress_bar() as progress:
-        day = rehearse_into(
-            folder,
-            settings,
-            file=scenario,
-            speed=speed,
-            fault=fault,
-            command=command_line(),
-            show=show,
-            progress=progress,
-        )
+        day = Day(settings, scenario, folder, speed, fault, command_line(), show, progress=progress)
+        rehearsal = rehearse_into(day)
     if as_json:
-        say_json(chain(day))
-    _say_limits(day.limits)
-    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {day.took:.0f} s in all")
-    raise typer.Exit(0 if day.acceptable else 1)
+        say_json(chain(rehearsal))
+    _say_limits(rehearsal.limits)
+    took = rehearsal.day.took
+    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {took:.0f} s in all")
+    raise typer.Exit(0 if rehearsal.acceptable else 1)
 
 
 @command(commands)
@@ -240,9 +232,8 @@ def sweep(
     """
     from ballbar.commands.bench_json import sweep_data
     from ballbar.sweep.check import load_sweep
-    from ballbar.sweep.run import run_sweep
+    from ballbar.sweep.run import dask_cluster, processes, run_sweep
     from ballbar.sweep.show import run_bar, say_outcome
-    from ballbar.sweep.workers import dask_cluster, processes
     from ballbar.trial.trial import run_trial
 
     if workers is not None and scheduler is not None:
@@ -287,8 +278,8 @@ def claims(
     from ballbar.claims.run import judge_all, topics
     from ballbar.claims.show import say_verdicts, write_page
     from ballbar.commands.bench_json import claims_data
+    from ballbar.sweep.run import process_pool
     from ballbar.sweep.show import run_bar
-    from ballbar.sweep.workers import process_pool
 
     if page is not None and names:
         raise InputError(

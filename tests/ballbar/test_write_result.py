@@ -18,7 +18,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.recording import Recording
-from ballbar.result import calibration, calibration_content
+from ballbar.result import calibration
+from ballbar.result import write_calibration as writer
 from ballbar.result.calibration import Calibration, load_calibration
 from ballbar.result.machine_entries import (
     CovarianceEntry,
@@ -171,7 +172,7 @@ def test_a_result_that_its_reader_refuses_is_kept_whole(
     write_calibration(path, run_data(result))
     sound = yaml.safe_load(path.read_text())
     with monkeypatch.context() as patch:
-        patch.setattr(calibration_content, "covariance_entry", refused_order)
+        patch.setattr(writer, "covariance_entry", refused_order)
         with pytest.raises(RefusedResultError) as error:
             write_calibration(path, run_data(result))
     assert f"whole in {kept}, and not in calibration.yaml" in str(error.value)
@@ -211,7 +212,7 @@ def test_a_refused_result_ends_as_a_fault_with_all_files_written(
         options, files = ["--joint-errors", "none"], {"report.html"}
     words = ["identify", tmp_path / "in", "--out", out, "--json", *options]
     with monkeypatch.context() as patch:
-        patch.setattr(calibration_content, "covariance_entry", refused_order)
+        patch.setattr(writer, "covariance_entry", refused_order)
         patch.setattr(calibration, "arm_parameters", lambda robot: arm_parameters(robot)[1:])
         code, said, err = ballbar(*words)
     assert code == 3

@@ -21,7 +21,11 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.build_unknowns import arm_parameters
+from ident.evidence import Evidence
 from ident.robot.identified import IdentifiedRobot
+from ident.rules import judge
+from ident.table_estimate import TableEstimate
+from ident.verdict import Verdict
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -166,7 +170,13 @@ def reached(true: TrueRobot, places: Array, *, seed: int) -> Array:
 
 
 def group(
-    measured: Measured, seat: str, q: Array, values: Array, sigma: Array, target: str = "ball"
+    measured: Measured,
+    seat: str,
+    q: Array,
+    values: Array,
+    sigma: Array,
+    target: str = "ball",
+    file: str = "table.csv",
 ) -> PoseGroup:
     """A group of poses as from a file of one row each."""
     return PoseGroup(
@@ -177,5 +187,10 @@ def group(
         values=values,
         sigma=sigma,
         rows=np.arange(2, len(q) + 2),
-        file="table.csv",
+        file=file,
     )
+
+
+def verdict_of(poses: TableEstimate, *, elsewhere: bool = False) -> Verdict:
+    """The verdict on still poses alone."""
+    return judge([Evidence(table=poses, elsewhere=elsewhere)])

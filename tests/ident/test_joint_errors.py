@@ -45,7 +45,7 @@ def tcp_error(result: Identification, order: int, size: float = SIZE) -> float:
     gears = q @ CELL.robot.joint_to_gear
     gears[:, JOINT] += size * np.sin(order * gears[:, JOINT])
     true = robot_frames(NOMINAL, gears @ CELL.robot.gear_to_joint).tip.T
-    return position_error(result.robot.identified_robot().tool(q), true).mean
+    return position_error(result.robot.identified.tool(q), true).mean
 
 
 def amplitudes(result: Identification) -> dict[str, float]:
@@ -160,7 +160,8 @@ def test_a_good_fit_is_searched_only_where_the_file_lists_no_orders() -> None:
     result = identified(order=None)
     assert not may_have_joint_errors(result)
     unlisted = replace(CELL, robot=replace(CELL.robot, gears=None))
-    robot = replace(result.robot, cell=unlisted)
+    identified_robot = replace(result.robot.identified, description=unlisted)
+    robot = replace(result.robot, identified=identified_robot)
     assert may_have_joint_errors(replace(result, robot=robot))
     suspect = replace(result.verdict, status=Status.SUSPECT)
     assert may_have_joint_errors(replace(result, verdict=suspect))

@@ -16,8 +16,9 @@ from cell.arrays import Array
 from cell.errors import InputError
 from cell.placement import Placement
 from cell.poses import PoseTable
-from ident.identify_poses import PoseOptions, identify_poses
+from ident.options import FitOptions
 from ident.robot.identified import IdentifiedRobot
+from ident.table_fit import fit_table
 from ident.verification import FALSE_ALARMS, Verification
 from ident.verify_table import limit_of, verify
 from tests.helpers.drawn_pose_tables import (
@@ -56,7 +57,7 @@ def stored(name: str, seed: int) -> Stored:
     rng = np.random.default_rng(seed)
     drawn = drawn_robot(name, rng)
     table = point_table(drawn, drawn.angles(120, rng), NOISE, rng)
-    result = identify_poses(table, PoseOptions(search=False))
+    result = fit_table(table, FitOptions(joint_errors="none"))
     layout, x = result.fit.model.unknowns, result.fit.x
     targets = {name: layout.target(x, name) for name in layout.targets}
     return Stored(drawn, result.identified_robot(), targets, result.cross_validation.mean)
@@ -235,7 +236,7 @@ def test_poses_at_one_spot_hold_nothing_that_is_worth_saying(robot: Stored) -> N
 
 def test_sockets_show_that_a_calibration_holds() -> None:
     true = true_robot("ur10")
-    result = identify_poses(table_of(true, noise=3e-5), PoseOptions(search=False))
+    result = fit_table(table_of(true, noise=3e-5), FitOptions(joint_errors="none"))
     layout, x = result.fit.model.unknowns, result.fit.x
     targets = {name: layout.target(x, name) for name in layout.targets}
     robot, mean = result.identified_robot(), result.cross_validation.mean
