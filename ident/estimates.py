@@ -17,7 +17,6 @@ from ident.consistency import AGREED, consistency
 from ident.corrections import SUBSTITUTES, corrections_without_data
 from ident.estimator.build_unknowns import GAIN_PRIOR
 from ident.estimator.fit import Fit
-from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
 from ident.estimator.priors import FAR, declared_sigma, robot_unknowns
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
@@ -232,7 +231,7 @@ def _recording(
         clock_sigma=(0.0, 0.0)
         if own.clock is None
         else (float(deviations[own.clock.start]), float(deviations[own.clock.start + 1])),
-        noise=log_noise(samples.robot, samples.ballbar, samples.encoders),
+        noise=samples.log_noise,
         before=_residuals(nominal, 0),
         after=_residuals(fit, k),
         whitened=fit.linear.residuals[k],

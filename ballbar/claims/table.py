@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ballbar.claims.kinds import Measure, Rows, Scalar, Statistic
-from ballbar.identifiability.study import Influences, Study, influences, nominal_loop, study
+from ballbar.identifiability import Influences, Study, influences, nominal_loop, study
 from ballbar.scenario import load_scenario
 from ballbar.sweep.chunk import DONE
 from ballbar.sweep.table import failures_of

@@ -72,7 +72,7 @@ def run(
         nullcontext(partial) if still else second_process(*REPLAY_MODULES) as begin,
     ):
         from ballbar.commands.result_json import run_data
-        from ballbar.report.terminal import say_comparison, say_identification, say_pose_comparison
+        from ballbar.report.terminal import say_comparison, say_identification
         from ballbar.run import run_pose_scenario, run_scenario
         from ballbar.truth.limits import plant_sentence
 
@@ -96,7 +96,7 @@ def run(
     say_identification(out, data)
     out.print(escape(plant))
     if data.comparison is not None:
-        (say_pose_comparison if still else say_comparison)(out, data.comparison)
+        say_comparison(out, data.comparison)
     _say_limits(data.limits)
     report, name = escape(str(folder / "report.html")), escape(str(folder))
     out.print(f"Look at {report}" + ("" if still else f", or: ballbar replay {name}"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ballbar.truth.true_robot import true_tool
+from ballbar.truth.compare import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.poses import PoseTable

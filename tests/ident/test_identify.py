@@ -192,9 +192,8 @@ def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) ->
     later = only(identify(cell, recording.robot_log, cut, options=options)).clock
     assert whole is not None
     assert later is not None
-    assert later.offset - whole.offset == pytest.approx(
-        (1.0 + whole.skew) * lost, abs=3e-6
-    )  # noise: 1 us each
+    # noise: 1 us each
+    assert later.offset - whole.offset == pytest.approx((1.0 + whole.skew) * lost, abs=3e-6)
 
 
 @pytest.mark.slow

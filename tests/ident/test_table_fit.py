@@ -14,6 +14,7 @@ from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.corrections.unit_weights import PRIOR as SAG_PRIOR
 from ident.cross_validation import PLACES, cross_validated, places_of, with_folds
+from ident.estimator.observations import rounding
 from ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
 from ident.evidence import Evidence
 from ident.findings import findings_of, lengths_of
@@ -21,7 +22,6 @@ from ident.held_out import PoseHeldOut, held_out_poses
 from ident.options import FitOptions, JointErrors
 from ident.robot.accuracy import position_error
 from ident.robot.identified import range_sentence
-from ident.signals.rounding import rounding
 from ident.start.placements import PoseStartError, start_of_poses
 from ident.table_estimate import TableEstimate, position_errors
 from ident.table_fit import fit_table, linearised, sag
