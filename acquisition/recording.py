@@ -9,7 +9,7 @@ stands in the import report; what cannot be repaired is an error with file and l
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -36,18 +36,10 @@ from acquisition.faults.robot_angles import (
     with_limits_checked,
     without_sentinels,
 )
-from acquisition.fit_rows import Channels, choose_rows, cut_rows, fit_rows, rows_in_time
+from acquisition.fit_rows import choose_rows, cut_rows, fit_rows, rows_in_time
 from acquisition.flags import RowFlag, usable
 from acquisition.report import ImportReport
-from acquisition.sources import (
-    Fitted,
-    ImportLog,
-    LogRows,
-    joined,
-    log_source,
-    read_files,
-    refuse_few,
-)
+from acquisition.sources import Fitted, ImportLog, LogRows, log_source, read_files, refuse_few
 from acquisition.stamps.order import seconds
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
@@ -148,13 +140,11 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
 
 def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotLog, ImportLog]:
     """The robot's log of a recording, and what was found in its files."""
-    source = log_source(folder, "robot", declared, axes=robot.joints)
-    dialect, reading = (
-        source.dialect,
-        AngleReading(source.dialect.angle_kind, source.dialect.angle_unit),
-    )
-    tables, summaries = read_files(source)
-    table = joined([without_sentinels(table, dialect.angles) for table in tables])
+    read = read_files(log_source(folder, "robot", declared, axes=robot.joints))
+    dialect = read.source.dialect
+    reading = AngleReading(dialect.angle_kind, dialect.angle_unit)
+    tables = [without_sentinels(table, dialect.angles) for table in read.tables]
+    table = replace(read, tables=tables).joined()
     t = seconds(table)
     table = with_frozen_motion_checked(table, t, reading.scales(robot, dialect.angles))
     torques = [name for name in dialect.torque_columns if name in table.columns]
@@ -162,12 +152,11 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     angles = pop_angles_inplace(robot, table, t, dialect.angles, reading)
     table, reset = with_angle_jumps_checked(table, angles)
     names = [f"joint {k}" for k in range(1, robot.joints + 1)]
-    channels = Channels(source, summaries, names)
-    table, segments = cut_rows(channels, table, angles.joints, reset=reset)
+    table, segments = cut_rows(table, angles.joints, names, reset=reset)
     chosen = choose_rows(with_limits_checked(table, angles), segments)
     q = chosen.of(angles.joints)
     del angles  # more than a fit takes of a log of hours
-    rows = rows_in_time(channels, chosen, q)
+    rows = rows_in_time(read, chosen, q)
     torque = gear_torques(robot, rows.table, dialect)
     log = RobotLog(rows.t, rows.values, torque, rows.segment, rows.table.flags)
     return log, rows.imported
@@ -181,30 +170,29 @@ def read_ballbar(
     robot_moves : whether standing counters are a fault.
     """
     fitted = dict(sorted(encoders.items()))
-    source = log_source(folder, "ballbar", declared, encoders=fitted)
-    status = {k: column for k, column in source.dialect.status.items() if k in fitted}
-    tables, summaries = read_files(source)
-    tables = [with_status_checked(table, status) for table in tables]
+    read = read_files(log_source(folder, "ballbar", declared, encoders=fitted))
+    status = {k: column for k, column in read.source.dialect.status.items() if k in fitted}
+    tables = [with_status_checked(table, status) for table in read.tables]
     for table in tables:
         if not usable(table.flags).any():
             raise LogError(
                 f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report "
                 "faults throughout. Check their cables."
             )
-    table = joined(tables)
+    table = replace(read, tables=tables).joined()
     words, t = counter_words(table, fitted), seconds(table)
     table = with_frozen_motion_checked(table, t, counter_scales(fitted), WORD)
     for encoder in fitted.values():
         table.columns.pop(encoder.column)  # now in `words`
     table = with_jumps_checked(table, t, words, fitted)
     angles = encoder_angles(words, usable(table.flags), fitted)
-    channels = Channels(source, summaries, [f"encoder {name}" for name in fitted])
+    names = [f"encoder {name}" for name in fitted]
     reset = np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET))
     restarted = partial(powered_up, words, fitted)
-    table, segments = cut_rows(channels, table, angles, reset=reset, powered_up=restarted)
+    table, segments = cut_rows(table, angles, names, reset=reset, powered_up=restarted)
     refuse_standing(table, words, fitted, robot_moves=robot_moves)
     chosen = choose_rows(table, segments)
-    rows = rows_in_time(channels, chosen, chosen.of(angles))
+    rows = rows_in_time(read, chosen, chosen.of(angles))
     joints = tuple(int(name[1]) for name in fitted)
     log = BallBarLog(rows.t, rows.values, joints, rows.segment, rows.table.flags)
     return log, rows.imported
@@ -214,12 +202,11 @@ def _read_length(
     folder: Path, declared: LengthFile, instrument: Instrument
 ) -> tuple[LengthLog, ImportLog]:
     """The log of a length sensor. Raises LogError if the instrument cannot be that long."""
-    source = log_source(folder, "length", declared)
-    tables, summaries = read_files(source)
-    table, unit = joined(tables), METRES[declared.unit]
+    read = read_files(log_source(folder, "length", declared))
+    table, unit = read.joined(), METRES[declared.unit]
     length = table.columns[declared.column] * unit + declared.zero_m
     table = with_frozen_motion_checked(table, seconds(table), {declared.column: unit})
-    rows = fit_rows(Channels(source, summaries, ["length"]), table, length[:, None])
+    rows = fit_rows(read, table, length[:, None], ["length"])
     length, margin = rows.values[:, 0], REACH * (instrument.upper - instrument.lower)
     outside = (length < instrument.lower - margin) | (length > instrument.upper + margin)
     if outside.any():
@@ -235,13 +222,11 @@ def _read_length(
 
 def read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]:
     """The log of a force sensor of a recording, and what was found in its files."""
-    source = log_source(folder, "force", declared)
-    names = source.dialect.wrench
-    tables, summaries = read_files(source)
-    table = with_frozen_loads_checked(joined(tables), dict.fromkeys(names))
+    read = read_files(log_source(folder, "force", declared))
+    names = read.source.dialect.wrench
+    table = with_frozen_loads_checked(read.joined(), dict.fromkeys(names))
     wrench = np.stack([table.columns[name] for name in names], axis=1)
-    channels = Channels(source, summaries, names, scale=load_scale(wrench))
-    rows = fit_rows(channels, table, wrench)
+    rows = fit_rows(read, table, wrench, names, scale=load_scale(wrench))
     return ForceLog(rows.t, rows.values), rows.imported
 
 
@@ -249,10 +234,9 @@ def _read_tracker(
     folder: Path, declared: TrackerFile, robot: Robot, robot_log: RobotLog
 ) -> tuple[TrackerLog, ImportLog]:
     """The log of an optical tracker. Raises LogError if the tool cannot move that far."""
-    source = log_source(folder, "tracker", declared)
-    tables, summaries = read_files(source)
-    table = joined(tables)
-    points = np.stack([table.columns[name] for name in source.dialect.point], axis=1)
+    read = read_files(log_source(folder, "tracker", declared))
+    table = read.joined()
+    points = np.stack([table.columns[name] for name in read.source.dialect.point], axis=1)
     points *= METRES[declared.unit]
     hidden = (points == 0.0).all(axis=1)
     if hidden.any():
@@ -260,7 +244,7 @@ def _read_tracker(
         kind, flag = "hidden LED", RowFlag.INVALID
         table = table.remarked(kind, sentence, rows=hidden, flag=flag)
         refuse_few(table, int(np.count_nonzero(~hidden)))
-    rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
+    rows = fit_rows(read, table, points, ["x", "y", "z"])
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
     seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
     if not travel / SIMILAR_EXTENT < seen < travel * SIMILAR_EXTENT:

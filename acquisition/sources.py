@@ -151,8 +151,23 @@ def _dialect(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
     return dialect
 
 
-def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
-    """All files of one source, each with stamps in order, and how each was read.
+@dataclass(frozen=True, eq=False)
+class SourceFiles:
+    """The files of one source, each a table with stamps in order."""
+
+    source: LogSource
+    tables: list[Table]
+    summaries: list[FileSummary]
+
+    def joined(self) -> Table:
+        """All files as one table. Raises LogError if they overlap, or hold too few rows."""
+        table = join(self.tables)
+        refuse_few(table, len(table))
+        return table
+
+
+def read_files(source: LogSource) -> SourceFiles:
+    """All files of one source.
 
     Raises LogError for columns that only some files have: joining would lose them to all.
     """
@@ -169,17 +184,7 @@ def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
             f"{without[0]}: columns {', '.join(together)} missing, and other files of this source "
             "have them. Log them in every file, or remove them from all."
         )
-    return tables, [summary for _, summary in read]
-
-
-def joined(tables: list[Table]) -> Table:
-    """All files of one source as one table.
-
-    Raises LogError if they overlap, or hold too few rows.
-    """
-    table = join(tables)
-    refuse_few(table, len(table))
-    return table
+    return SourceFiles(source, tables, [summary for _, summary in read])
 
 
 def refuse_few(table: Table, rows: int) -> None:

@@ -92,16 +92,6 @@ def test_one_turn_is_lines_times_interpolation_and_the_sign_turns_it_round() -> 
     assert counts_to_rad(turn, lines=LINES, bits=13, sign=1)[0] == pytest.approx(np.pi)
 
 
-def test_angles_survive_the_wrap_of_the_counter_exactly() -> None:
-    t, first, second = turning()
-    words = table_of(b1=(first + 2**32 - 1000) % 2**32, b2=second)
-    angles = encoder_angles(words, t, fitted("b1", "b2"), robot_moves=True)
-    expected = counts_to_rad(
-        np.stack((first - 1000, second), axis=1), lines=LINES, bits=BITS, sign=1
-    )
-    np.testing.assert_array_equal(angles, expected)
-
-
 def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> None:
     t, first, second = turning()
     first[250:] -= first[249] - 4_000_000  # the counter starts again, 1.7 rad away

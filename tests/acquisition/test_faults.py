@@ -462,18 +462,6 @@ def test_a_clock_that_was_set_back_while_the_motion_goes_on_is_joined(tmp_path: 
     assert segment_starts(recording.ballbar_log.segment) == (180,)
 
 
-def test_a_robot_clock_that_was_set_back_is_joined_too(tmp_path: Path) -> None:
-    lines = robot_lines()
-    lines[500:] = [
-        stamped(line, float(line.split(",")[0]) - 3600.0 + 10_000.0) for line in lines[500:]
-    ]
-    lines[1:500] = [stamped(line, float(line.split(",")[0]) + 10_000.0) for line in lines[1:500]]
-    recording = read_recording(write(tmp_path, robot=lines))
-    np.testing.assert_allclose(recording.robot_log.t, ROBOT_T, atol=2e-9)
-    np.testing.assert_allclose(recording.robot_log.q, joint_trajectory(ROBOT_T), atol=1e-12)
-    assert kinds(recording) == ["clock set back"]
-
-
 def test_a_logger_that_started_anew_leaves_the_longer_part_and_says_what_is_not_used(
     tmp_path: Path,
 ) -> None:
@@ -583,20 +571,6 @@ def test_a_stamp_that_goes_far_back_in_a_dwell_shows_nothing_of_the_time_between
         assert kinds(recording) == (
             ["clock set back"] if joined else ["logger restarted", "part not used"]
         )
-
-
-def test_decimal_seconds_since_1970_keep_their_nanoseconds(tmp_path: Path) -> None:
-    start = 1_700_000_000
-    lines = robot_lines()
-    stamps = [f"{start + k // 248}.{(k % 248) * 4_032_001:09d}" for k in range(800)]
-    recording = read_recording(
-        write(
-            tmp_path,
-            robot=[lines[0], *(stamped(row, s) for row, s in zip(lines[1:], stamps, strict=True))],
-        )
-    )
-    expected = np.array([(k // 248) * 10**9 + (k % 248) * 4_032_001 for k in range(800)])
-    np.testing.assert_array_equal(np.rint(recording.robot_log.t * 1e9), expected)
 
 
 def test_an_irregular_stamp_in_a_regular_log_is_warned_of(tmp_path: Path) -> None:

@@ -164,35 +164,6 @@ def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_not
 
 
 @pytest.mark.slow
-def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(
-    address: str, tmp_path: Path
-) -> None:
-    with Plc(address, 1000, capacity=600) as plc:
-        recording = started(tmp_path / "r", plc_source(plc))
-        until(lambda: recording.progress[0].records > 100)
-        plc.disconnect()
-        until(lambda: recording.progress[0].state is RecorderState.WAIT)
-        time.sleep(0.8)
-        plc.connect()
-        until(lambda: recording.progress[0].segments == 2)
-        recording.finish()
-        files = [tmp_path / "r" / "raw" / name for name in ("ballbar.csv", "ballbar_2.csv")]
-        numbers = [
-            n
-            for first, last in (numbers_of(file.read_bytes(), plc) for file in files)
-            for n in range(first, last + 1)
-        ]
-    (progress,) = recording.progress
-    assert progress.lost > 0
-    assert numbers == sorted(set(numbers))
-    assert len(numbers) + progress.lost == numbers[-1] - numbers[0] + 1
-    assert (
-        f"ballbar: {progress.lost} records were lost"
-        in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
-    )
-
-
-@pytest.mark.slow
 def test_kill_9_loses_at_most_the_last_poll(address: str, tmp_path: Path) -> None:
     """A poll is on disk before the next begins: within 0.2 s, on a machine that keeps up."""
     folder, file = tmp_path / "r", tmp_path / "r" / "raw" / "ballbar.csv"

@@ -211,18 +211,6 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
     assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
 
 
-def test_degrees_where_radians_are_declared_are_refused_with_a_hint(tmp_path: Path) -> None:
-    degrees = np.rad2deg(joints_to_motors(ROBOT, joint_trajectory(ROBOT_T)))
-    with pytest.raises(
-        LogError,
-        match=(
-            r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees "
-            r"where radians"
-        ),
-    ):
-        read_recording(write(tmp_path, robot=motor_rows(degrees)))
-
-
 def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) -> None:
     small = np.rad2deg(
         joints_to_motors(ROBOT, 0.007 * np.sin(20.0 * ROBOT_T)[:, None] * np.ones(6))
@@ -232,17 +220,6 @@ def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) 
         match=r"axis \d of irb2400 would turn at .* rad/s; it reaches .*Degrees where radians",
     ):
         read_recording(write(tmp_path, robot=motor_rows(small)))
-
-
-def test_joint_angles_where_motor_angles_are_declared_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(
-        LogError,
-        match=(
-            r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in "
-            r"rad are declared"
-        ),
-    ):
-        read_recording(write(tmp_path, robot=motor_rows(joint_trajectory(ROBOT_T))))
 
 
 def test_a_robot_that_stands_at_zero_is_no_joint_side_log(tmp_path: Path) -> None:
