@@ -155,18 +155,15 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
         if outside.size:
             raise LogError(
                 f"{table.location(outside[0])}: column {encoder.column}: {counter[outside[0]]} is "
-                f"no 32-bit counter word. Expected UDINT, 0 to {WORD - 1}, or DINT, {-WORD // 2} "
-                f"to {WORD // 2 - 1}. Log it as one of these."
+                "no 32-bit counter word. Log it as UDINT or DINT."
             )
         rows = np.flatnonzero(usable(table.flags))
         counter = counter[rows]
         wraps = np.flatnonzero(np.abs(np.diff(counter)) > SHORT_WORD // 2)
         if wraps.size > SOME_WRAPS and np.ptp(counter) < SHORT_WORD:
             raise LogError(
-                f"{table.location(rows[wraps[0] + 1])}: column {encoder.column}: the counter lies "
-                f"within {counter.min()} to {counter.max()} and jumps from one end to the other "
-                f"{wraps.size} times, as the lower 16 bits of a counter do. Log the whole word, "
-                "UDINT or DINT."
+                f"{table.location(rows[wraps[0] + 1])}: column {encoder.column}: {wraps.size} "
+                "wraps as of the lower 16 bits of a counter. Log the whole word, UDINT or DINT."
             )
     return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
 

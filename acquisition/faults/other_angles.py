@@ -141,6 +141,7 @@ def _exchanged_columns(angles: RobotAngles) -> list[str]:
 
 
 def _other_reading(angles: RobotAngles) -> str:
+    """A question that names the readings with which all axes stay within their limits."""
     reading, others = angles.reading, _others_that_fit(angles)
     degrees = AngleReading(reading.kind, "deg")
     if reading.unit == "rad" and degrees not in others:
@@ -152,16 +153,15 @@ def _other_reading(angles: RobotAngles) -> str:
             f"Is this the log of the robot that recording.yaml names, and does it hold {reading}? "
             "Correct its robot or dialect."
         )
-    robot_question = f" Or is it the log of another robot than {angles.robot.name}?"
+    question = f"{_either(others)} where {reading} are declared?"
     if reading.unit == "rad" and degrees in others:
-        further = [other for other in others if other != degrees]
-        question = f" Or {' or '.join(map(str, further))}?" if further else ""
-        return (
-            "Degrees where radians are declared? Read as degrees, all axes stay within their "
-            f"limits: convert the log, or declare degrees.{question}{robot_question}"
-        )
-    stay = "That way all axes stay within their limits: convert the log, or name its dialect."
-    return f"{_either(others)} where {reading} are declared? {stay}{robot_question}"
+        others.remove(degrees)
+        further = "".join(f" Or {other}?" for other in others)
+        question = f"Degrees where radians are declared?{further}"
+    return (
+        f"{question} That way all axes stay within their limits: convert the log, or declare what "
+        f"it holds. Or is it the log of another robot than {angles.robot.name}?"
+    )
 
 
 def _either(readings: list[AngleReading]) -> str:

@@ -57,19 +57,14 @@ def gear_torques(robot: Robot, table: Table, dialect: Dialect) -> Array | None:
     heavy = np.abs(torque) > HEAVY * full_weight(robot)
     if heavy.any():
         row, motor = (int(index) for index in np.argwhere(heavy)[0])
-        value = f"{logged[row, motor]:.5g} N m"
-        if at_motors:
-            value += f" at the motor would be {abs(torque[row, motor]):.3g} N m"
-        doubt, place = (
-            ("At the gear's output, in percent", "at the motor")
-            if at_motors
-            else ("In percent", "behind the gear")
-        )
+        side = "motor" if at_motors else "gear's output"
+        times = abs(torque[row, motor]) / full_weight(robot)
         raise LogError(
-            f"{table.location(row)}: column {columns[motor]}: {value} at the gear's output of axis "
-            f"{motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
-            f"{int(heavy.any(axis=1).sum())} such rows. {doubt}, in N mm? Here are N m {place}. "
-            "Convert the log, or name its dialect in recording.yaml."
+            f"{table.location(row)}: column {columns[motor]}: {logged[row, motor]:.5g} N m at the "
+            f"{side}: at the gear's output of axis {motor + 1} that is {times:.3g} times the "
+            "weight of the whole arm stretched out. "
+            f"{int(heavy.any(axis=1).sum())} such rows. In percent, in N mm, or on the other side "
+            "of the gear? Convert the log, or name its dialect in recording.yaml."
         )
     return torque
 

@@ -22,7 +22,7 @@ _AXES = tuple(f"J{axis}" for axis in range(1, 7))
 # Messages that a network may hold back; a sequence number further back is a restart.
 _REORDERED = 100
 _SIGNALS = 12  # channels of test signals that an ABB controller has
-_FEEDBACK = "feedback"  # column of indices into the decoded messages
+_FEEDBACK = "feedback"  # column of the decoded messages
 
 
 def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
@@ -39,11 +39,11 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     except LogError as error:
         raise LogError(f"{file}: {error}") from None
     findings = (*content.findings, *_frame_findings(frames, content.raw, file))
-    feedback = _feedback(frames, file)
-    rows = {_FEEDBACK: np.arange(len(feedback))}
-    table = one_file(rows, file, np.array(frames.numbers, dtype=np.int64), findings)
-    table = _from_first_angles(_in_sequence(table, feedback), feedback)
-    feedback = [feedback[i] for i in table.columns[_FEEDBACK]]
+    rows = np.empty(len(frames.messages), dtype=object)
+    rows[:] = _feedback(frames, file)
+    table = one_file({_FEEDBACK: rows}, file, np.array(frames.numbers, dtype=np.int64), findings)
+    table = _from_first_angles(_in_sequence(table))
+    feedback = table.columns[_FEEDBACK].tolist()
     angles = np.array([entry.joints_deg for entry in feedback])
     far = np.argwhere(np.abs(angles) > 1e6)  # 9E9 is ABB's mark of an axis that is not there
     if far.size:
@@ -114,11 +114,12 @@ def _feedback(frames: EgmFrames, file: str) -> list[EgmFeedback]:
     return feedback
 
 
-def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
+def _in_sequence(table: Table) -> Table:
     """The messages in order of their sequence numbers, each once; lost ones are reported.
 
     As they came if the numbers start again.
     """
+    feedback = table.columns[_FEEDBACK]
     numbers = [entry.seqno for entry in feedback if entry.seqno is not None]
     if len(numbers) < len(feedback):
         return table
@@ -150,9 +151,9 @@ def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
     return table
 
 
-def _from_first_angles(table: Table, feedback: list[EgmFeedback]) -> Table:
+def _from_first_angles(table: Table) -> Table:
     """Without the messages before the first feedback, which have no joint angles or only zeros."""
-    angles = [feedback[i].joints_deg for i in table.columns[_FEEDBACK]]
+    angles = [entry.joints_deg for entry in table.columns[_FEEDBACK]]
     start = _first(map(any, angles))
     if start is None:
         raise LogError(

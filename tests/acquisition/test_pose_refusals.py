@@ -209,7 +209,7 @@ def test_columns_that_are_no_angles(tmp_path: Path) -> None:
     joints = {"columns": [*JOINTS[:3], "x", "y", "z"], "unit": "deg"}
     sockets = write(tmp_path, measured_by="socket_pair_50", joints=joints, values=None)
     sentence = refused(sockets)
-    assert "Name the columns that hold the robot's angles, in the order of its axes" in sentence
+    assert "Name the columns of the robot's angles, in the order of its axes" in sentence
 
 
 @pytest.mark.parametrize(("right", "wrong"), [("mm", "m"), ("m", "mm"), ("um", "mm")])
