@@ -127,10 +127,8 @@ def with_sigma_of_instrument(
     """
     if (sigma < 0.0).any():
         row = np.argwhere(sigma < 0.0)[0][0]
-        raise LogError(
-            f"{rows.location(row)}: a standard deviation is negative. Name the columns of the "
-            "deviations under sigma."
-        )
+        remedy = "Name the columns of the deviations under sigma."
+        raise LogError.at(rows.location(row), "a standard deviation is negative.", remedy)
     zero = (sigma == 0.0).any(axis=1)
     sentence = f"a standard deviation is 0; that of {instrument.name} is taken for the pose."
     stated = np.where(zero[:, None], instrument.sigma(values), sigma)

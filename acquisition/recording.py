@@ -78,10 +78,8 @@ def read_recording(folder: Path) -> Recording:
     file cannot be trusted.
     """
     if not folder.is_dir():
-        raise DescriptionError(
-            f"{folder}: no such folder. A recording is a folder with recording.yaml and the device "
-            "files. Check the name."
-        )
+        what = "no such folder. A recording is a folder with recording.yaml and the device files."
+        raise DescriptionError.at(folder, what, "Check the name.")
     description = load_recording_file(folder)
     _check_encoders(folder, description)
     robot = load_robot(description.robot, relative_to=folder)
@@ -124,18 +122,14 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
             "sensors."
         )
     if description.sources.ballbar is not None and not fitted:
-        raise DescriptionError(
-            f"{location}: sources.ballbar is given, but no encoder is declared. Declare those that "
-            "are fitted."
-        )
+        what = "sources.ballbar is given, but no encoder is declared."
+        raise DescriptionError.at(location, what, "Declare those that are fitted.")
     columns = [encoder.column for encoder in fitted.values()]
     require(columns, f"{location}: encoders")
     for column in columns:
         if (count := columns.count(column)) > 1:
-            raise DescriptionError(
-                f"{location}: encoders: column {column} is declared for {count} encoders. Name the "
-                "column of each."
-            )
+            what = f"encoders: column {column} is declared for {count} encoders."
+            raise DescriptionError.at(location, what, "Name the column of each.")
 
 
 def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotLog, ImportLog]:
@@ -175,10 +169,8 @@ def read_ballbar(
     tables = [with_status_checked(table, status) for table in read.tables]
     for table in tables:
         if not usable(table.flags).any():
-            raise LogError(
-                f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report "
-                "faults throughout. Check their cables."
-            )
+            what = f"no usable row is left of {len(table)}; the encoders report faults throughout."
+            raise LogError.at(table.files[0], what, "Check their cables.")
     table = replace(read, tables=tables).joined()
     words, t = counter_words(table, fitted), seconds(table)
     table = with_frozen_motion_checked(table, t, counter_scales(fitted), WORD)

@@ -199,10 +199,8 @@ def known_distances(
         stated = (entry.length_m, entry.sigma_m)
         length, sigma = stated if None not in stated else instrument.distance or (None, None)
         if length is None or sigma is None:
-            raise DescriptionError(
-                f"distances[{k}]: length_m is missing, and {instrument.name} states no distance of "
-                "its own. Add length_m and sigma_m."
-            )
+            what = f"length_m is missing, and {instrument.name} states no distance of its own."
+            raise DescriptionError.at(f"distances[{k}]", what, "Add length_m and sigma_m.")
         for seat in (seat for pair in entry.pairs for seat in pair):
             if seat not in names:
                 raise DescriptionError(

@@ -146,7 +146,6 @@ def load_recording_file(folder: Path) -> RecordingFile:
     """
     file = folder / "recording.yaml"
     if not file.exists() and (folder / "recording" / file.name).exists():
-        raise DescriptionError(
-            f"{file}: no such file. Is {folder / 'recording'} meant? Name that folder."
-        )
+        what = f"no such file. Is {folder / 'recording'} meant?"
+        raise DescriptionError.at(file, what, "Name that folder.")
     return load_model(file, RecordingFile)

@@ -153,10 +153,8 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
         limit = WORD if counter.min() >= 0 else WORD // 2
         outside = np.flatnonzero((counter >= limit) | (counter < -WORD // 2))
         if outside.size:
-            raise LogError(
-                f"{table.location(outside[0])}: column {encoder.column}: {counter[outside[0]]} is "
-                "no 32-bit counter word. Log it as UDINT or DINT."
-            )
+            what = f"column {encoder.column}: {counter[outside[0]]} is no 32-bit counter word."
+            raise LogError.at(table.location(outside[0]), what, "Log it as UDINT or DINT.")
         rows = np.flatnonzero(usable(table.flags))
         counter = counter[rows]
         wraps = np.flatnonzero(np.abs(np.diff(counter)) > SHORT_WORD // 2)

@@ -216,10 +216,8 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
     absent = np.abs(angles) >= SENTINEL
     if absent.all(axis=0).any():
         column = columns[int(np.argmax(absent.all(axis=0)))]
-        raise LogError(
-            f"{table.location(0)}: column {column}: 9E9 in every row, which stands for an axis "
-            "that is not there. Name the columns of the axes that are."
-        )
+        what = f"column {column}: 9E9 in every row, which stands for an axis that is not there."
+        raise LogError.at(table.location(0), what, "Name the columns of the axes that are.")
     drop = absent.any(axis=1)
     if drop.any():
         sentence = "9E9 stands for no value; row left out."

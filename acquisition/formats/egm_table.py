@@ -84,17 +84,14 @@ def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
         findings.append(finding("torn end", file, sentence, count=1))
     damaged, count = frames.damaged, len(frames.messages) + len(frames.damaged)
     if len(damaged) > max(1.0, DAMAGED_LIMIT * count):
-        raise LogError(
-            f"{file}:{damaged[0]}: {len(damaged)} of {count} messages have a wrong checksum: the "
-            "file is damaged. Copy it again."
-        )
+        what = f"{len(damaged)} of {count} messages have a wrong checksum: the file is damaged."
+        raise LogError.at(f"{file}:{damaged[0]}", what, "Copy it again.")
     if damaged:
         sentence = "message damaged; dropped."
         findings.append(finding("checksum", file, sentence, lines=damaged))
     if not frames.messages:
-        raise LogError(
-            f"{file}: no complete message. Copy it again, or record while the robot sends EGM."
-        )
+        what = "no complete message."
+        raise LogError.at(file, what, "Copy it again, or record while the robot sends EGM.")
     return findings
 
 
@@ -156,10 +153,8 @@ def _from_first_angles(table: Table) -> Table:
     angles = [entry.joints_deg for entry in table.columns[_FEEDBACK]]
     start = _first(map(any, angles))
     if start is None:
-        raise LogError(
-            f"{table.files[0]}: no message has joint angles other than zero. Record again while "
-            "the robot sends its feedback."
-        )
+        what = "no message has joint angles other than zero."
+        raise LogError.at(table.files[0], what, "Record again while the robot sends its feedback.")
     missing = _first(not entry for entry in angles[start:])
     if missing is not None:
         raise LogError(
@@ -204,10 +199,8 @@ def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np
         times = [None if e.tm_ms is None else e.tm_ms * 1_000_000 for e in feedback]
     missing = _first(time is None for time in times)
     if missing is not None:
-        raise LogError(
-            f"{table.location(missing)}: no time in this message. Cut the file before it, or "
-            "record again."
-        )
+        what = "no time in this message."
+        raise LogError.at(table.location(missing), what, "Cut the file before it, or record again.")
     return table, np.array(times, dtype=np.int64)
 
 

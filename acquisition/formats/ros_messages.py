@@ -98,10 +98,8 @@ def mcap_messages(
     ):
         size, complete = len(stream), 0
         if stream[: len(_MAGIC)] != _MAGIC:
-            raise LogError(
-                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}. "
-                "Copy it again, or name the dialect of what it is."
-            )
+            what = f"no MCAP bag: it does not begin with {_MAGIC!r}."
+            raise LogError.at(file, what, "Copy it again, or name the dialect of what it is.")
         try:
             for record in _records(stream, size):
                 complete = stream.tell()

@@ -115,10 +115,8 @@ def _step(table: Table) -> int:
     steps = np.diff(table.columns[STAMP])
     forward = steps[steps > 0]
     if not forward.size:
-        raise LogError(
-            f"{table.location(0)}: all rows have the same stamp. Log the time at which they were "
-            "taken."
-        )
+        what = "all rows have the same stamp."
+        raise LogError.at(table.location(0), what, "Log the time at which they were taken.")
     exact = int(np.gcd.reduce(forward))
     if not (steps == 0).any():
         return exact

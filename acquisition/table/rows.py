@@ -75,10 +75,8 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
         rows = replace(rows, begins=again).take(np.flatnonzero(~again))
         rows = rows.remarked("header again", sentence, lines=number)
     if not rows.lines:
-        raise UnfinishedLogError(
-            f"{text.file}: a header but no complete row below it. Is the file cut off? "
-            "Copy it again."
-        )
+        what = "a header but no complete row below it. Is the file cut off?"
+        raise UnfinishedLogError.at(text.file, what, "Copy it again.")
     if rows.separator == " ":
         tabbed = ["\t".join(line.split()) for line in rows.lines]
         rows = replace(rows, lines=tabbed, separator="\t")
@@ -131,10 +129,8 @@ def _full_rows(rows: PlainRows, header: Header, remedies: Remedies) -> PlainRows
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths(rows.take(torn), width[torn], header, remedies, total=width.size)
     if torn.size == width.size:
-        raise UnfinishedLogError(
-            f"{rows.file}: the only row below the header is torn. Is the file cut off? "
-            "Copy it again."
-        )
+        what = "the only row below the header is torn. Is the file cut off?"
+        raise UnfinishedLogError.at(rows.file, what, "Copy it again.")
     if not torn.size:
         return rows
     got = f"expected {rows.width} fields, got {width[torn[0]]}"
@@ -161,10 +157,8 @@ def _refuse_widths(
         )
     for other, name in SEPARATORS.items():
         if other not in (header.separator, " ") and _width(torn.lines[0], other) == expected:
-            raise LogError(
-                f"{location}: the header is separated by {SEPARATORS[header.separator]}, the rows "
-                f"by {name}. Use one of them."
-            )
+            what = f"the header is separated by {SEPARATORS[header.separator]}, the rows by {name}."
+            raise LogError.at(location, what, "Use one of them.")
     raise LogError(
         f"{location}: {width.size} of {total} rows do not have the header's number of fields: "
         f"expected {expected} fields, got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn "
@@ -196,10 +190,8 @@ def _with_decimal_commas(rows: PlainRows, header: Header, layout: Layout) -> tup
                     "separator between the thousands. Export without thousands separators (German "
                     "Excel: Tausendertrennzeichen)."
                 )
-            raise LogError(
-                f"{rows.file}: column {name} has decimal commas and decimal points: {comma!r} and "
-                f"{point!r}. Export it again."
-            )
+            what = f"column {name} has decimal commas and decimal points: {comma!r} and {point!r}."
+            raise LogError.at(rows.file, what, "Export it again.")
         if comma and kind != "integer":
             commas.append(name)
         if point and kind != "integer" and layout.decimal == "comma":
