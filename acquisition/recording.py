@@ -116,11 +116,9 @@ def read_recording(folder: Path) -> Recording:
 def _check_encoders(folder: Path, description: RecordingFile) -> None:
     location, fitted = folder / "recording.yaml", description.encoders
     if fitted and description.sources.ballbar is None:
-        raise DescriptionError(
-            f"{location}: encoders {', '.join(fitted)} are declared, but no sources.ballbar to "
-            f"read them from. Name its files, or write `encoders: {{}}` for a ball-bar without "
-            "sensors."
-        )
+        what = f"encoders {', '.join(fitted)} are declared, but no sources.ballbar."
+        remedy = "Name its files, or write `encoders: {}` for a ball-bar without sensors."
+        raise DescriptionError.at(location, what, remedy)
     if description.sources.ballbar is not None and not fitted:
         what = "sources.ballbar is given, but no encoder is declared."
         raise DescriptionError.at(location, what, "Declare those that are fitted.")
@@ -203,12 +201,10 @@ def _read_length(
     outside = (length < instrument.lower - margin) | (length > instrument.upper + margin)
     if outside.any():
         row = int(np.argmax(outside))
-        raise LogError(
-            f"{rows.table.location(row)}: a length of {length[row]:.6g} m, and "
-            f"{instrument.title} reaches from {instrument.lower:g} to {instrument.upper:g} m. Is "
-            f"{declared.column} in {declared.unit}, and zero at {declared.zero_m:g} m? Correct "
-            "unit or zero_m of sources.length in recording.yaml."
-        )
+        what = f"a length of {length[row]:.6g} m, and {instrument.title} reaches from "
+        what += f"{instrument.lower:g} to {instrument.upper:g} m."
+        remedy = "Correct unit or zero_m of sources.length in recording.yaml."
+        raise LogError.at(rows.table.location(row), what, remedy)
     return LengthLog(rows.t, length, rows.segment, rows.table.flags), rows.imported
 
 
@@ -240,10 +236,8 @@ def _read_tracker(
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
     seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
     if not travel / SIMILAR_EXTENT < seen < travel * SIMILAR_EXTENT:
-        raise LogError(
-            f"{rows.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
-            f"over {travel:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
-            "sources.tracker in recording.yaml."
-        )
+        what = f"the points spread over {seen:.3g} m rms, the flange over {travel:.3g} m."
+        remedy = f"Are they in {declared.unit}? Correct unit of sources.tracker in recording.yaml."
+        raise LogError.at(rows.table.location(0), what, remedy)
     log = TrackerLog(rows.t, rows.values, declared.accuracy_m, rows.segment)
     return log, rows.imported

@@ -141,11 +141,9 @@ def _dialect(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
     except DescriptionError as error:
         raise DescriptionError(f"{location}.dialect: {error}") from None
     if dialect.source != name:
-        raise DescriptionError(
-            f"{location}.dialect: {source.dialect} describes logs of the "
-            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped? "
-            "Exchange them, or name another dialect."
-        )
+        devices = f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped?"
+        what = f"{source.dialect} describes logs of the {devices}"
+        raise DescriptionError.at(f"{location}.dialect", what, "Exchange them, or name another.")
     if source.time is not None:
         checked_form(source.time, f"{location}.time")
     return dialect

@@ -136,11 +136,8 @@ class TransmissionErrorFile(Strict):
     @model_validator(mode="after")
     def _one_amplitude_a_harmonic(self) -> Self:
         if len(self.amplitude_rad) != len(self.cycles_per_turn):
-            raise wrong_key(
-                "amplitude_rad",
-                message=f"expected {len(self.cycles_per_turn)} values, one for each of "
-                "cycles_per_turn",
-            )
+            message = f"expected {len(self.cycles_per_turn)}, one for each of cycles_per_turn"
+            raise wrong_key("amplitude_rad", message=message)
         return self
 
 

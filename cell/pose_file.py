@@ -117,9 +117,7 @@ class ReferencePoints(Strict):
             message = f"{len(self.columns)} columns; expected x y z of each point"
             raise wrong_key("columns", message=message)
         if points < 3:
-            message = (
-                f"{points} points; expected 3 or more, since fewer do not show how the seat turns"
-            )
+            message = f"{points} points; expected 3 or more, which show how the seat turns"
             raise wrong_key("columns", message=message)
         return self
 

@@ -122,9 +122,7 @@ class RecordingFile(Strict):
             raise wrong_key("ballbar", message=message)
         of_length = self.sources.length is not None
         if of_length != (self.instrument is not None):
-            message = (
-                "expected sources.length of an instrument that measures a length, and only then"
-            )
+            message = "expected sources.length of an instrument that measures a length alone"
             raise wrong_key("sources", message=message)
         if of_length and (self.sources.ballbar is not None or self.encoders):
             message = "an instrument that measures a length has no encoders; leave out " + (

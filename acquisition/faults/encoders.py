@@ -98,9 +98,7 @@ def with_status_checked(table: Table, status: Mapping[EncoderName, str]) -> Tabl
     """
     silent = [encoder for encoder, column in status.items() if column not in table.columns]
     if silent:
-        sentence = (
-            f"encoders {', '.join(silent)} have no status column, so their faults cannot be seen."
-        )
+        sentence = f"encoders {', '.join(silent)} have no status column: their faults are not seen."
         table = table.remarked("no status word", sentence, count=len(silent))
     for encoder, column in status.items():
         if encoder not in silent:
@@ -128,9 +126,7 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
     stale = np.concatenate(([False], np.diff(word & TOGGLE) == 0))
     if stale.sum() > (1.0 - _TOGGLES) * len(table):
         return table  # not every bus cycle is logged
-    sentence = (
-        f"the toggle bit of encoder {encoder} stands still: its data are those of the row before."
-    )
+    sentence = f"the toggle bit of encoder {encoder} stands still: data of the row before."
     return table.remarked("stale process data", sentence, rows=stale, flag=RowFlag.STALE)
 
 
@@ -238,8 +234,7 @@ def refuse_standing(table: Table, words: Counts, fitted: Fitted, *, robot_moves:
     standing = [k for k, column in enumerate(words.T) if (column[valid] == first[k]).all()]
     if standing and (robot_moves or len(standing) < len(fitted)):
         name, encoder = list(fitted.items())[standing[0]]
-        raise LogError(
-            f"{table.files[0]}: encoder column without counts: column {encoder.column} of encoder "
-            f"{name} is {first[standing[0]]} in every row while the others or the robot move. "
-            "Check the cable, or remove the encoder from recording.yaml."
-        )
+        what = f"encoder column without counts: column {encoder.column} of encoder {name} is "
+        what += f"{first[standing[0]]} in every row while the others or the robot move."
+        remedy = "Check the cable, or remove the encoder from recording.yaml."
+        raise LogError.at(table.files[0], what, remedy)

@@ -69,9 +69,7 @@ def with_angle_jumps_checked(table: Table, angles: RobotAngles) -> tuple[Table, 
     if jumps.fast.size or not (moves(angles.joints) and within_reach):
         _refuse_other_angles(table, angles)
     reset = rows[jumps.lasting]
-    sentence = (
-        "the angles jump here and do not come back: another start of the logger; a new segment."
-    )
+    sentence = "the angles jump here and do not come back: the logger started again; a new segment."
     table = table.remarked("angles jump", sentence, rows=reset)
     return table, reset[np.diff(angles.t)[reset - 1] > 0]  # where the clock goes on
 
@@ -112,11 +110,10 @@ def _refuse_other_angles(table: Table, angles: RobotAngles) -> None:
         return
     if others := _others_that_fit(angles):
         span = np.rad2deg(np.ptp(angles.joints, axis=0).max())
-        raise LogError(
-            f"{table.location(rows[0])}: {_either(others)} where {angles.reading} are declared? As "
-            f"declared they turn no axis by more than {span:.2g} deg, the other way they fit the "
-            "axis limits. Name the dialect of what was logged, or convert the log."
-        )
+        what = f"{_either(others)} where {angles.reading} are declared? So they turn no axis "
+        what += f"by more than {span:.2g} deg."
+        remedy = "Name the dialect of what was logged, or convert the log."
+        raise LogError.at(table.location(rows[0]), what, remedy)
 
 
 def _question(angles: RobotAngles) -> str:

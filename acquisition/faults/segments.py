@@ -99,12 +99,9 @@ def find_segments(
     boundary[0] = False
     rows = np.flatnonzero(boundary)
     if rows.size > MOST:
-        raise LogError(
-            f"{table.location(rows[0])}: the log falls into {rows.size + 1} segments, since stamps "
-            f"go back, rows are missing for more than {PAUSE:g} s or counters jump. Is it a log of "
-            "one run, and its clock the one that is declared? "
-            "If not, cut it before this line, or correct `time` in recording.yaml."
-        )
+        what = f"the log falls into {rows.size + 1} segments: is it of one run, and of this clock?"
+        remedy = "If not, cut it before this line, or correct `time` in recording.yaml."
+        raise LogError.at(table.location(rows[0]), what, remedy)
     log = _Log(
         angles=angles,
         valid=usable(table.flags),
@@ -150,9 +147,7 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
     if row in log.reset:
         if elapsed <= GAP * log.period:
             return _Boundary("")
-        sentence = (
-            f"a counter was reset while rows are missing for {duration}: its zero is another."
-        )
+        sentence = f"a counter was reset while rows are missing for {duration}; its zero is new."
         return _Boundary("counter reset", sentence, separates=True)
     if elapsed <= log.pause:
         return _Boundary("")

@@ -78,9 +78,7 @@ def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
                 f"{file}: damaged at byte {first}: {len(frames.messages)} messages stand before "
                 f"it, {last - first + 1} bytes behind it. Cut the file there."
             )
-        sentence = (
-            f"the file ends within a message or in NUL bytes (bytes {first} to {last}); left out."
-        )
+        sentence = f"the file ends within a message or in NUL (bytes {first} to {last}); left out."
         findings.append(finding("torn end", file, sentence, count=1))
     damaged, count = frames.damaged, len(frames.messages) + len(frames.damaged)
     if len(damaged) > max(1.0, DAMAGED_LIMIT * count):

@@ -58,7 +58,7 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     chosen = np.flatnonzero(holds & (stamps != 0))
     if not chosen.size:
         raise LogError(
-            f"{file}: header.stamp is zero in all messages; the publisher must stamp them."
+            f"{file}: header.stamp is zero in all messages: stamp them in the publisher."
         )
     table = table.take(chosen)
     positions = {n: np.array([states[i].positions[n] for i in chosen]) for n in wanted}

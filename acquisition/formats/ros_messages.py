@@ -55,9 +55,7 @@ def decode(message: bytes) -> JointState:
         raise LogError(f"JointState: {reason}. {_REMEDY}") from None
     stamp, names, positions = state.header.stamp, state.name, state.position.tolist()
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
-        raise LogError(
-            f"JointState: a stamp of {stamp.sec} s and {stamp.nanosec} ns cannot be. {_REMEDY}"
-        )
+        raise LogError(f"JointState: no stamp is {stamp.sec} s {stamp.nanosec} ns. {_REMEDY}")
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
         raise LogError(
             f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}. "

@@ -130,11 +130,8 @@ def jointtarget_text(text: LogText) -> LogText:
         at = statement.start() + (statement[0].find("[") if "[" in statement[0] else 0)
         if len(targets) != len(_LIST.findall(statement[0])) or not statement[0].endswith(";"):
             line = int(text.number[np.searchsorted(starts, at, side="right") - 1])
-            raise LogError(
-                f"{text.file}:{line}: expected a jointtarget of six angles and six external axes, "
-                "such as [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]. Correct the line; is the file "
-                "cut off?"
-            )
+            what = "expected a jointtarget of six angles and six external axes."
+            raise LogError.at(f"{text.file}:{line}", what, "Correct the line; is the file cut off?")
         for target in targets:
             place = statement.start() + target.start()
             line = int(text.number[np.searchsorted(starts, place, side="right") - 1])

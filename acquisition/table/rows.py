@@ -150,11 +150,9 @@ def _refuse_widths(
     location = f"{torn.file}:{torn.number[0]}"
     expected, usual = torn.width, int(np.median(width))
     if header.separator == "," and 1.5 * expected <= usual <= 2 * expected:
-        raise LogError(
-            f"{location}: rows have {usual} fields, the header {expected}: decimal comma with "
-            "comma separator. Export again with decimal points, or with semicolons between the "
-            "fields."
-        )
+        what = f"{usual} fields, the header has {expected}: decimal comma with comma separator."
+        remedy = "Export again with decimal points, or with semicolons between the fields."
+        raise LogError.at(location, what, remedy)
     for other, name in SEPARATORS.items():
         if other not in (header.separator, " ") and _width(torn.lines[0], other) == expected:
             what = f"the header is separated by {SEPARATORS[header.separator]}, the rows by {name}."
@@ -185,11 +183,9 @@ def _with_decimal_commas(rows: PlainRows, header: Header, layout: Layout) -> tup
         if comma and point:
             both = (k for k, row in enumerate(cells) if _THOUSANDS.fullmatch(row[position]))
             if (k := next(both, None)) is not None:
-                raise LogError(
-                    f"{rows.file}:{rows.number[k]}: column {name}: {cells[k][position]!r} has a "
-                    "separator between the thousands. Export without thousands separators (German "
-                    "Excel: Tausendertrennzeichen)."
-                )
+                what = f"column {name}: {cells[k][position]!r} has a separator of thousands."
+                remedy = "Export without it (German Excel: Tausendertrennzeichen)."
+                raise LogError.at(f"{rows.file}:{rows.number[k]}", what, remedy)
             what = f"column {name} has decimal commas and decimal points: {comma!r} and {point!r}."
             raise LogError.at(rows.file, what, "Export it again.")
         if comma and kind != "integer":

@@ -247,11 +247,9 @@ def check_unpacked(size: int, stored: int, file: str) -> None:
     """Raises LogError if a file of so many stored bytes unpacks to more than a log does."""
     most = min(MOST_BYTES, max(_UNPACKED_FREE, _UNPACKED_RATIO * stored))
     if size > most:
-        raise LogError(
-            f"{file}: unpacks to more than {most / 1e6:.0f} MB, which no log of its size does. If "
-            "you know what it holds, unpack it yourself and name the unpacked file, which has at "
-            f"most {MOST_BYTES / 1e6:.0f} MB."
-        )
+        what = f"unpacks to more than {most / 1e6:.0f} MB, which no log of its size does."
+        remedy = f"Unpack it yourself; at most {MOST_BYTES / 1e6:.0f} MB are read."
+        raise LogError.at(file, what, remedy)
 
 
 def _unpacked(packed: Any, file: str, stored: int) -> Content:

@@ -309,7 +309,7 @@ def test_an_encoder_without_status_column_is_warned_of() -> None:
         (
             "no status word",
             "warning",
-            "encoders b2 have no status column, so their faults cannot be seen.",
+            "encoders b2 have no status column: their faults are not seen.",
         )
     ]
 

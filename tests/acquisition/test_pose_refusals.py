@@ -158,7 +158,7 @@ def test_separators_between_the_thousands(tmp_path: Path, cell: str) -> None:
     fields = table[5].split(";")
     table[5] = ";".join([*fields[:7], cell, *fields[8:]])
     sentence = refused(write(tmp_path, table))
-    assert f"poses.csv:6: column y: '{cell}' has a separator between the thousands." in sentence
+    assert f"poses.csv:6: column y: '{cell}' has a separator of thousands." in sentence
     assert "Export without" in sentence
 
 

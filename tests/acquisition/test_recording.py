@@ -127,7 +127,7 @@ def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Pat
         ("gap", "warning", "raw/ballbar.csv", (202,), 1),
     ]
     assert (
-        "rows up to 210 ms after the one before; the nominal period is 10 ms"
+        "rows up to 210 ms after the one before; nominal period 10 ms"
         in recording.report.findings[-1].sentence
     )
     assert (flagged(recording, RowFlag.OVERRUN), flagged(recording, RowFlag.GAP)) == ([100], [200])
