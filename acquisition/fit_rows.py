@@ -100,10 +100,7 @@ def rows_in_time(read: SourceFiles, chosen: ChosenRows, values: Array) -> FitRow
     flags, in_log = table.flags.copy(), np.zeros(len(table), dtype=bool)
     flags[rows], in_log[rows[::every]] = used.flags, True
     if every > 1:
-        sentence = (
-            f"{rows.size} usable rows, more than the {MOST_ROWS} that a fit takes: all were "
-            f"checked, and one in {every} is used."
-        )
+        sentence = f"{rows.size} usable rows: all were checked, and one in {every} is used."
         used = used.remarked("long log", sentence, count=1)
         t, used = t[::every], used.take(np.arange(0, rows.size, every))
     counts = np.bincount(used.file, minlength=len(table.files)).tolist()

@@ -192,10 +192,8 @@ def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) ->
         return table
     row = jumps.lasting[0]
     size = np.abs(signed_word(words[row] - words[row - 1])) * scale
-    sentence = (
-        f"the counter of encoder {names[int(size.argmax())]} jumps by {size.max():.4g} rad: reset, "
-        "or moved on unseen."
-    )
+    jumped = names[int(size.argmax())]
+    sentence = f"encoder {jumped} jumps by {size.max():.4g} rad: reset, or moved on unseen."
     reset, flag = rows[jumps.lasting], RowFlag.PRESET
     return table.remarked("counter jumped", sentence, rows=reset, flag=flag)
 

@@ -133,16 +133,10 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
     duration = amount(abs(elapsed) * 1e-9)
     if elapsed <= 0:
         if before is not None and behind is not None and _goes_on(log, stamps, row, before, behind):
-            sentence = (
-                f"the clock was set back by {duration} while the motion went on; the rows behind "
-                "are put one period after the last, and identification measures the rest."
-            )
+            sentence = f"the clock was set back by {duration} while the motion went on; joined on."
             shift = round(log.period - elapsed)
             return _Boundary("clock set back", sentence, shift=shift)
-        sentence = (
-            f"the stamp goes back by {duration} and the motion does not go on: the time between is "
-            "unknown."
-        )
+        sentence = f"the stamp goes back by {duration} and the motion does not go on."
         return _Boundary("logger restarted", sentence, separates=True)
     if row in log.reset:
         if elapsed <= GAP * log.period:
@@ -152,10 +146,7 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
     if elapsed <= log.pause:
         return _Boundary("")
     if log.powered_up is not None and log.powered_up(before, behind):
-        sentence = (
-            f"all counters start near zero after {duration} without rows: switched off and on, "
-            "their zeros are others."
-        )
+        sentence = f"all counters start near zero after {duration} without rows: switched off."
         return _Boundary("counter reset", sentence, separates=True)
     sentence = f"{duration} without rows: a pause, or the clock was set; a new segment."
     return _Boundary("pause or clock jump", sentence)

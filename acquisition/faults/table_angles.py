@@ -91,10 +91,8 @@ def angle_findings(
     axes = joints_to_axes(robot, q)
     over = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
     axis = int(over.max(axis=0).argmax())
-    sentence = (
-        f"axis {axis + 1} of {robot.name} lies up to {np.rad2deg(over[:, axis].max()):.3g} deg "
-        "beyond its limits."
-    )
+    worst = np.rad2deg(over[:, axis].max())
+    sentence = f"axis {axis + 1} of {robot.name} lies up to {worst:.3g} deg beyond its limits."
     findings = [*rows.remark("beyond axis limits", sentence, (over > _BEYOND).any(axis=1))]
     still = np.ptp(logged, axis=0) * RADIANS[reading.unit] < _STANDS
     if still.all() and len(logged) > 1:

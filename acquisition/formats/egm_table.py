@@ -189,10 +189,7 @@ def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np
     """(N,) [ns] of the controller's clock at the feedback, or of sending if no message has it."""
     times: Sequence[int | None] = [entry.time_ns for entry in feedback]
     if all(time is None for time in times):
-        sentence = (
-            "no time in the feedback (RobotWare before 6.07): the time of sending is used, in "
-            "whole milliseconds."
-        )
+        sentence = "no time in the feedback (RobotWare before 6.07): that of sending is used."
         table = table.remarked("time of sending", sentence, count=len(times))
         times = [None if e.tm_ms is None else e.tm_ms * 1_000_000 for e in feedback]
     missing = _first(time is None for time in times)

@@ -133,10 +133,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
     """Topic and CDR bytes of each JointState of a database, which is never written to."""
     log = path.with_name(path.name + "-wal")
     if log.is_file() and log.stat().st_size:
-        sentence = (
-            f"{log.name} beside it holds messages that the recorder had not yet moved in; run "
-            "`ros2 bag reindex` or convert."
-        )
+        sentence = f"{log.name} holds messages not yet moved in: run `ros2 bag reindex`."
         findings.append(finding("write-ahead log", file, sentence, count=1))
     _check_size(path, file)
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
@@ -183,11 +180,9 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
 
 
 def _refuse_other_tables(connection: sqlite3.Connection, file: str) -> None:
-    query = (
-        "SELECT name, sql FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
-        "'table'"
-    )
-    tables = {name: str(sql).lower() for name, sql in connection.execute(query)}
+    query = "SELECT name, sql FROM sqlite_master WHERE type = 'table'"
+    plain = ("topics", "messages")
+    tables = {n: str(sql).lower() for n, sql in connection.execute(query) if n in plain}
     if len(tables) < 2 or any("virtual" in sql or "generated" in sql for sql in tables.values()):
         what = "a SQLite database without the plain tables `topics` and `messages` of a ROS 2 bag."
         raise LogError.at(file, what, "Copy the bag again, or name the dialect of what it is.")

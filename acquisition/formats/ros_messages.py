@@ -119,10 +119,7 @@ def mcap_messages(
                 raise LogError(
                     f"{file}: damaged behind byte {complete}: {error}. {_RECOVER}"
                 ) from None
-            sentence = (
-                f"the bag is cut off: no whole record behind byte {complete} of {size}; what "
-                "stands before it is read."
-            )
+            sentence = f"no whole record behind byte {complete} of {size}; what is before is read."
             findings.append(finding("torn end", file, sentence, count=1))
 
 

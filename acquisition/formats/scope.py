@@ -221,10 +221,7 @@ def _end_findings(export: _Export, times: list[Stamps]) -> list[Finding]:
     if abs(last - export.end) <= max(int(np.diff(stamps).max(initial=1)) for stamps in times):
         return []
     last, end = last - export.start, export.end - export.start
-    sentence = (
-        f"the last row is at {last / 1e9:.9g} s, the preamble ends the export at {end / 1e9:.9g} "
-        "s. Is the file cut?"
-    )
+    sentence = f"the last row is at {last / 1e9:.9g} s, the end of the export at {end / 1e9:.9g} s."
     return [finding("end of export", export.text.file, sentence, count=1)]
 
 

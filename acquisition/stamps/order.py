@@ -179,10 +179,7 @@ def with_periods_checked(table: Table, t: Array, usual_s: tuple[float, float]) -
     period = float(np.median(step))
     if not usual_s[0] <= period <= usual_s[1]:
         usual = f"logs of this dialect have {amount(usual_s[0])} to {amount(usual_s[1])}"
-        sentence = (
-            f"the median period is {amount(period)}; {usual}. Is the time column in the declared "
-            "unit?"
-        )
+        sentence = f"the median period is {amount(period)}; {usual}. Is it in the declared unit?"
         table = table.remarked("unusual period", sentence, count=1)
     gap = step > GAP * period
     overrun = (step > OVERRUN * period) & ~gap
