@@ -110,20 +110,13 @@ def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> N
 def test_rows_that_are_off_for_a_moment_are_flagged_and_add_no_wrap(rows: int, at: int) -> None:
     t, first, _ = turning()
     words = first.copy()
-    damaged = (
-        np.arange(rows)
-        if at == 0
-        else np.arange(400 - rows, 400)
-        if at < 0
-        else np.arange(at, at + rows)
-    )
+    damaged = np.arange(400)[at:][:rows] if at >= 0 else np.arange(400)[-rows:]
     words[damaged] = words[120] + 3_000_000_000
     table, angles = checked(table_of(b1=words % 2**32), t, fitted("b1"), robot_moves=True)
     valid = np.delete(np.arange(400), damaged)
     expected = counts_to_rad(first, lines=LINES, bits=BITS, sign=1)
-    assert (
-        np.ptp(angles[valid, 0] - expected[valid]) < 1e-12
-    )  # at the start the first word is another, and so is the zero
+    # At the start the first word is another, and so is the zero.
+    assert np.ptp(angles[valid, 0] - expected[valid]) < 1e-12
     assert [(entry.kind, entry.lines) for entry in table.findings] == [
         ("implausible value", tuple((damaged + 2).tolist()))
     ]
@@ -161,9 +154,8 @@ def test_a_fast_but_possible_motion_is_no_jump() -> None:
 
 def test_a_stamp_that_follows_closely_makes_no_jump() -> None:
     t, first, _ = turning()
-    t[100] = (
-        t[99] + 1e-5
-    )  # written late, or early: 0.005 rad of motion within 10 us would be 500 rad/s
+    # Written late, or early: 0.005 rad of motion within 10 us would be 500 rad/s.
+    t[100] = t[99] + 1e-5
     assert len(encoder_angles(table_of(b1=first % 2**32), t, fitted("b1"), robot_moves=True)) == 400
 
 

@@ -408,13 +408,8 @@ def test_a_damaged_stamp_is_left_out(tmp_path: Path) -> None:
             write(tmp_path, ballbar=change_line(bar_lines(), 100, stamped(bar_lines()[99], stamp)))
         )
         assert_rows(recording, np.delete(ALL, 98))
-        assert summaries(recording)[0] == (
-            "damaged stamp",
-            "repaired",
-            "raw/ballbar.csv",
-            (100,),
-            1,
-        )
+        damaged = ("damaged stamp", "repaired", "raw/ballbar.csv", (100,), 1)
+        assert summaries(recording)[0] == damaged
 
 
 def test_rows_out_of_order_are_put_in_order_by_their_sequence_number_only(tmp_path: Path) -> None:
@@ -513,9 +508,8 @@ def test_a_counter_that_was_reset_between_two_rows_keeps_both_sides(tmp_path: Pa
     assert segment_starts(recording.ballbar_log.segment) == (120,)
     assert recording.ballbar_log.flags[120] == RowFlag.PRESET
     step = np.diff(bar_angles(recording), axis=0)[119] * [1, -1, 1, -1]
-    np.testing.assert_allclose(
-        step, 9_000_000 / PER_RAD, atol=0.01
-    )  # left for identification, which measures it
+    # Left for identification, which measures it.
+    np.testing.assert_allclose(step, 9_000_000 / PER_RAD, atol=0.01)
 
 
 def test_counters_switched_off_and_on_in_a_pause_split_the_log(tmp_path: Path) -> None:

@@ -265,7 +265,6 @@ def test_an_axis_beyond_its_limits_by_rounding_is_no_finding(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("robot", "ballbar", "message"),
     [
-        (robot_lines()[:1], None, "raw/robot.csv: a header but no complete row below it"),
         (robot_lines()[:40], None, "raw/robot.csv: 39 usable rows; at least 50 are needed"),
         (None, bar_lines()[:50], "raw/ballbar.csv: 49 usable rows; at least 50 are needed"),
         (
@@ -274,34 +273,14 @@ def test_an_axis_beyond_its_limits_by_rounding_is_no_finding(tmp_path: Path) -> 
             "raw/robot.csv:1: column m6 missing",
         ),
         (
-            None,
-            [line.rsplit(";", 1)[0] for line in bar_lines()],
-            "raw/ballbar.csv:1: column b5 missing",
-        ),
-        (
             bar_lines(),
             None,
             "raw/robot.csv:1: columns m1, m2, m3, m4, m5, m6 missing; the header has 'time', 'b1'",
         ),
         (
-            [line.replace(".", ",") for line in robot_lines()],
-            None,
-            "decimal comma with comma separator",
-        ),
-        (
-            change_line(robot_lines(), 9, "\0" * 50),
-            None,
-            "raw/robot.csv:9: NUL bytes inside the row",
-        ),
-        (
             change_line(robot_lines(), 2, stamped(robot_lines()[1], -1.5)),
             None,
             "raw/robot.csv:2: time stamp -1.5 s is negative",
-        ),
-        (
-            None,
-            change_line(bar_lines(), 7, stamped(bar_lines()[6], "1.1E+18")),
-            "raw/ballbar.csv:7: column time: '1.1E+18' is in exponent",
         ),
         (
             None,
