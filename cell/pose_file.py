@@ -13,12 +13,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.description_files import Positive
 from cell.errors import DescriptionError
 from cell.file_units import AngleUnit, LengthUnit
 from cell.instrument import Instrument
 from cell.poses import KnownDistance
-from cell.schema import Strict
+from cell.schema import Positive, Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 

@@ -167,8 +167,11 @@ def _off_nominal(
             f"({mirror * 1e3:.3g} mm against {direct * 1e3:.3g} mm): the frame is left-handed. "
             "Is an axis missing its sign, or are two columns swapped? Correct the columns."
         )
-    sentence = f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}."
-    return rows.remark("far from the nominal robot", sentence)
+    return rows.remark(
+        "far from the nominal robot",
+        f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: another "
+        "robot, another order of the joints, or angles of another kind?",
+    )
 
 
 def refuse_radians(

@@ -183,11 +183,12 @@ def with_periods_checked(table: Table, t: Array, usual_s: tuple[float, float]) -
         table = table.remarked("unusual period", sentence, count=1)
     gap = step > GAP * period
     overrun = (step > OVERRUN * period) & ~gap
-    table = _with_late_rows(table, "overrun", overrun, step, period)
-    table = _with_late_rows(table, "gap", gap, step, period)
-    table = _with_irregular(table, step, period, gap | overrun)
-    table = table.flagged(np.flatnonzero(gap) + 1, RowFlag.GAP)
-    return table.flagged(np.flatnonzero(overrun) + 1, RowFlag.OVERRUN)
+    late = (("overrun", overrun, RowFlag.OVERRUN), ("gap", gap, RowFlag.GAP))
+    for kind, steps, flag in late:
+        most = amount(float(step[steps].max(initial=0.0)))
+        sentence = f"rows up to {most} after the one before; nominal period {amount(period)}."
+        table = table.remarked(kind, sentence, rows=np.flatnonzero(steps) + 1, flag=flag)
+    return _with_irregular(table, step, period, gap | overrun)
 
 
 def _with_irregular(table: Table, step: Array, period: float, known: NDArray[np.bool_]) -> Table:
@@ -208,21 +209,6 @@ def _with_irregular(table: Table, step: Array, period: float, known: NDArray[np.
     most, others = amount(float(off[odd - 1].max())), amount(max(usual, 1e-9))
     sentence = f"up to {most} off the period, which the other rows keep to {others}."
     return table.remarked("irregular stamp", sentence, rows=odd)
-
-
-def _with_late_rows(
-    table: Table, kind: str, late: NDArray[np.bool_], step: Array, period: float
-) -> Table:
-    """The table with one finding for each file that has late rows.
-
-    late : (N-1,) whether the row behind each step (N-1,) [s] is late. period : [s].
-    """
-    for index in np.unique(table.file[1:][late]):
-        rows = np.flatnonzero(late & (table.file[1:] == index))
-        most = amount(float(step[rows].max()))
-        sentence = f"rows up to {most} after the one before; nominal period {amount(period)}."
-        table = table.remarked(kind, sentence, rows=rows + 1)
-    return table
 
 
 def amount(seconds: float) -> str:
