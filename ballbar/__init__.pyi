@@ -36,14 +36,10 @@ from cell.robot_angles import joints_to_axes as joints_to_axes
 from ident.held_out import HeldOut as HeldOut
 from ident.held_out import held_out as held_out
 from ident.identify import identify as identify
+from ident.identify import identify_poses as identify_poses
 from ident.identify import identify_together as identify_together
-from ident.identify_poses import PoseOptions as PoseOptions
-from ident.identify_poses import identify_poses as identify_poses
 from ident.options import FitOptions as FitOptions
 from ident.options import Listener as Listener
-from ident.pose_result import PoseIdentification as PoseIdentification
-from ident.pose_verification import Verification as Verification
-from ident.pose_verification import verify as verify
 from ident.recording_fit import Logs as Logs
 from ident.result import Identification as Identification
 from ident.robot.accuracy import TcpError as TcpError
@@ -56,7 +52,8 @@ from ident.robot.identified_kinematics import IdentifiedKinematics as Identified
 from ident.robot.identified_kinematics import JointSolutions as JointSolutions
 from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
 from ident.robot.inverse_calibration import corrected_targets as corrected_targets
-from ident.verification import RecordingVerification as RecordingVerification
+from ident.verification import Verification as Verification
+from ident.verify_table import verify as verify
 from sim.recording_files import write_recording as write_recording
 from sim.simulate import Simulation as Simulation
 from sim.simulate import simulate as simulate

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ballbar.recordings.check import import_reports
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
-from ballbar.result.run_data import Run, RunData
+from ballbar.result.run_data import RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
 from cell.files import write_whole
 from cell.processes import Begin
@@ -19,7 +19,13 @@ Progress = Callable[[str], None]
 
 
 def write_outputs(
-    out: Path, run: Run, *, command: str, replay: bool, progress: Progress, begin: Begin = partial
+    out: Path,
+    run: RunData,
+    *,
+    command: str,
+    replay: bool,
+    progress: Progress,
+    begin: Begin = partial,
 ) -> None:
     """Writes calibration.yaml, report.html, with `replay` run.rrd, and of logs import_report.json.
 
@@ -29,8 +35,7 @@ def write_outputs(
     """
     from ballbar.report.page import write_report  # noqa: PLC0415  imports Jinja
 
-    logs = run.read if isinstance(run, RunData) else ()
-    if sum(recording.robot_log.t.size for _, _, recording in logs) > SENT_ROWS:
+    if sum(recording.robot_log.t.size for _, _, recording in run.read) > SENT_ROWS:
         begin = partial  # a second process would hold the logs twice more
     written = begin(_replay, out / REPLAY, run) if replay else None
     refusal = None
@@ -38,8 +43,8 @@ def write_outputs(
         write_calibration(out / CALIBRATION, run)
     except RefusedResultError as error:
         refusal = error
-    if logs:
-        reports = {name: recording for name, _, recording in logs}
+    if run.recordings:
+        reports = {name: recording for name, _, recording in run.read}
         write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     progress("writing the report")
     write_report(out / REPORT, run, command=command)
@@ -50,7 +55,7 @@ def write_outputs(
         raise refusal
 
 
-def _replay(path: Path, run: Run) -> None:
+def _replay(path: Path, run: RunData) -> None:
     from ballbar.replay.write import write_replay  # noqa: PLC0415  imports Rerun
 
     write_replay(path, run)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ballbar.outputs import Progress, write_outputs
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
-from ballbar.result.run_data import PoseRun, RunData
+from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_pose_folders, identify_recordings
 from ballbar.scenario import (
     SCENARIOS,
@@ -180,7 +180,7 @@ def run_scenario(
 
 def run_pose_scenario(
     scenario: PoseScenario, scenario_file: Path, out: Path, *, command: str, progress: Progress
-) -> PoseRun:
+) -> RunData:
     """Simulates, identifies, compares with the truth, and writes calibration.yaml and report.html.
 
     command : the command line, for the report.
@@ -191,11 +191,14 @@ def run_pose_scenario(
     beside = {truth_path(folder).name, scenario_path(folder).name}
     with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
-        run = identify_pose_folders([folder], progress=progress)
-        comparison = poses_against_truth(run.identification, simulation.truth)
-        status, sigma = run.identification.verdict.status, run.identification.tcp_sigma
-        limits = tcp_limits(status, sigma, comparison, scenario.accept)
-        run = replace(run, simulation=simulation, comparison=comparison, limits=limits)
+        run = identify_pose_folders([folder], listener=Listener(progress))
+        result = run.identification
+        assert result.poses is not None, "tables of still poses were identified"
+        comparison = poses_against_truth(result.poses, simulation.truth)
+        limits = tcp_limits(
+            result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept
+        )
+        run = replace(run, simulated_poses=simulation, comparison=comparison, limits=limits)
         write_outputs(out, run, command=command, replay=False, progress=progress)
         return run
 

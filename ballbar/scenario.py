@@ -100,57 +100,52 @@ class Scenario(SimulationSettings):
 
     @model_validator(mode="after")
     def _can_be_identified(self) -> Scenario:
-        """The cost has its encoders and a form, samples come from the kinematic plant."""
-        identify, fitted = self.identify, self.encoders.fitted
+        """Every option belongs to the cost, the data and the instrument that are stated.
+
+        A cost has its encoders, samples come from the kinematic plant, and options of the thesis's
+        costs are not stated for others.
+        """
+        settings, fitted = self.identify, self.encoders.fitted
+        defaults = IdentifySettings.model_fields
+        stated = {k for k in defaults if getattr(settings, k) != defaults[k].default}
         if self.cell.instrument is not None:
             for key in ("cost", "data", "force", "rod_sigma_m"):
-                if getattr(identify, key) != IdentifySettings.model_fields[key].default:
+                if key in stated:
                     message = "needs a ball-bar with encoders (cell.ballbar); leave it out"
                     raise wrong_key("identify", key, message=message)
-        if self.accept.held_out_file and self.path.kind != "lissajous":
-            message = "another path needs path.kind = lissajous; leave it out"
-            raise wrong_key("accept", "held_out_file", message=message)
-        if identify.data == "samples" and self.plant.kind != "kinematic":
-            message = "samples come from the kinematic plant only; set plant.kind = kinematic"
-            raise wrong_key("identify", "data", message=message)
-        if identify.cost == "ml":
-            if identify.form != "vector":
-                message = "the thesis prints no ml; choose one of its costs, or vector"
-                raise wrong_key("identify", "form", message=message)
-            if identify.parameters != "core":
-                message = "is of the thesis's costs; ml has identify.model and corrections"
-                raise wrong_key("identify", "parameters", message=message)
-        elif missing := [f"b{j}" for j in ENCODERS_NEEDED[identify.cost] if j not in fitted]:
-            message = f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted"
-            raise wrong_key("identify", "cost", message=message)
-        return self
-
-    @model_validator(mode="after")
-    def _options_have_their_cost(self) -> Scenario:
-        """Options of the thesis's costs on samples are not stated for other costs."""
-        identify = self.identify
-        for key in ("rod_sign", "shift_rounds", "instants"):
-            given = getattr(identify, key) != IdentifySettings.model_fields[key].default
-            if given and (identify.cost == "ml" or identify.data == "files"):
-                message = "is of the thesis's costs on samples; set cost and data = samples"
-                raise wrong_key("identify", key, message=message)
-        if identify.smoothing != "none" and (identify.cost == "ml" or identify.data != "files"):
-            message = "is of the thesis's costs on logs; set cost and data = files"
-            raise wrong_key("identify", "smoothing", message=message)
-        if identify.pairing == "logs" and (
-            identify.cost == "ml" or identify.data != "files" or identify.smoothing != "none"
-        ):
-            message = "is of a thesis cost on files, and smooths itself; set cost, no smoothing"
-            raise wrong_key("identify", "pairing", message=message)
-        if identify.shift_rounds and identify.instants != "all":
-            message = "a log is moved with evenly spread samples only; leave instants out"
-            raise wrong_key("identify", "instants", message=message)
-        if identify.rod_sign and identify.shift_rounds:
-            message = "the sign of the force is of logs on one clock; leave shift_rounds out"
-            raise wrong_key("identify", "rod_sign", message=message)
-        if identify.rod_sign and identify.form != "vector":
-            message = "the rod's deviation is linear in the vector form only; set form = vector"
-            raise wrong_key("identify", "rod_sign", message=message)
+        ml, files = settings.cost == "ml", settings.data == "files"
+        needed = () if settings.cost == "ml" else ENCODERS_NEEDED[settings.cost]
+        missing = [f"b{j}" for j in needed if j not in fitted]
+        other_path = self.accept.held_out_file and self.path.kind != "lissajous"
+        not_kinematic = not files and self.plant.kind != "kinematic"
+        of_samples = "is of the thesis's costs on samples; set cost and data = samples"
+        for wrong, section, key, message in (
+            (other_path, "accept", "held_out_file",
+             "another path needs path.kind = lissajous; leave it out"),
+            (not_kinematic, "identify", "data",
+             "samples come from the kinematic plant only; set plant.kind = kinematic"),
+            (ml and "form" in stated, "identify", "form",
+             "the thesis prints no ml; choose one of its costs, or vector"),
+            (ml and "parameters" in stated, "identify", "parameters",
+             "is of the thesis's costs; ml has identify.model and corrections"),
+            (missing, "identify", "cost",
+             f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted"),
+            *(((ml or files) and key in stated, "identify", key, of_samples)
+              for key in ("rod_sign", "shift_rounds", "instants")),
+            ("smoothing" in stated and (ml or not files), "identify", "smoothing",
+             "is of the thesis's costs on logs; set cost and data = files"),
+            ("pairing" in stated and (ml or not files or "smoothing" in stated),
+             "identify", "pairing",
+             "is of a thesis cost on files, and smooths itself; set cost, no smoothing"),
+            (settings.shift_rounds and "instants" in stated, "identify", "instants",
+             "a log is moved with evenly spread samples only; leave instants out"),
+            (settings.rod_sign and settings.shift_rounds, "identify", "rod_sign",
+             "the sign of the force is of logs on one clock; leave shift_rounds out"),
+            (settings.rod_sign and settings.form != "vector", "identify", "rod_sign",
+             "the rod's deviation is linear in the vector form only; set form = vector"),
+        ):  # fmt: skip
+            if wrong:
+                raise wrong_key(section, key, message=message)
         return self
 
 

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.identify_poses import PoseOptions, identify_poses
+from ident.options import FitOptions
+from ident.table_fit import fit_table
 from planning.feasible_poses import Candidates, random_candidates
 from planning.pose_plan import PosePlan, pose_plan
 from planning.pose_request import POSE_SCHEMA, PosePlanRequest
@@ -74,7 +75,7 @@ def real_gain(plan: PosePlan, ripple: float) -> float:
 
 
 def _error(robot: DrawnRobot, poses: Candidates, rng: np.random.Generator) -> float:
-    result = identify_poses(robot.measured(poses, rng), PoseOptions(search=False))
+    result = fit_table(robot.measured(poses, rng), FitOptions(joint_errors="none"))
     return robot.error_of(result.identified_robot()).mean
 
 

@@ -25,10 +25,11 @@ from cell.arrays import Array
 from cell.files import write_whole
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.regions import joint_regions
-from ident.held_out_poses import placed
-from ident.identify_poses import JointErrors, PoseOptions, identify_poses
-from ident.pose_result import PoseIdentification
+from ident.held_machine import placed
+from ident.options import FitOptions, JointErrors
 from ident.robot.accuracy import position_error
+from ident.table_estimate import TableEstimate
+from ident.table_fit import fit_table
 
 MM = 1e3
 # what a figure in the report has from its page
@@ -36,7 +37,7 @@ ALONE = 'xmlns="http://www.w3.org/2000/svg" font-family="sans-serif"'
 JUDGED = 3000  # poses, of series A, that were not fitted
 SEATS = np.array([[0.9, -0.7, -0.2], [-0.9, -0.7, 0.1], [0.1, 1.1, 0.4]])  # [m] from the middle
 GAP = 0.15  # [rad] between the angles that were fitted and those that are judged
-SAG_ONLY = PoseOptions(search=False)
+SAG_ONLY = FitOptions(joint_errors="none")
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def ur5(data: Data) -> Iterator[Line]:
     other, twenty, covered, seen = [], [], [], []
     for seed in range(data.splits):
         fitted, judged = split(grid, 600, seed)
-        result = identify_poses(fitted)
+        result = fit_table(fitted)
         other.append(norms(result, judged))
         twenty.append(norms(result, random))
         covered.append(result.within(judged).mean())
@@ -83,12 +84,12 @@ def ur10_a(data: Data) -> Iterator[Line]:
     for seed in range(data.splits):
         fitted, judged = split(table, 1500, seed, JUDGED)
         began = time.perf_counter()
-        result = identify_poses(fitted)
+        result = fit_table(fitted)
         seconds.append(time.perf_counter() - began)
         errors.append(norms(result, judged))
         covered.append(result.within(judged).mean())
         found.append(len(result.search.orders) if result.search else 0)
-        sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+        sag.append(norms(fit_table(fitted, SAG_ONLY), judged))
     yield Line("UR10 A", "1500 fitted, 3000 judged", shown(errors), "0.12, each below 0.13")
     yield Line("UR10 A", "largest mean of a split", f"{max(e.mean() for e in errors):.3f}", "0.13")
     yield Line("UR10 A", "the same with sag alone", shown(sag), "")
@@ -100,8 +101,8 @@ def ur10_a(data: Data) -> Iterator[Line]:
     for seed in range(data.splits):
         fitted = drawn(table.part(first), 1500, seed)
         judged = drawn(table.part(~first), JUDGED, seed)
-        halves.append(norms(identify_poses(fitted), judged))
-        sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+        halves.append(norms(fit_table(fitted), judged))
+        sag.append(norms(fit_table(fitted, SAG_ONLY), judged))
     yield Line("UR10 A", "first half of the time fitted", shown(halves), "0.21")
     yield Line("UR10 A", "the same with sag alone", shown(sag), "")
     regions = joint_regions(table.q)
@@ -109,8 +110,8 @@ def ur10_a(data: Data) -> Iterator[Line]:
     for region in range(8):
         fitted = drawn(table.part(regions != region), 1500, region)
         judged = drawn(table.part(regions == region), JUDGED, region)
-        left.append(norms(identify_poses(fitted), judged))
-        sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+        left.append(norms(fit_table(fitted), judged))
+        sag.append(norms(fit_table(fitted, SAG_ONLY), judged))
     yield Line("UR10 A", "one of 8 regions left out", shown(left), "0.18")
     yield Line("UR10 A", "the same with sag alone", shown(sag), "")
     yield from few(table, "UR10 A", data)
@@ -122,7 +123,7 @@ def ur10_b(data: Data) -> Iterator[Line]:
     errors, covered = [], []
     for seed in range(data.splits):
         fitted, judged = split_by_pose(table, table.size // 2, seed)
-        result = identify_poses(fitted)
+        result = fit_table(fitted)
         errors.append(norms(result, judged))
         covered.append(result.within(judged).mean())
     yield Line("UR10 B", "half fitted, half judged, split by pose", shown(errors), "0.14")
@@ -137,9 +138,9 @@ def transfer(data: Data) -> Iterator[Line]:
         kept, without = [], []
         for seed in range(data.splits):
             fitted, judged = split_by_pose(b, count, seed)
-            options = PoseOptions(search=False, learned=learned(drawn(a, 1500, seed)))
-            kept.append(norms(identify_poses(fitted, options), judged))
-            without.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+            options = FitOptions(joint_errors=learned(drawn(a, 1500, seed)))
+            kept.append(norms(fit_table(fitted, options), judged))
+            without.append(norms(fit_table(fitted, SAG_ONLY), judged))
         yield Line("UR10 A to B", f"{count} poses of B refitted", shown(kept), target)
         yield Line("UR10 A to B", "the same without what A taught", shown(without), "")
 
@@ -150,8 +151,8 @@ def lengths(data: Data) -> Iterator[Line]:
     ratios, errors = [], []
     for seed in range(data.splits):
         fitted, judged = split_by_pose(table, table.size // 2, seed)
-        points = norms(identify_poses(fitted), judged)
-        by_length = identify_poses(as_lengths(fitted))
+        points = norms(fit_table(fitted), judged)
+        by_length = fit_table(as_lengths(fitted))
         measured = judged.groups[0].values
         tip = by_length.identified_robot().frames(judged.q).tip
         aligned = position_error(tip.T, measured).error * MM
@@ -165,7 +166,7 @@ def lengths(data: Data) -> Iterator[Line]:
     table, stated = tables.ur5_grid(data.folder), []
     for seed in range(data.splits):
         fitted, judged = split(table, 300, seed)
-        arm = identify_poses(as_lengths(fitted)).identified_robot()
+        arm = fit_table(as_lengths(fitted)).identified_robot()
         q = judged.groups[0].q[arm.covered(judged.groups[0].q)]
         measured = judged.groups[0].values[arm.covered(judged.groups[0].q)]
         error = position_error(arm.frames(q).tip.T, measured).error
@@ -185,7 +186,7 @@ def pandas(data: Data) -> Iterator[Line]:
     sites = sites_of(table)
     errors, covered = [], []
     for parity in (0, 1):
-        result = identify_poses(with_sites(table, sites[parity::2]))
+        result = fit_table(with_sites(table, sites[parity::2]))
         held = with_sites(table, sites[1 - parity :: 2])
         error, inside = judged_sockets(result, held)
         errors.append(error)
@@ -195,14 +196,14 @@ def pandas(data: Data) -> Iterator[Line]:
     table = tables.panda(data.folder, "panda_6")
     sites, errors = sites_of(table), []
     for site in sites:
-        result = identify_poses(with_sites(table, [site]))
+        result = fit_table(with_sites(table, [site]))
         errors.append(judged_sockets(result, with_sites(table, [s for s in sites if s != site]))[0])
     yield Line("panda_6", "one site fitted, mean of the three", shown(errors), "0.25")
     for name in ("panda_3", "panda_6"):
         table, covered = tables.panda(data.folder, name), []
         sites = sites_of(table)
         for site in sites:
-            result = identify_poses(with_sites(table, [s for s in sites if s != site]))
+            result = fit_table(with_sites(table, [s for s in sites if s != site]))
             covered.append(judged_sockets(result, with_sites(table, [site]))[1])
         yield Line(name, "95 % region holds at a site left out", shares(covered), "90 %, each 75 %")
 
@@ -213,13 +214,13 @@ def nothing(data: Data) -> Iterator[Line]:
     for seed in range(20):
         table = (tables.ur5_grid if seed % 2 else tables.ur10_a)(data.folder)
         fitted = drawn(table, 600, seed)
-        result = identify_poses(fitted, SAG_ONLY)
+        result = fit_table(fitted, SAG_ONLY)
         noise = np.random.default_rng([seed, 7])
         group = as_points(fitted).groups[0]
         seat = result.fit.model.unknowns.seat(result.fit.x, group.seat)
         exact = (result.identified_robot().frames(group.q).tip.T - seat.origin) @ seat.rotation
         values = exact + noise.normal(0.0, 5e-5, exact.shape)
-        again = identify_poses(replace(fitted, groups=(replace(group, values=values),)))
+        again = fit_table(replace(fitted, groups=(replace(group, values=values),)))
         found += len(again.search.orders) if again.search else 0
     yield Line("white noise", "orders found in 20 draws where there is none", str(found), "0")
 
@@ -229,7 +230,7 @@ def outside(data: Data) -> Iterator[Line]:
     table = tables.ur10_a(data.folder)
     for joint in range(3):
         off = table.q[:, joint] - np.median(table.q[:, joint])
-        result = identify_poses(drawn(table.part(off < -GAP), 1500, joint))
+        result = fit_table(drawn(table.part(off < -GAP), 1500, joint))
         judged = drawn(table.part(off > GAP), JUDGED, joint)
         errors = norms(result, judged)
         arm = result.identified_robot()
@@ -248,7 +249,7 @@ def few(table: PoseTable, name: str, data: Data) -> Iterator[Line]:
     for seed in range(2 * data.splits):
         fitted, judged = split_by_pose(table, 60, seed)
         judged = drawn(judged, JUDGED, seed)
-        result = identify_poses(fitted)
+        result = fit_table(fitted)
         errors.append(norms(result, judged))
         covered.append(result.within(judged).mean())
     yield Line(name, "60 poses fitted", shown(errors), "")
@@ -257,7 +258,7 @@ def few(table: PoseTable, name: str, data: Data) -> Iterator[Line]:
 
 def learned(table: PoseTable) -> JointErrors:
     """The joint errors of an identification."""
-    result = identify_poses(table)
+    result = fit_table(table)
     orders = result.search.pairs if result.search else []
     layout, x = result.fit.model.unknowns, result.fit.x
     names = [f"joint{j + 1}_{n}_{wave}" for j, n in orders for wave in ("cos", "sin")]
@@ -294,9 +295,9 @@ def mask(table: PoseTable, chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
     return out
 
 
-def norms(result: PoseIdentification, table: PoseTable) -> Array:
+def norms(result: TableEstimate, table: PoseTable) -> Array:
     """(N,) [mm] errors of poses of the result's own seats."""
-    return np.asarray(np.linalg.norm(result.errors(table), axis=1) * MM)
+    return np.asarray(np.linalg.norm(result.deviations(table), axis=1) * MM)
 
 
 def as_points(table: PoseTable) -> PoseTable:
@@ -335,12 +336,12 @@ def with_sites(table: PoseTable, sites: Sequence[str]) -> PoseTable:
     return replace(table, groups=groups, distances=distances)
 
 
-def judged_sockets(result: PoseIdentification, table: PoseTable) -> tuple[Array, float]:
+def judged_sockets(result: TableEstimate, table: PoseTable) -> tuple[Array, float]:
     """(N,) [mm] distances to each socket's own point; share within the stated 95 % regions."""
     arm, layout = result.identified_robot(), result.fit.model.unknowns
     known = {name: layout.target(result.fit.x, name) for name in layout.targets}
     fit = placed(arm, table, known)
-    errors = np.concatenate([p.closure.error[:3].T for p in fit.equations.points])
+    errors = np.concatenate([p.closure.error[:3].T for p in fit.linear.evaluations])
     away = np.linalg.norm(errors, axis=1) * MM
     everywhere = replace(arm, ranges=np.add(arm.ranges, [-9.0, 9.0]))
     return away, float(everywhere.within(table.q, errors).mean())
@@ -373,7 +374,7 @@ STUDIES: dict[str, Callable[[Data], Iterator[Line]]] = {
 def write_figures(data: Data, folder: Path) -> None:
     """Spectrum of the joint errors of series A, and the errors of poses that were not fitted."""
     fitted, judged = split(tables.ur10_a(data.folder), 1500, 0, JUDGED)
-    result, sag = identify_poses(fitted), identify_poses(fitted, SAG_ONLY)
+    result, sag = fit_table(fitted), fit_table(fitted, SAG_ONLY)
     assert result.search is not None  # searched by default
     spectra = order_spectra(result.search.spectrum_before, result.search.spectrum_after)
     nominal = replace(result.nominal.model, table=judged).evaluate(result.nominal.x)

@@ -28,7 +28,7 @@ from acquisition.reference_fit import fit_with_knocks
 from ballbar.scenario import PoseScenario, load_any_scenario
 from ballbar.truth.compare import poses_against_truth
 from cell.statistics import rms
-from ident.identify_poses import identify_poses
+from ident.table_fit import fit_table
 from sim.recording_files import write_poses
 from sim.still_poses import simulate_poses
 from tests.helpers.reference_points import (
@@ -62,7 +62,7 @@ def mean_error(seed: int, drift: tuple[float, float], points: int) -> tuple[floa
     with tempfile.TemporaryDirectory() as folder:
         simulation = simulate_poses(settings, relative_to=Path())
         write_poses(simulation, settings, Path(folder) / "t", relative_to=Path())
-        result = identify_poses(read_poses(Path(folder) / "t"))
+        result = fit_table(read_poses(Path(folder) / "t"))
     error = poses_against_truth(result, simulation.truth).tcp.mean
     return error, bool(result.findings.drifts)
 

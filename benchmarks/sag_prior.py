@@ -31,14 +31,15 @@ from cell.descriptions import Robot
 from cell.files import write_whole
 from cell.geometry import nominal_chain
 from cell.poses import PoseTable
-from ident import identify_poses as identify
+from ident import table_fit
 from ident.corrections import unit_weights as weights
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 from ident.estimator import robust_fit as fit
+from ident.estimator.priors import with_tails
 from ident.estimator.unknowns import Unknowns
-from ident.pose_result import PoseIdentification
 from ident.robot.accuracy import position_error
 from ident.start.placements import start_of_poses
+from ident.table_estimate import TableEstimate
 from tests.helpers.still_poses import TrueRobot, angles, table_of, true_robot
 
 RESULT = Path("docs/studies/sag_prior.csv")
@@ -50,7 +51,7 @@ TOOL_AT = np.array([0.02, 0.0, 0.08])  # [m] centre of mass in the flange's fram
 COMPLIANCE = 2e-4, 6e-4  # [rad/(N m)] main axes and wrist
 ORDERS, AMPLITUDE = ((1, 17), (2, 12)), 1e-4  # [rad]
 
-Judge = Callable[[PoseIdentification], tuple[Array, float]]  # [mm] errors, share in the regions
+Judge = Callable[[TableEstimate], tuple[Array, float]]  # [mm] errors, share in the regions
 
 
 @dataclass(frozen=True)
@@ -80,17 +81,16 @@ class Case:
     split: int
 
 
-def identified(table: PoseTable, prior: Prior) -> PoseIdentification:
+def identified(table: PoseTable, prior: Prior) -> TableEstimate:
     """An identification with this prior."""
 
     def widened(declared: Unknowns, x: Array) -> Unknowns:
         part = declared.machine if prior.tails else np.arange(declared.shared.size)
         sigma = declared.sigma.copy()
-        far = (x[part] - declared.mean[part]) / sigma[part]
-        sigma[part] *= np.sqrt(np.maximum(1.0, (fit.TAILS + far**2) / (fit.TAILS + 1.0)))
+        sigma[part] = with_tails(sigma[part], x[part] - declared.mean[part])
         return replace(declared, sigma=sigma)
 
-    plain = identify.sag
+    plain = table_fit.sag
 
     def with_more(robot: Robot) -> list[Correction]:
         targets = start_of_poses(table, nominal_chain(robot)).targets.values()
@@ -100,9 +100,9 @@ def identified(table: PoseTable, prior: Prior) -> PoseIdentification:
     with (
         patch.object(weights, "PRIOR", prior.sigma),
         patch.object(fit, "widened", widened),
-        patch.object(identify, "sag", with_more if prior.more else plain),
+        patch.object(table_fit, "sag", with_more if prior.more else plain),
     ):
-        return identify.identify_poses(table)
+        return table_fit.fit_table(table)
 
 
 def weight_at(robot: Robot, place: Array, sigma: float) -> Correction:
@@ -179,7 +179,7 @@ def lengths(folder: Path, splits: int) -> Iterator[Case]:
         q, values = rest.q, rest.groups[0].values
 
         def as_points(
-            result: PoseIdentification, q: Array = q, values: Array = values
+            result: TableEstimate, q: Array = q, values: Array = values
         ) -> tuple[Array, float]:
             tip = result.identified_robot().frames(q).tip.T
             return position_error(tip, values).error * real.MM, np.nan

@@ -261,7 +261,7 @@ class Machine:
 
     def error(self, result: Identification, motor: int = 0, factor: float = 1.0) -> float:
         """[m] mean tool error; motor : from 1, whose log is `factor` times its angle."""
-        robot = result.robot.identified_robot()
+        robot = result.robot.identified
         if isinstance(self.truth, IndependentTruth):
             q, truth = accuracy_box(cell_files()), replace(self.truth, scaled=(motor, factor))
             return float(aligned_distance(robot.tool(q), truth.tool(q)).mean())

@@ -28,7 +28,7 @@ from benchmarks.real_robots import as_points, mask, sites_of, with_sites
 from cell.arrays import Array
 from cell.files import write_whole
 from cell.poses import PoseTable
-from ident.identify_poses import identify_poses
+from ident.table_fit import fit_table
 from tests.helpers.real_robots import DATA
 from tests.helpers.still_poses import (
     SEAT,
@@ -119,7 +119,7 @@ def measured_robot(name: str, data: Path) -> tuple[PoseTable, Array]:
         return as_points(table), np.asarray(
             Rotation.from_rotvec(own.values[:, 3:].copy()).as_matrix()
         )
-    (point,) = identify_poses(table).fit.linear.evaluations
+    (point,) = fit_table(table).fit.linear.evaluations
     closure = point.target_closure
     turn = np.einsum("ji,jkn->nik", closure.seat.rotation, closure.robot.rotation())
     return table, turn
@@ -193,7 +193,7 @@ def main() -> None:
     table.writerow(("table", "poses", "kind", "size_mm", "row", "found", "false", "steps"))
     counts: dict[tuple[str, float], list[int]] = {}
     for label, size, drawn in draws(arguments.data):
-        steps = identify_poses(drawn.table).findings.steps
+        steps = fit_table(drawn.table).findings.steps
         rows = [int(row) for g in drawn.table.groups for row in g.rows]
         reach = max(10.0, NEAR * (max(rows) - min(rows)))
         right = [s for s in steps if s.kind == drawn.kind and abs(s.row - drawn.row) <= reach]

@@ -35,7 +35,7 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
     cell, options = made[0][0], FitOptions(model="complete", force="torque")
     first, second = (identify_together(cell, [logs], options=options) for _, logs, _ in made)
     grid = accuracy_grid(cell.robot)
-    positions = (found.robot.identified_robot().tool(grid) for found in (first, second))
+    positions = (found.robot.identified.tool(grid) for found in (first, second))
     apart = position_error(*positions)
     stated = float(np.sqrt((first.robot.tcp_sigma**2 + second.robot.tcp_sigma**2).mean()))
     rms = float(np.sqrt((apart.error**2).mean()))

@@ -228,7 +228,7 @@ def _judged(
     robot: int, name: str, found: Identification, truths: Sequence[Truth], seconds: float
 ) -> Row:
     q = accuracy_box(files())
-    error = 1e3 * aligned_distance(found.robot.identified_robot().tool(q), truths[0].tool(q))
+    error = 1e3 * aligned_distance(found.robot.identified.tool(q), truths[0].tool(q))
     flanks = truths[0].flanks(q)
     clear = (np.abs(flanks - np.rint(flanks)) < 1.0 - CLEAR).all(axis=1)
     draws = 1e3 * bound_draws(found, q, robot)

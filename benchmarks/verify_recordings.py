@@ -37,7 +37,8 @@ from cell.errors import InputError
 from cell.geometry import Geometry
 from ident.identify import identify_together
 from ident.options import FitOptions
-from ident.verification import RecordingVerification, verify_recording
+from ident.verification import Verification
+from ident.verify_recording import verify_recording
 from sim.true_robot import TrueMachine
 from tests.helpers import drawn_lengths
 from tests.helpers.drawn_machines import OPTIONS, Truth, drawn, identified, recorded
@@ -192,7 +193,7 @@ def rows_of_lengths(seed: int) -> list[dict[str, object]]:
     return rows
 
 
-def _columns(outcome: RecordingVerification) -> dict[str, object]:
+def _columns(outcome: Verification) -> dict[str, object]:
     named = [
         e.cause.names[0] if e.cause.kind == "geometry" else f"{e.cause.kind} {e.cause.axis or ''}"
         for e in outcome.named
@@ -200,14 +201,14 @@ def _columns(outcome: RecordingVerification) -> dict[str, object]:
     return {
         "holds": outcome.holds,
         "named": ", or ".join(name.strip() for name in named),
-        "evidence": outcome.statistic,
+        "evidence": outcome.figures["log_bayes_factor"],
         "limit": outcome.limit,
-        "innovation": outcome.innovation,
-        "misfit": outcome.misfit,
+        "innovation": outcome.figures["normalised_innovation"],
+        "misfit": outcome.figures["chi2_per_dof_with_free_machine"],
     }
 
 
-def unchanged_with_everything(seed: int) -> Iterator[RecordingVerification]:
+def unchanged_with_everything(seed: int) -> Iterator[Verification]:
     """Checks of one robot with every error source, as it was."""
     options = FitOptions(model="complete", force="torque")
     with tempfile.TemporaryDirectory() as folder:

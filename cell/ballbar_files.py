@@ -56,9 +56,8 @@ class BallBarFile(Strict):
     length_tolerance_m: Positive = Field(description="Standard deviation of the rod's length.")
     axial_stiffness_N_per_m: AxialStiffnessFile
     axial_damping_N_s_per_m: NotNegative = Field(description="Damping along the rod.")
-    joint_damping_N_m_s_per_rad: NotNegative5 = Field(
-        description="Viscous friction of the five joints."
-    )
+    joint_damping_N_m_s_per_rad: NotNegative5
+    """Viscous friction of the five joints."""
     friction_torque_N_m: NotNegative = Field(description="Coulomb friction of each joint.")
     backlash_m: JointBacklashFile
     encoder: EncoderFile
@@ -76,12 +75,10 @@ class PlateFile(Strict):
 
     schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]
     title: Line
-    length_m: Annotated[float, Field(gt=0.0), AfterValidator(metres)] = Field(
-        description="Distance of the tool from the flange's axis, which fixes the scale."
-    )
+    length_m: Annotated[float, Field(gt=0.0), AfterValidator(metres)]
+    """Distance of the tool from the flange's axis, which fixes the scale."""
     length_sigma_m: Positive = Field(description="Standard deviation of length_m.")
-    tool_offset_m: Length = Field(
-        description="Added to the flange's d: tool changer and part of the universal joint."
-    )
+    tool_offset_m: Length
+    """Added to the flange's d: tool changer and part of the universal joint."""
     tip_stiffness_N_per_m: Positive = Field(description="Force at the tip over its deflection.")
     body: LinkFile  # com and axes in the robot's flange frame

@@ -154,48 +154,35 @@ class RobotFile(Strict):
 
     schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
     title: Line
-    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=8)] = Field(
-        description="One row for each joint, from the base."
-    )
-    motor_to_joint: Coupling = Field(
-        None, description="joints = motors @ motor_to_joint; a row for each axis, or identity."
-    )
-    controller_to_joint: Coupling = Field(
-        None, description="joints = axes @ controller_to_joint + controller_offset_deg."
-    )
-    controller_offset_deg: Axes | None = Field(
-        None, description="Joint angles where the controller shows zero; zeros by default."
-    )
+    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=8)]
+    """One row for each joint, from the base."""
+    motor_to_joint: Coupling = None
+    """joints = motors @ motor_to_joint; a row for each axis, or identity."""
+    controller_to_joint: Coupling = None
+    """joints = axes @ controller_to_joint + controller_offset_deg."""
+    controller_offset_deg: Axes | None = None
+    """Joint angles where the controller shows zero; zeros by default."""
     axis_lower_deg: Axes = Field(description="Lower limits of the controller's axis angles.")
     axis_upper_deg: Axes = Field(description="Upper limits of the controller's axis angles.")
-    axis_speed_max_deg_per_s: PositiveAxes | None = Field(
-        None, description="Top speeds of the controller's axes."
-    )
-    accuracy_lower_deg: Axes | None = Field(
-        None,
-        description="Lower corner of the box of axis angles over which the TCP error is stated.",
-    )
+    axis_speed_max_deg_per_s: PositiveAxes | None = None
+    """Top speeds of the controller's axes."""
+    accuracy_lower_deg: Axes | None = None
+    """Lower corner of the box of axis angles over which the TCP error is stated."""
     accuracy_upper_deg: Axes | None = Field(None, description="Upper corner of that box.")
-    rotor_inertia_kg_m2: NotNegativeAxes | None = Field(
-        None, description="Of the motors, at the motor."
-    )
+    rotor_inertia_kg_m2: NotNegativeAxes | None = None
+    """Of the motors, at the motor."""
     gears: GearsFile | None = None
     servo: dict[str, ServoFile] | None = Field(None, description="Gain sets by their names.")
-    links: dict[str, LinkFile] | None = Field(
-        None,
-        description="base, link1, ... with all DH joint angles zero; centre of mass and axes in "
-        "the robot's base frame.",
-    )
-    log_dialect: str = Field(
-        "abb-motor", description="Of its controller's logs, as the simulator writes them."
-    )
-    program_language: ProgramLanguage | None = Field(
-        None, description="Of its controller: plans write a program in it, and none without it."
-    )
-    gravity_m_per_s2: Vector3 = Field(
-        (0.0, 0.0, -9.81),
-        description="In the base frame, along x, y, z; standard gravity, rounded.",
-    )
+    links: dict[str, LinkFile] | None = None
+    """base, link1, ... with all DH joint angles zero; centre of mass and axes in the robot's base
+    frame.
+    """
+    log_dialect: str = "abb-motor"
+    """Of its controller's logs, as the simulator writes them."""
+    program_language: ProgramLanguage | None = None
+    """Of its controller: plans write a program in it, and none without it."""
+    gravity_m_per_s2: Vector3 = (0.0, 0.0, -9.81)
+    """In the base frame, along x, y, z; standard gravity, rounded."""
 
     @property
     def link_names(self) -> tuple[str, ...]:

@@ -38,11 +38,10 @@ class JointFile(Strict):
     lower_m: NotNegative | None = Field(None, description="Shortest length of a prismatic joint.")
     upper_m: Positive | None = Field(None, description="Longest length of a prismatic joint.")
     sigma_m: NotNegative = Field(0.0, description="Noise of a length; play of a socket.")
-    zero_sigma_m: NotNegative = Field(
-        0.0,
-        description="Standard deviation of the length where the sensor reads the nominal one; 0 "
-        "where it is calibrated, and taken as exact.",
-    )
+    zero_sigma_m: NotNegative = 0.0
+    """Standard deviation of the length where the sensor reads the nominal one; 0 where it is
+    calibrated, and taken as exact.
+    """
     sigma_rad: NotNegative = Field(0.0, description="Noise of an angle.")
 
 
@@ -58,13 +57,11 @@ class InstrumentFile(Strict):
 
     schema_: Annotated[Literal["ballbar-instrument/1"], Field(alias="schema")]
     title: Line
-    chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)] = Field(
-        description="Joints from the floor to the tool."
-    )
+    chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)]
+    """Joints from the floor to the tool."""
     distance: DistanceFile | None = None
-    mass_kg: NotNegative = Field(
-        0.0, description="Of a rod from seat to target, which carries half of its weight."
-    )
+    mass_kg: NotNegative = 0.0
+    """Of a rod from seat to target, which carries half of its weight."""
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:

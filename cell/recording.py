@@ -23,28 +23,22 @@ EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
 class SourceFile(Strict):
     """The device files of one source, and the dialect they are written in."""
 
-    files: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
-        description="Relative to recording.yaml; .gz, .bz2 and .xz are unpacked."
-    )
-    dialect: str = Field(
-        description="A shipped one, or a file of the recording folder that ends in .yaml."
-    )
-    time: str | None = Field(
-        None, description="Form of the time stamps, where the stamps do not show it themselves."
-    )
-    columns: tuple[str, ...] | None = Field(
-        None, description="Names of all columns, for files without header."
-    )
-    damaged_rows: Annotated[int, Field(ge=0)] = Field(
-        0,
-        description="Rows of each file with cells that are no number, up to which they are left "
-        "out and reported; a log with more is refused.",
-    )
-    quantised: bool | None = Field(
-        None,
-        description="Whether evenly taken rows have stamps of a clock with coarse steps; by "
-        "default as the stamps show it.",
-    )
+    files: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Relative to recording.yaml; .gz, .bz2 and .xz are unpacked."""
+    dialect: str
+    """A shipped one, or a file of the recording folder that ends in .yaml."""
+    time: str | None = None
+    """Form of the time stamps, where the stamps do not show it themselves."""
+    columns: tuple[str, ...] | None = None
+    """Names of all columns, for files without header."""
+    damaged_rows: Annotated[int, Field(ge=0)] = 0
+    """Rows of each file with cells that are no number, up to which they are left out and reported;
+    a log with more is refused.
+    """
+    quantised: bool | None = None
+    """Whether evenly taken rows have stamps of a clock with coarse steps; by default as the stamps
+    show it.
+    """
 
 
 class LengthFile(SourceFile):
@@ -52,18 +46,16 @@ class LengthFile(SourceFile):
 
     column: str = Field(description="Of the length.")
     unit: LogLengthUnit = Field("mm", description="Of that column.")
-    zero_m: float = Field(
-        0.0, description="Length where the column is zero, as the instrument declares it."
-    )
+    zero_m: float = 0.0
+    """Length where the column is zero, as the instrument declares it."""
 
 
 class TrackerFile(SourceFile):
     """The device files of an optical tracker that follows an LED on the tool."""
 
     unit: LogLengthUnit = Field("mm", description="Of the coordinates.")
-    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = Field(
-        9.0e-5, description="Standard deviation along each axis (thesis sec. 5.3: Nikon K600)."
-    )
+    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = 9.0e-5
+    """Standard deviation along each axis (thesis sec. 5.3: Nikon K600)."""
 
 
 class Sources(Strict):
@@ -87,9 +79,8 @@ class EncoderFitting(Strict):
 
     column: str = Field(description="Of the counter.")
     lines: EncoderLines = Field(description="Per turn.")
-    bits: Annotated[int, Field(ge=8, le=13)] = Field(
-        description="Interpolation of one line (EL5021 object 8001:11)."
-    )
+    bits: Annotated[int, Field(ge=8, le=13)]
+    """Interpolation of one line (EL5021 object 8001:11)."""
     sign: Literal[-1, 1] = Field(1, description="Declared direction.")
 
 
@@ -100,19 +91,15 @@ class RecordingFile(Strict):
     kind: Literal["simulated", "real"] = Field(description="Where the logs come from.")
     robot: str = Field(description="A file of cell/robots, or a path relative to this file.")
     ballbar: str | None = Field(None, description="A file of cell/instruments, or a path.")
-    instrument: str | None = Field(
-        None,
-        description="A file of cell/instruments, or a path: what measured the length, in place of "
-        "a ball-bar.",
-    )
+    instrument: str | None = None
+    """A file of cell/instruments, or a path: what measured the length, in place of a ball-bar."""
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     sources: Sources
     encoders: dict[EncoderName, EncoderFitting] = Field(
         default_factory=dict, description="The ball-bar's, b1 to b5."
     )
-    temperature_C: Annotated[float, Field(ge=-50.0, le=100.0)] | None = Field(
-        None, description="Of the air about robot and ball-bar; kept with the result."
-    )
+    temperature_C: Annotated[float, Field(ge=-50.0, le=100.0)] | None = None
+    """Of the air about robot and ball-bar; kept with the result."""
     notes: str = Field("", description="Whatever else is to be remembered.")
 
     @model_validator(mode="after")

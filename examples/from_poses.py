@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ballbar import PoseGroup, PoseOptions, PoseTable, identify_poses, load_robot, verify
+from ballbar import FitOptions, PoseGroup, PoseTable, identify_poses, load_robot, verify
 from cell.chain import Chain, forward
 
 # 150 poses of a UR10 whose joint 4 has its zero 2 mrad off and whose upper arm is 0.4 mm longer. A
@@ -44,9 +44,9 @@ def table_of(q: np.ndarray) -> PoseTable:
     return PoseTable("example", robot, (group,))
 
 
-result = identify_poses(table_of(rng.uniform(-2.0, 2.0, (150, 6))), PoseOptions(search=False))
+result = identify_poses(table_of(rng.uniform(-2.0, 2.0, (150, 6))), FitOptions(joint_errors="none"))
 print(result.verdict.sentence)
-identified = result.identified_robot()  # the robot with its reflector
+identified = result.robot.identified  # the robot with its reflector
 print(f"joint 4 zero: {(identified.chain.theta[3] - robot.theta[3]) * 1e3:+.3f} mrad")
 print(f"upper arm: {(identified.chain.a[1] - robot.a[1]) * 1e3:+.3f} mm")
 
@@ -60,4 +60,4 @@ shown = rng.uniform(-1.8, 1.8, (10, 6))
 later = table_of(shown + np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0]))
 later = replace(later, groups=(replace(later.groups[0], q=shown),))
 targets = {"reflector": identified.target}
-print(verify(identified, targets, result.cross_validation.mean, later).sentence)
+print(verify(identified, targets, result.poses.cross_validation.mean, later).sentence)

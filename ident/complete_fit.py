@@ -21,6 +21,7 @@ from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, comple
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.priors import declared_sigma, robot_unknowns, with_tails
 from ident.estimator.robust_fit import robust_weights
 from ident.estimator.sample_times import close_times
 from ident.estimator.samples import Samples, samples_of
@@ -36,13 +37,19 @@ from ident.estimator.step_faults import (
 from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
-from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces
-from ident.loads.logged_tension import SPACING, sensor_tension, tension_splines, torque_tension
+from ident.loads.logged_tension import (
+    FORCE_PRIOR,
+    SPACING,
+    instrument_forces,
+    sensor_tension,
+    tension_splines,
+    torque_tension,
+)
 from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.rounding import rounding_noise
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
 DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0, "instrument": FORCE_PRIOR}
@@ -158,7 +165,7 @@ class _Run:
         if needs_loads(chosen) and not wanders(chosen) and "none" in sources:
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
-        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
+        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)
 
     def step_fault(self, result: Fit, faults: tuple[StepFault, ...]) -> StepFault | None:
         """The surest step fault that a fit shows, if its recording shows one by itself, too.
@@ -202,12 +209,21 @@ def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:
 
     Encoder slips stay, and the tension is as likely as it turned out.
     """
-    model = with_likely_tension(result)
+    model = with_likely_priors(result)
     slips = [c for c in result.model.corrections if c.name == ENCODER_JUMPS]
     corrections = (*chosen, *slips)
     coefficients = [c for correction in corrections for c in correction.coefficients]
     layout, x = model.unknowns.with_coefficients(coefficients, result.x)
     return Pose(replace(model, corrections=corrections, unknowns=layout), x, result.ballbars)
+
+
+def with_likely_priors(result: Fit) -> Model:
+    """`with_likely_tension`, and the tails of the priors of the robot's parameters."""
+    model = with_likely_tension(result)
+    layout = model.unknowns
+    sigma, robot = declared_sigma(layout), robot_unknowns(layout)
+    sigma[robot] = with_tails(sigma[robot], (result.x - layout.mean)[robot])
+    return replace(model, unknowns=replace(layout, sigma=sigma))
 
 
 def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = None) -> Fit:
@@ -216,14 +232,14 @@ def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = Non
     pose : where the first begins, if not at the result.
     """
     for k in range(1, NOISE_PASSES + 1):
-        begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
+        begin = pose or Pose(with_likely_priors(result), result.x, result.ballbars)
         begin, pose = replace(begin, robust=_robust(result)), None
         excess, iterations = excess_noise(result), result.iterations
         del result  # large with many samples
         listener.progress(
             f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
         )
-        result = fit_pose(begin, excess, listener)
+        result = fit_pose(begin, excess)
         result = replace(result, iterations=iterations + result.iterations)
     return result
 
@@ -240,7 +256,6 @@ def _robust(result: Fit) -> tuple[Array, ...]:
 def fit_pose(
     pose: Pose,
     excess: ExcessNoise,
-    listener: Listener = SILENT,
     *,
     per_unknown: float = PER_UNKNOWN,
     max_iterations: int = MAX_ITERATIONS,
@@ -254,7 +269,6 @@ def fit_pose(
         negligible=per_unknown * pose.x.size,
         max_iterations=max_iterations,
         freeze_after=NEW_WEIGHTS,
-        on_iteration=listener.on_iteration,
         robust=pose.robust,
     )
 
@@ -383,7 +397,7 @@ def continued(pose: Pose, listener: Listener = SILENT) -> Pose:
         listener.progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         blurred = ExcessNoise(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
         softened = replace(pose, model=replace(model, sharpness=1.0 / times))
-        result = fit_pose(softened, blurred, listener, max_iterations=CONTINUED_ITERATIONS)
+        result = fit_pose(softened, blurred, max_iterations=CONTINUED_ITERATIONS)
         pose = Pose(model, result.x, result.ballbars)
     return pose
 

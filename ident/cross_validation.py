@@ -36,6 +36,7 @@ from ident.estimator.uncertainty import inflation_factors
 from ident.estimator.whitening import Whitening
 
 LEVEL = 0.95
+STRANGE = 3e-3  # [m] mean error: industrial robots, identified, stay below 0.5 mm
 # Share of the variance of joint errors that the rods of one, two, or three and more seats show
 # beside what the fit takes up. Measured on the tables of a UR5 and a UR10 with their points turned
 # into lengths, and on drawn robots (tests/ident/test_length_regions.py).
@@ -61,6 +62,11 @@ class CrossValidation:
     joint_sigma: (
         float  # [rad] of each joint, in place of it; 0 where more than lengths was measured
     )
+
+    @property
+    def strange(self) -> bool:
+        """Whether the data are of another robot, or of other joint angles."""
+        return not self.mean <= STRANGE
 
     @property
     def factor_of_points(self) -> float:
@@ -121,26 +127,26 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     """Cross-validation by a linear refit without each fold; fold : (N,) number of each pose's."""
     equations, model, table = fit.linear, fit.model, fit.model.poses
     ends = np.cumsum([g.size for g in table.groups])[:-1]
-    rows = [position_rows(point) for point in equations.evaluations]
+    points = equations.evaluations[fit.still]
+    rows = [position_rows(point) for point in points]
+    pairs = list(zip(points, rows, strict=True))
     moves = [
         whole_jacobian(model, equations.x, k, point, row)
-        for k, (point, row) in enumerate(zip(equations.evaluations, rows, strict=True))
+        for k, (point, row) in enumerate(pairs, start=len(model.recordings))
     ]
-    rests = [
-        row(point.closure.error) for point, row in zip(equations.evaluations, rows, strict=True)
-    ]
+    rests = [row(point.closure.error) for point, row in pairs]
     for number in np.unique(fold):
         held = np.split(fold == number, ends)
         step = _without(fit, held)
         for rest, move, own in zip(rests, moves, held, strict=True):
             rest[:, own] += np.einsum("pen,p->en", move[:, :, own], step)
     spreads = [spread_of(move, fit.covariance) for move in moves]
-    weighted = [robust > 0.0 for robust in equations.robust]
+    weighted = [robust > 0.0 for robust in equations.robust[fit.still]]
     judged = list(zip(rests, spreads, weighted, strict=True))
     count = sum(rest[:, k].size for rest, _, k in judged)
     known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
-    declared = min(float(p.position_sigma.min()) for p in equations.evaluations)
+    declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     ratios = [
         mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
@@ -166,7 +172,8 @@ def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
     equations, layout, table = fit.linear, fit.model.unknowns, fit.model.poses
     normal, gradient = equations.normal.copy(), equations.gradient.copy()
     own_normal, own_gradient = np.zeros_like(normal), np.zeros_like(gradient)
-    for jacobian, residual, k in zip(fit.jacobians, equations.residuals, held, strict=True):
+    residuals = equations.residuals[fit.still]
+    for jacobian, residual, k in zip(fit.jacobians, residuals, held, strict=True):
         own = jacobian[:, :, k].reshape(layout.count, -1)
         own_normal += own @ own.T
         own_gradient += own @ residual[:, k].reshape(-1)
@@ -190,7 +197,7 @@ def _joint_sigma(fit: Fit) -> float:
 
     What two deviations of an estimated noise allow is not counted.
     """
-    points = fit.linear.evaluations
+    points = fit.linear.evaluations[fit.still]
     moves = [position_rows(point)(point.target_closure.joint_columns) for point in points]
     along = [(move**2).sum(axis=0).mean(axis=0) for move in moves]
     lever = float(np.concatenate(along).mean())  # [m^2]

@@ -19,9 +19,18 @@ from ident.estimator.build_unknowns import GAIN_PRIOR
 from ident.estimator.fit import Fit
 from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
+from ident.estimator.priors import FAR, declared_sigma, robot_unknowns
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.fitted_robot import deviated_masses, robot_estimate, softer_gears, with_doubt_of_masses
+from ident.evidence import ClosureEvidence, Evidence, RecordingEvidence
+from ident.fitted_robot import (
+    MOSTLY_PRIOR,
+    deviated_masses,
+    robot_at_rest,
+    robot_estimate,
+    softer_gears,
+    with_doubt_of_masses,
+)
 from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import NEGATIVE, negative_coefficients
@@ -29,25 +38,26 @@ from ident.options import FitOptions
 from ident.physical_bounds import impossible
 from ident.recording_fit import RecordingFit, nominal_robot_fit
 from ident.remarks import (
+    change_remarks,
     joint_error_remark,
     lag_remark,
     log_remarks,
     payload_remark,
-    recording_remarks,
     unlike_tools,
     wrong_ratios,
 )
 from ident.result import FitStatistics, Identification, RecordingEstimate, Residuals, RobotEstimate
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
-from ident.signals.step_fault import StepFault
-from ident.table_estimate import TableEstimate, table_estimate
+from ident.rules import PULL, judge, masses_in_doubt
+from ident.signals.steps import StepFault
+from ident.table_estimate import TableEstimate
+from ident.table_fit import added_table
 from ident.tracker import check_tracker
-from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge, masses_in_doubt
+from ident.verdict import Status
 
 # Unexplained part of still poses, in units of what is stated of instrument or tool, that is named
 APART = 3.0
-MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 
 
 def result_of(
@@ -86,7 +96,9 @@ def result_of(
         rank=first.subset.rank,
         condition=first.subset.condition,
     )
-    evidence = Evidence(
+    closure = ClosureEvidence(
+        cell=cell,
+        nominal=robot.nominal,
         converged=fit.converged,
         iterations=statistics.iterations,
         chi2_per_dof=fit.chi2_per_dof,
@@ -108,27 +120,43 @@ def result_of(
         nominal_error=_nominal_error(robot),
         accuracy=options.accuracy,
     )
-    each = [
-        RecordingEvidence(
-            name=estimate.name,
-            start=estimate.start,
-            encoders=estimate.encoders,
-            samples=estimate.samples,
-            clock_sigma=estimate.clock_sigma[0],
-            held_out=agreement.held_out[k] if agreement.held_out else None,
-            remarks=log_remarks(r.samples, estimate.step_faults),
+    parts = [
+        Evidence(
+            closure,
+            RecordingEvidence(
+                name=estimate.name,
+                start=estimate.start,
+                encoders=estimate.encoders,
+                samples=estimate.samples,
+                clock_sigma=estimate.clock_sigma[0],
+                held_out=agreement.held_out[k] if agreement.held_out else None,
+                remarks=log_remarks(r.samples, estimate.step_faults),
+            ),
         )
         for k, (r, estimate) in enumerate(zip(single, estimates, strict=True))
     ]
-    verdict = judge(evidence, each, cell, robot.nominal)
+    poses = added_table(fit, stated.covariance)
+    verdict = judge(parts if poses is None else [*parts, Evidence(table=poses, elsewhere=True)])
     if complete and verdict.status is Status.MISFIT and cell.ballbar.stroke is None:
         names = [estimate.name for estimate in estimates]
         if cause := beside_fit(cell, fit, names):
             verdict = verdict.with_cause(cause)
-    poses = table_estimate(fit, stated.covariance)
     for remark in _remarks(cell, fit, options, robot, stated, orders, poses, complete=complete):
         verdict = verdict.with_warning(remark)
     return Identification(robot, estimates, statistics, verdict, poses)
+
+
+def result_at_rest(poses: TableEstimate, *, elsewhere: bool = False) -> Identification:
+    """The result of a fit of still poses alone.
+
+    elsewhere : whether held-out poses of another place are predicted as stated.
+    """
+    fit = poses.fit
+    statistics = FitStatistics(
+        fit.converged, fit.iterations, fit.model.unknowns.count, fit.chi2_per_dof, fit.excess
+    )
+    verdict = judge([Evidence(table=poses, elsewhere=elsewhere)])
+    return Identification(robot_at_rest(poses), (), statistics, verdict, poses)
 
 
 def _remarks(
@@ -159,7 +187,7 @@ def _remarks(
     remarks = [
         payload_remark(robot.payload),
         lag_remark(fit, np.sqrt(np.diag(stated.covariance))),
-        *recording_remarks(fit, stated.covariance),
+        *change_remarks(fit, stated.covariance),
         joint_error_remark(orders, robot.corrections) if orders else "",
         _contradiction(poses, rms(robot.tcp_sigma)) if poses else "",
     ]
@@ -245,13 +273,15 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     layout = fit.model.unknowns
     machine = layout.machine
     off = np.abs(fit.x[machine] - layout.mean[machine])
-    far = off / layout.sigma[machine]
+    least = np.full(machine.size, PULL)
+    least[robot_unknowns(layout)] = FAR
+    far = off / (least * declared_sigma(layout)[machine])
     little = np.zeros(machine.size)  # a prior of a coefficient is of a size that matters
     for i in range(layout.shared.size):
         length = parameter_named(layout.names[i]).is_length
         little[i] = LITTLE_SHIFT if length else LITTLE_TURN
     out = [
-        layout.names[machine[k]] for k in np.argsort(-far) if far[k] > PULL and off[k] > little[k]
+        layout.names[machine[k]] for k in np.argsort(-far) if far[k] > 1.0 and off[k] > little[k]
     ]
     return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
 
@@ -260,7 +290,7 @@ def _nominal_error(robot: RobotEstimate) -> float:
     """[m] mean distance over the workspace of the nominal tool from the identified one."""
     grid = accuracy_grid(robot.cell.robot)
     nominal = IdentifiedRobot(robot.cell, robot.nominal)
-    return position_error(nominal.tool(grid), robot.identified_robot().tool(grid)).mean
+    return position_error(nominal.tool(grid), robot.identified.tool(grid)).mean
 
 
 def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:

@@ -18,8 +18,8 @@ from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
-from ident.estimator.build_unknowns import STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR
 from ident.estimator.fit import Fit
+from ident.estimator.priors import declared_sigma
 from ident.estimator.robust_fit import median_scale, whitened_lengths
 from ident.table_steps import Step
 
@@ -64,7 +64,7 @@ class Findings:
 
 def lengths_of(fit: Fit) -> Array:
     """(N,) each pose's whitened residual over the median-based scale of all, at least WIDE."""
-    lengths = whitened_lengths(fit.linear)
+    lengths = whitened_lengths(fit.linear)[fit.still]
     return np.concatenate(lengths) / max(median_scale(lengths), WIDE)
 
 
@@ -81,9 +81,8 @@ def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
     candidates: list[int] = []
     signs: list[float] = []
     first = 0
-    for point, weights, move in zip(
-        fit.linear.evaluations, fit.linear.weights, _last_moves(fit), strict=True
-    ):
+    points, whitenings = fit.linear.evaluations[fit.still], fit.linear.weights[fit.still]
+    for point, weights, move in zip(points, whitenings, _last_moves(fit), strict=True):
         n = point.still.size
         residual = weights(point.closure.error)
         if len(residual) >= 3 and n > 1:
@@ -104,10 +103,11 @@ def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
 
 def _last_moves(fit: Fit) -> list[Array]:
     """(6, N) of every group: change of the error for the whole last move of the robot."""
-    groups = [point.still for point in fit.linear.evaluations]
+    points = fit.linear.evaluations[fit.still]
+    moves = last_moves([point.still for point in points])
     return [
         np.asarray(np.einsum("jcn,nj->cn", point.target_closure.joint_columns, moved))
-        for point, moved in zip(fit.linear.evaluations, last_moves(groups), strict=True)
+        for point, moved in zip(points, moves, strict=True)
     ]
 
 
@@ -138,12 +138,14 @@ def _unfinished(fit: Fit) -> float:
 
     A score test of one unknown that turns every pose by that share, as the orders are tested.
     """
-    equations, moves = fit.linear, _last_moves(fit)
+    equations, moves, still = fit.linear, _last_moves(fit), fit.still
     columns = [
         weights(move) * robust
-        for move, weights, robust in zip(moves, equations.weights, equations.robust, strict=True)
+        for move, weights, robust in zip(
+            moves, equations.weights[still], equations.robust[still], strict=True
+        )
     ]
-    parts = list(zip(fit.jacobians, equations.residuals, columns, strict=True))
+    parts = list(zip(fit.jacobians, equations.residuals[still], columns, strict=True))
     gram = sum(
         jacobian.reshape(len(jacobian), -1) @ column.reshape(-1) for jacobian, _, column in parts
     )
@@ -165,7 +167,9 @@ def _unfinished(fit: Fit) -> float:
 
 def _error_of_one(fit: Fit) -> float:
     """[m] error of one measurement along an axis: declared noise and what is unexplained."""
-    noise = np.concatenate([p.position_sigma.reshape(-1) for p in fit.linear.evaluations])
+    noise = np.concatenate(
+        [p.position_sigma.reshape(-1) for p in fit.linear.evaluations[fit.still]]
+    )
     return float(np.hypot(fit.excess.position, np.median(noise)))
 
 
@@ -178,12 +182,7 @@ def scale_of(fit: Fit) -> tuple[float, float] | None:
     matter.
     """
     equations, layout = fit.linear, fit.model.unknowns
-    declared = np.array(
-        [STILL_LENGTH_PRIOR if p.is_length else STILL_ANGLE_PRIOR for p in layout.parameters]
-    )
-    sigma = layout.sigma.copy()
-    sigma[layout.geometric] = declared
-    prior = np.diag(sigma**-2.0 - layout.sigma**-2.0)
+    prior = np.diag(declared_sigma(layout) ** -2.0 - layout.sigma**-2.0)
     normal = equations.normal + prior
     gradient = equations.gradient + prior @ (equations.x - layout.mean)
     cross, own, slope = np.zeros(layout.count), 0.0, 0.0
@@ -227,7 +226,8 @@ def _drift(fit: Fit, seat: str) -> SeatDrift | None:
     equations, layout = fit.linear, fit.model.unknowns
     part = layout.seats[seat]
     size = part.stop - part.start
-    every = zip(equations.evaluations, fit.jacobians, equations.residuals, strict=True)
+    points, residuals = equations.evaluations[fit.still], equations.residuals[fit.still]
+    every = zip(points, fit.jacobians, residuals, strict=True)
     own = [each for each in every if each[0].still.seat == seat and each[0].still.time is not None]
     times = [np.asarray(point.still.time) for point, _, _ in own]
     first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))

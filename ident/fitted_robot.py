@@ -11,21 +11,30 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.payload import TOOL, deviations_between
-from ident.estimator.considered import held_shifts
+from ident.corrections.base import Coefficient, Correction
 from ident.estimator.fit import Fit
+from ident.estimator.gauss_newton import inverse
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.priors import fixed_names, held_names, priors, taken_as_exact
-from ident.estimator.uncertainty import Uncertainty
+from ident.estimator.uncertainty import Uncertainty, held_shifts
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import coefficients_of, lasting
 from ident.recording_fit import RecordingFit
-from ident.result import CoefficientEstimate, CorrectionEstimate, NamedCovariance, RobotEstimate
+from ident.result import (
+    CoefficientEstimate,
+    CorrectionEstimate,
+    NamedCovariance,
+    RobotEstimate,
+    identified_robot,
+)
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, parts_without_scale, tcp_uncertainty
 from ident.robot.tool_covariance import ToolCovariance
+from ident.table_estimate import TableEstimate
 
+MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 
 
@@ -47,50 +56,93 @@ def robot_estimate(
     geometry = first.nominal.values.copy()
     geometry[layout.shared] = x[shared]
     deviations = np.sqrt(np.diag(stated.covariance))
-    corrections = lasting(fit)
-    positions = [np.r_[coefficients_of(fit, c)] for c in corrections]
+    positions = [np.r_[coefficients_of(fit, c)] for c in lasting(fit)]
     machine = np.concatenate((shared, *positions)).astype(np.intp)
     at_prior = [layout.names[i] for i in shared if not known[i]]
     whole = _stated_covariance(cell, fit, stated, deviated)
     tcp, white, widened = _tcp_uncertainty(cell, fit, stated, whole, deviated)
     angles = np.concatenate([e.samples.joint_angles(e.robot_time) for e in fit.linear.evaluations])
+    corrections = correction_estimates(
+        fit, lasting(fit), stated.covariance, stated.information_gain
+    )
+    robot = identified_robot(
+        cell, first.nominal.with_values(geometry), first.samples.encoders, corrections
+    )
     return RobotEstimate(
-        cell=cell,
+        identified=replace(
+            robot,
+            ranges=np.stack((angles.min(axis=0), angles.max(axis=0)), axis=1),
+            stated=_tool_covariance(cell, machine, fit, whole, deviated),
+        ),
         encoders=first.samples.encoders,
         nominal=first.nominal,
-        geometry=first.nominal.with_values(geometry),
         sigma={layout.names[i]: float(deviations[i]) for i in shared if known[i]},
         covariance=NamedCovariance(
             tuple(layout.names[i] for i in machine),
             stated.covariance[np.ix_(machine, machine)],
             fit.covariance[np.ix_(machine, machine)],
         ),
-        corrections=tuple(
-            CorrectionEstimate(
-                c.name,
-                c.sentence,
-                tuple(
-                    CoefficientEstimate(
-                        name=coefficient.name,
-                        unit=coefficient.unit,
-                        value=float(x[i]),
-                        sigma=float(deviations[i]),
-                        prior=float(layout.mean[i]),
-                        prior_sigma=float(layout.sigma[i]),
-                        information_gain=float(stated.information_gain[i]),
-                    )
-                    for coefficient, i in zip(c.coefficients, position, strict=True)
-                ),
-            )
-            for c, position in zip(corrections, positions, strict=True)
-        ),
+        corrections=corrections,
         tcp=tcp,
         tcp_white=white,
         tcp_widened=widened,
         dropped=_dropped(cell, first, fit, at_prior),
-        tool=_tool_covariance(cell, machine, fit, whole, deviated),
-        lower=angles.min(axis=0),
-        upper=angles.max(axis=0),
+    )
+
+
+def robot_at_rest(poses: TableEstimate) -> RobotEstimate:
+    """The robot that was identified from still poses alone."""
+    fit, layout = poses.fit, poses.fit.model.unknowns
+    gain, deviations = poses.information_gain, np.sqrt(np.diag(fit.covariance))
+    machine = np.ix_(layout.machine, layout.machine)
+    return RobotEstimate(
+        identified=poses.identified_robot(),
+        nominal=layout.fixed,
+        sigma={
+            layout.names[i]: float(deviations[i])
+            for i in range(layout.shared.size)
+            if gain[i] > MOSTLY_PRIOR
+        },
+        covariance=NamedCovariance(
+            tuple(layout.names[i] for i in layout.machine),
+            fit.covariance[machine],
+            inverse(fit.linear.normal)[machine],
+        ),
+        corrections=correction_estimates(fit, fit.model.corrections, fit.covariance, gain),
+        # the scale of the instrument is in neither
+        tcp=TcpUncertainty(poses.tcp_sigma, poses.tcp_sigma, ()),
+    )
+
+
+def correction_estimates(
+    fit: Fit, corrections: Sequence[Correction], covariance: Array, gain: Array
+) -> tuple[CorrectionEstimate, ...]:
+    """Corrections of a fit with their coefficients.
+
+    covariance : (P, P) stated, of the unknowns. gain : (P,) their information gain.
+    """
+    x, layout = fit.x, fit.model.unknowns
+
+    def estimate(coefficient: Coefficient, i: int) -> CoefficientEstimate:
+        return CoefficientEstimate(
+            name=coefficient.name,
+            unit=coefficient.unit,
+            value=float(x[i]),
+            sigma=float(np.sqrt(covariance[i, i])),
+            prior=float(layout.mean[i]),
+            prior_sigma=float(layout.sigma[i]),
+            information_gain=float(gain[i]),
+        )
+
+    return tuple(
+        CorrectionEstimate(
+            c.name,
+            c.sentence,
+            tuple(
+                map(estimate, c.coefficients, range(coefficients_of(fit, c).start, layout.count))
+            ),
+        )
+        for c in corrections
     )
 
 
@@ -201,27 +253,19 @@ def with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
     Where all gears are softer by one factor, masses that are larger by it explain a recording as
     well; between the two lies how far the unloaded robot sags.
     """
-    stiffer = tuple(
-        replace(
-            correction,
-            coefficients=tuple(replace(c, value=c.value / softer) for c in correction.coefficients),
-        )
-        if correction.name == "joint_compliance"
-        else correction
-        for correction in robot.corrections
-    )
-    grid = accuracy_grid(robot.cell.robot)
-    other = replace(robot, corrections=stiffer).identified_robot()
-    doubt = position_error(other.tool(grid), robot.identified_robot().tool(grid))
-    change = {
-        after.name: MASSES_IN_DOUBT * (after.value - before.value)
-        for old, new in zip(robot.corrections, stiffer, strict=True)
-        for before, after in zip(old.coefficients, new.coefficients, strict=True)
-    }
+    values, change = robot.identified.values.copy(), dict[str, float]()
+    every = [(c, e.name) for e in robot.corrections for c in e.coefficients]
+    for k, (coefficient, correction) in enumerate(every):
+        if correction == "joint_compliance":
+            values[k] = coefficient.value / softer
+            change[coefficient.name] = MASSES_IN_DOUBT * (values[k] - coefficient.value)
+    grid, other = accuracy_grid(robot.robot), replace(robot.identified, values=values)
+    doubt = position_error(other.tool(grid), robot.identified.tool(grid))
     direction = np.zeros(len(robot.tool.values))
     direction[: len(robot.tool.names)] = [change.get(name, 0.0) for name in robot.tool.names]
     doubted = replace(robot.tool, values=robot.tool.values + np.outer(direction, direction))
-    return replace(robot, tool=doubted, tcp=robot.tcp.with_doubt(doubt, MASSES_IN_DOUBT))
+    identified = replace(robot.identified, stated=doubted)
+    return replace(robot, identified=identified, tcp=robot.tcp.with_doubt(doubt, MASSES_IN_DOUBT))
 
 
 def softer_gears(fit: Fit) -> float:

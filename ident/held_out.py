@@ -1,77 +1,42 @@
-"""Held-out validation: does an identified machine explain a recording it was not identified from?
+"""Held-out validation: does a machine explain what it was not identified from?
 
-Fitted is only what belongs to that recording itself: encoder offsets, base pose of the ball-bar,
-clock, tension of the rod, step faults. Robot, ball-bar and corrections keep their values: priors so
-narrow that no data could move them. The noise is that of the identification and not of this
-recording, so a ratio above 1 is what the machine leaves unexplained. Some of that is expected: with
-C the stated covariance of the machine and S the information that this recording holds on it, its
-own unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds that is a misfit.
+What belongs to the held-out recording or table itself is fitted, the machine is held
+(ident.held_machine).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.geometry import robot_geometry
 from cell.number_text import significant_text
+from cell.poses import PoseTable
 from ident.causes import Causes
-from ident.complete_fit import (
-    MEASURED,
-    Pose,
-    clock_steps_of,
-    continued,
-    fit_pose,
-    needs_loads,
-    start_of,
-    with_likely_tension,
-    with_tension,
-)
-from ident.estimator.build_unknowns import complete_unknowns
+from ident.cross_validation import LEVEL, SAME_PLACE
 from ident.estimator.fit import Fit
-from ident.estimator.model import Model, gearing
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.step_faults import (
-    MAX_FOUND,
-    encoder_slips,
-    find_step_fault,
-    sized,
-    step_faults_in_logs,
+from ident.estimator.step_faults import MAX_FOUND, find_step_fault, sized, step_faults_in_logs
+from ident.held_machine import (
+    LoopClosure,
+    closed_loop,
+    loop_closure,
+    normalised_innovation,
+    placed,
+    recording_alone,
 )
-from ident.estimator.unknowns import Unknowns
-from ident.loads.gear_loads import mass_model
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
-from ident.recording_fit import Logs, RecordingFit, fit_recording
-from ident.result import Identification, Machine
-from ident.robot.identified import IdentifiedRobot
-from ident.signals.step_fault import StepFault
-from ident.start.automatic import StartError
+from ident.recording_fit import Logs
+from ident.result import Identification
+from ident.robot.identified import IdentifiedRobot, range_sentence
+from ident.signals.steps import StepFault
+from ident.table_estimate import TableEstimate, position_errors
+from ident.table_steps import other_sides
 from ident.tracker import TrackerCheck, check_tracker
 from ident.verdict import MISFIT
 
-HELD = 1e-6  # of a prior's sigma: below any length or angle that data could tell
-
-
-@dataclass(frozen=True)
-class LoopClosure:
-    """How far robot and ball-bar disagree about the tool."""
-
-    position_rms: float  # [m] of the norm
-    position_max: float  # [m]
-    angle_rms: float  # [rad] of the norm
-    ratio: float  # residual over what noise explains
-
-    @property
-    def sentence(self) -> str:
-        """Its sizes with their units."""
-        position, largest, angle = (
-            significant_text(v * 1e3, 2)
-            for v in (self.position_rms, self.position_max, self.angle_rms)
-        )
-        return f"{position} mm rms (largest {largest}), {angle} mrad"
+WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
 
 
 @dataclass(frozen=True)
@@ -160,115 +125,80 @@ def held_out(
     return outcome if outcome.acceptable else replace(outcome, causes=Causes.of(cell, [logs]))
 
 
-def recording_alone(
-    cell: Cell, logs: Logs, options: FitOptions, listener: Listener = SILENT
-) -> RecordingFit:
-    """The `dh` fit of a recording, from which its own unknowns start.
+@dataclass(frozen=True, eq=False)
+class PoseHeldOut:
+    """A table of poses that took no part in the identification."""
 
-    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
-    """
-    try:
-        return fit_recording(cell, logs, options, Listener(listener.progress))
-    except StartError as error:
-        raise StartError(Causes.of(cell, [logs]).before(error)) from None
+    name: str
+    error: Array  # (N,) [m] of the identified robot
+    nominal: Array  # (N,) [m] of the nominal robot, seats fitted in the same way
+    predicted: float  # [m] mean error that cross-validation predicts
+    out_of_range: dict[int, tuple[float, float]]  # axes, from 1, beyond their fitted range [rad]
+    moved: tuple[str, ...] = ()  # targets as they are called on the other side of a step
+    elsewhere: bool = False  # whether it was measured at a place that was not fitted
+
+    @property
+    def acceptable(self) -> bool:
+        return float(self.error.mean()) <= WORSE * self.predicted
+
+    @property
+    def sentence(self) -> str:
+        """How well the robot predicts the poses."""
+        mean, high = self.error.mean() * 1e3, np.quantile(self.error, LEVEL) * 1e3
+        opening = (
+            f"Held out {self.name}: {self.error.size} poses to {mean:.3f} mm (95 %: {high:.3f} "
+            f"mm); nominal robot {self.nominal.mean() * 1e3:.3f} mm; predicted "
+            f"{self.predicted * 1e3:.3f} mm"
+        )
+        if self.moved:
+            opening += f"; its target stands as {', '.join(map(repr, self.moved))}"
+        if self.out_of_range:
+            opening += f"; some poses are {range_sentence(self.out_of_range)}"
+        if self.acceptable:
+            return f"{opening}."
+        return f"{opening}: a misfit. The robot as identified does not explain these poses."
 
 
-def closed_loop(
-    robot: IdentifiedRobot,
-    recording: RecordingFit,
-    options: FitOptions,
-    faults: Sequence[StepFault],
-    excess: ExcessNoise,
-    listener: Listener,
-) -> Fit:
-    """The recording's own unknowns fitted to a given robot, ball-bar and coefficients."""
-    cell, source = robot.cell, recording.logs.force_source(options.force, robot.cell.robot)
-    loaded = needs_loads(robot.corrections)
-    steps = clock_steps_of(faults, 0)
-    samples = with_tension(cell, recording, source, steps, loaded=loaded)
-    slips = encoder_slips(faults)
-    corrections = robot.corrections if slips is None else (*robot.corrections, slips)
-    layout, _ = complete_unknowns(
-        cell,
-        robot.geometry,
-        [start_of(recording, samples, source)],
-        corrections,
-        measured_force=loaded and source in MEASURED,
-        rod_sigma=None,
+def held_out_poses(result: TableEstimate, table: PoseTable) -> PoseHeldOut:
+    """How well an identified robot predicts a table that it was not identified from."""
+    robot = result.identified_robot()
+    identified, moved = _as_it_stood(result, robot, table)
+    bare = robot.rigid(robot_geometry(table.robot))
+    before = result.nominal.model.unknowns
+    nominal_targets = {name: before.target(result.nominal.x, name) for name in before.targets}
+    return PoseHeldOut(
+        name=table.name,
+        error=position_errors(identified),
+        nominal=position_errors(placed(bare, table, nominal_targets)),
+        predicted=result.cross_validation.mean,
+        out_of_range=robot.out_of_range(table.q),
+        moved=moved,
+        elsewhere=_elsewhere(result, identified),
     )
-    layout = _held(layout, robot)
-    masses = mass_model(cell) if loaded else None
-    model = Model(gearing(cell.robot), masses, corrections, layout, (samples,))
-    ballbar = samples.ballbar_angles(recording.geometry, recording.clock)
-    pose = Pose(model, layout.mean.copy(), [ballbar])
-    if loaded and source == "none":
-        pose = continued(pose, Listener(listener.progress))
-    result = fit_pose(pose, excess)
-    if not loaded:
-        return result
-    return fit_pose(Pose(with_likely_tension(result), result.x, result.ballbars), excess)
 
 
-def freed(closed: Fit, machine: Machine, exchangeable: Mapping[str, float]) -> Fit:
-    """The fit of `closed_loop` gone on with the machine as an unknown about where it was held.
-
-    Free is what the machine's covariance names, each with the prior of an identification.
-    exchangeable : priors [m] of parameters that an identification takes as exact, free as well.
-    """
-    layout, x, table = closed.model.unknowns, closed.x, machine.robot.geometry.table
-    known = np.isin(layout.names, machine.names)
-    layout = replace(layout, sigma=np.where(known, layout.sigma / HELD, layout.sigma))
-    added = sorted(set(exchangeable) - set(layout.names), key=table.index.__getitem__)
-    if added:
-        layout, x = layout.with_shared(np.array([table.index[name] for name in added]), x)
-        sigma = layout.sigma.copy()
-        sigma[[layout.names.index(name) for name in added]] = [exchangeable[n] for n in added]
-        layout = replace(layout, sigma=sigma)
-    model = replace(closed.model, unknowns=layout)
-    return fit_pose(Pose(model, x, closed.ballbars), closed.excess)
-
-
-def _held(layout: Unknowns, robot: IdentifiedRobot) -> Unknowns:
-    """The layout with geometry and coefficients held where they are."""
-    count, geometry = _machine_count(layout, robot), layout.shared.size
-    mean, sigma = layout.mean.copy(), layout.sigma.copy()
-    mean[:geometry] = robot.geometry.values[layout.shared]
-    mean[geometry:count] = robot.values
-    sigma[:count] *= HELD
-    return replace(layout, mean=mean, sigma=sigma)
-
-
-def _machine_count(layout: Unknowns, robot: IdentifiedRobot) -> int:
-    """How many unknowns, the first ones, are the machine's: geometry, then coefficients."""
-    return layout.shared.size + robot.values.size
-
-
-def normalised_innovation(closed: Fit, machine: Machine) -> float:
-    """Residual of a machine that was held over what noise and its stated uncertainty explain."""
-    added = _expected(closed, machine)
-    return float(np.sqrt(closed.chi2_per_dof * closed.degrees / (closed.degrees + added)))
-
-
-def _expected(fit: Fit, machine: Machine) -> float:
-    """trace(C S): chi-square that the machine's uncertainty adds on average."""
-    layout = fit.model.unknowns
-    held = np.arange(layout.count) < _machine_count(layout, machine.robot)
-    data: Array = fit.linear.normal - np.diag(np.where(held, layout.sigma**-2.0, 0.0))
-    mixed, own = data[np.ix_(held, ~held)], data[np.ix_(~held, ~held)]
-    information = data[np.ix_(held, held)] - mixed @ np.linalg.solve(own, mixed.T)
-    known = [k for k, name in enumerate(machine.names) if name in layout.names]
-    at = [layout.names.index(machine.names[k]) for k in known]
-    return float(np.trace(machine.covariance[np.ix_(known, known)] @ information[np.ix_(at, at)]))
-
-
-def loop_closure(fit: Fit) -> LoopClosure:
-    """How far the loop of a fit of one recording is from closed."""
-    (point,) = fit.linear.evaluations
-    error = point.closure.error
-    position, angle = (np.linalg.norm(part, axis=0) for part in (error[:3], error[3:]))
-    return LoopClosure(
-        position_rms=float(np.sqrt((position**2).mean())),
-        position_max=float(position.max()),
-        angle_rms=float(np.sqrt((angle**2).mean())),
-        ratio=float(np.sqrt(fit.chi2_per_dof)),
+def _elsewhere(result: TableEstimate, held: Fit) -> bool:
+    """Whether a seat of a held-out table stands at another place than all that were fitted."""
+    known, own = result.fit.model.unknowns, held.model.unknowns
+    fitted = np.stack([known.seat(result.fit.x, name).origin for name in known.seats])
+    return any(
+        np.linalg.norm(fitted - own.seat(held.x, name).origin, axis=1).min() > SAME_PLACE
+        for name in own.seats
     )
+
+
+def _as_it_stood(
+    result: TableEstimate, robot: IdentifiedRobot, table: PoseTable
+) -> tuple[Fit, tuple[str, ...]]:
+    """A table placed with each target on that side of its steps which fits better, and the names
+    of the targets that are not on the side with most fitted poses.
+    """
+    layout, x = result.fit.model.unknowns, result.fit.x
+    known = {name: layout.target(x, name) for name in layout.targets}
+    best, moved = placed(robot, table, known), dict[str, str]()
+    for target in table.targets:
+        for name in other_sides(result.findings.steps, target):
+            trial = placed(robot, table, known | {target: layout.target(x, name)})
+            if position_errors(trial).mean() < position_errors(best).mean():
+                best, moved[target] = trial, name
+    return best, tuple(moved.values())

@@ -1,9 +1,9 @@
-"""From logs to the robot's parameters, with their uncertainty and a verdict.
+"""From logs, still poses or both to the robot's parameters, with their uncertainty and a verdict.
 
 Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model
 with the clock as parameter (ident.recording_fit). Several recordings are then fitted together, by
 kinematics alone or with corrections (ident.complete_fit), and one where something systematic is
-left.
+left. Still poses alone are fitted by ident.table_fit.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ident.causes import Causes
 from ident.complete_fit import fit_complete, settled
 from ident.corrections import supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
-from ident.estimates import result_of
+from ident.estimates import result_at_rest, result_of
 from ident.estimator.unknowns import PlacedPoses
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
@@ -28,12 +28,15 @@ from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording
+from ident.remarks import CORRELATED
 from ident.result import Identification
+from ident.rules import AUTOCORRELATED
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
 from ident.start.placements import placed_by
+from ident.table_fit import fit_table
 from ident.tracker import judged_by_tracker
-from ident.verdict import AUTOCORRELATED, CORRELATED, UNEXPLAINED, Status, implausible, noise_status
+from ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
@@ -82,12 +85,8 @@ def identify_together(
             f"{table.name} is of robot {table.robot.name}, the recordings are of "
             f"{cell.robot.name}: one fit is of one robot. Identify them one by one."
         )
-    silent = Listener(progress=listener.progress)
     try:
-        single = [
-            fit_recording(cell, logs, options, silent if k else listener)
-            for k, logs in enumerate(recordings)
-        ]
+        single = [fit_recording(cell, logs, options, listener) for logs in recordings]
     except StartError as error:
         raise StartError(Causes.of(cell, recordings).before(error)) from None
     causes, still = None, None
@@ -107,6 +106,20 @@ def identify_together(
         if causes:
             result = replace(result, verdict=result.verdict.with_cause(str(causes)))
     return _with_trackers(result, recordings)
+
+
+def identify_poses(
+    table: PoseTable, options: FitOptions = DEFAULTS, listener: Listener = SILENT
+) -> Identification:
+    """Identify a robot from still poses alone.
+
+    A seat or target that moved between two rows has two names in the result's table.
+
+    Raises InputError where the table holds fewer equations than the robot has parameters, or where
+    two seats or targets go by one name, and PoseStartError where measurements and robot cannot be
+    brought together.
+    """
+    return result_at_rest(fit_table(table, options, listener))
 
 
 def kinematic_result(cell: Cell, single: RecordingFit, options: FitOptions) -> Identification:

@@ -112,7 +112,7 @@ def linearised(fit: Fit) -> LinearModel:
     count = 0
     for k, (point, weights, residual) in enumerate(fit.recorded):
         logged = np.asarray(point.recording.robot.spline(point.robot_time))[::step]
-        number = count + block_numbers(point.samples.times[::step])
+        number = count + block_numbers(point.recording.times[::step])
         count = int(number[-1]) + 1
         columns.append(_padded(_columns(fit, k)[..., ::step], rows))
         residuals.append(_padded(residual[:, ::step], rows))

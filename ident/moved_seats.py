@@ -25,9 +25,9 @@ from cell.poses import PoseTable
 from cell.statistics import correlation_time
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import NormalEquations
+from ident.estimator.priors import TAILS
 from ident.estimator.robust_fit import (
     HUBER,
-    TAILS,
     determined,
     equations_at,
     median_scale,

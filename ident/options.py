@@ -7,12 +7,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ident.corrections import CORRECTIONS
-from ident.estimator.iteration import IterationCallback
 
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
 
 ModelName = Literal["auto", "dh", "complete"]
 ForceSource = Literal["auto", "none", "torque", "sensor"]
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """Joint errors learned elsewhere: their amplitudes are kept."""
+
+    orders: tuple[tuple[int, float], ...]  # joint, from 0, and order
+    values: tuple[float, ...]  # [rad] cosine and sine amplitude of each
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,8 @@ class FitOptions:
     samples: int = DEFAULT_SAMPLES  # of each recording
     # [m] stated TCP uncertainty that is asked for; None: half of the nominal robot's error
     accuracy: float | None = None
+    # of still poses without recordings: searched, left out, or those learned elsewhere
+    joint_errors: Literal["auto", "none"] | JointErrors = "auto"
 
     def __post_init__(self) -> None:
         for name in self.corrections or ():
@@ -43,7 +52,6 @@ class Listener:
     """Callbacks of an identification."""
 
     progress: Callable[[str], None] = lambda _: None  # called with a sentence at each stage
-    on_iteration: IterationCallback | None = None  # of the chosen start and of the fits
 
 
 DEFAULTS = FitOptions()

@@ -26,6 +26,7 @@ from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.logs import BallBarLog, LengthLog, RobotLog
 from cell.number_text import significant_text
+from cell.statistics import rms
 from ident.causes.robot_log import angle_kinds, other_angles
 from ident.corrections.base import BAR, GEAR
 from ident.estimator.closure import close_loop, complete_bar_angles
@@ -125,14 +126,18 @@ def _samples(cell: Cell, fitted: RecordingFit, logs: Logs, seconds: float) -> Sa
     if behind is not None:
         last = min(float(behind.t[-1]), clock.ballbar_time(last))
     part = part_of(logs, clock, last - seconds - MARGIN, last + MARGIN)
-    robot, bar, length = part.robot, part.ballbar, part.length
-    log = bar or length or robot
+    robot = part.robot
+    log: RobotLog | BallBarLog | LengthLog = robot
+    sensed = robot.q
+    if part.ballbar is not None:
+        log, sensed = part.ballbar, part.ballbar.angles
+    elif part.length is not None:  # beyond the rod's nominal length, as in ident.recording_fit
+        log, sensed = part.length, part.length.length[:, None] - cell.ballbar.length
     if min(robot.t.size, log.t.size) < FEWEST:
         return None
     exact, second = interpolating_log(robot.t, robot.q, own.robot.noise), None
     inside = (log.t >= last - seconds) & (log.t <= last)
     if own.ballbar is not None:
-        sensed = bar.angles if bar is not None else _extension(length, cell)
         second = interpolating_log(log.t, sensed, own.ballbar.noise)
         at = clock.robot_time(log.t)
         inside &= (at >= exact.start) & (at <= exact.end)
@@ -144,25 +149,16 @@ def _samples(cell: Cell, fitted: RecordingFit, logs: Logs, seconds: float) -> Sa
     return samples_of(exact, second, own.encoders, own.directions, times, spacing=period)
 
 
-def _extension(length: LengthLog | None, cell: Cell) -> Array:
-    """(N, 1) [m] sensed length beyond the rod's nominal one, as ident.recording_fit takes it."""
-    assert length is not None  # the recording's second log, if it has no encoders
-    return np.asarray(length.length[:, None] - cell.ballbar.length)
-
-
 def _uncertainty(fit: Fit, linear: NormalEquations) -> Array:
     """(N,) trace(J C J') of each row."""
     out = np.empty(linear.residuals[0].shape[1])
-    for block in jacobian(replace(fit.model, recordings=_recordings(linear)), linear, 0):
+    rows = tuple(point.recording for point in linear.evaluations)
+    for block in jacobian(replace(fit.model, recordings=rows), linear, 0):
         covariance = fit.covariance[np.ix_(block.index, block.index)]
         out[block.samples] = np.einsum(
             "pen,pq,qen->n", block.values, covariance, block.values, optimize=True
         )
     return out
-
-
-def _recordings(linear: NormalEquations) -> tuple[Samples, ...]:
-    return tuple(point.recording for point in linear.evaluations)
 
 
 def _largest_left(fitted: RecordingFit, rows: Samples) -> float:
@@ -218,25 +214,16 @@ class _Rows:
         return every[GEAR:BAR], every[BAR : BAR + 5]
 
 
-@dataclass(frozen=True)
-class _Hypothesis:
-    """A fault that some rows may have, and the rms residual that it leaves."""
-
-    cause: str
-    left: float
-
-
 def _cause(rows: _Rows) -> str:
     """The hypothesis that explains the rows best; empty where none does."""
     q, readings = rows.joints(), rows.readings()
     if still := _still(q, readings):
         return still
-    logged = _rms(rows.residual(q, readings))
-    every = [*_exchanged(rows, q, readings), *_other_robot_log(rows, q, readings)]
+    every = dict(_other_columns(rows, q, readings))
     if len(rows.linear.residuals[0]) >= EQUATIONS:
-        every += [*_free_channels(rows, q, readings)]
-    best = min(every, key=lambda hypothesis: hypothesis.left, default=None)
-    return best.cause if best is not None and best.left < EXPLAINS * logged else ""
+        every |= _free_channels(rows, q, readings)
+    best = min(every, key=every.__getitem__)
+    return best if every[best] < EXPLAINS * rms(rows.residual(q, readings)) else ""
 
 
 def _still(q: Array, readings: Array) -> str:
@@ -251,51 +238,47 @@ def _still(q: Array, readings: Array) -> str:
     return f"the log of the {frozen} stands still while the {moving} moves"
 
 
-def _exchanged(rows: _Rows, q: Array, readings: Array) -> Iterator[_Hypothesis]:
-    """Two encoders exchanged."""
-    names = rows.samples.encoders
+def _other_columns(rows: _Rows, q: Array, readings: Array) -> Iterator[tuple[str, float]]:
+    """Two encoders exchanged, or another mistake in the robot's log, and the rms that each leaves.
+
+    The declared directions of encoders stay with the columns.
+    """
+    names, signs = rows.samples.encoders, rows.samples.directions
     for i, j in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[i, j]] = j, i
-        # the declared directions stay with the columns
-        signs = rows.samples.directions
         turned = (readings * signs)[:, order] * signs
-        cause = f"encoders b{names[i]} and b{names[j]} are exchanged"
-        yield _Hypothesis(cause, _rms(rows.residual(q, turned)))
-
-
-def _other_robot_log(rows: _Rows, q: Array, readings: Array) -> Iterator[_Hypothesis]:
+        yield f"encoders b{names[i]} and b{names[j]} are exchanged", rms(rows.residual(q, turned))
     for mistake in other_angles(rows.cell.robot):
-        yield _Hypothesis(mistake.cause, _rms(rows.residual(mistake.joints(q), readings)))
+        yield mistake.cause, rms(rows.residual(mistake.joints(q), readings))
 
 
-def _free_channels(rows: _Rows, q: Array, readings: Array) -> Iterator[_Hypothesis]:
-    """One channel, or the clock, off by any amount at each row."""
+def _free_channels(rows: _Rows, q: Array, readings: Array) -> Iterator[tuple[str, float]]:
+    """One channel, or the clock, off by any amount at each row, and the rms that it leaves."""
     of_robot, of_bar = rows.columns()
-    for name, direction, unit in _robot_channels(rows.cell):
-        column = np.einsum("j,jen->en", direction, of_robot)
+    encoders = np.eye(readings.shape[1])
+    channels = [
+        (name, along, np.zeros(len(encoders)), np.einsum("j,jen->en", along, of_robot), q @ unit)
+        for name, along, unit in _robot_channels(rows.cell)
+    ]
+    channels += [
+        (f"encoder b{joint}", np.zeros(q.shape[1]), encoders[k], of_bar[joint - 1], logged)
+        for k, (joint, logged) in enumerate(zip(rows.samples.encoders, readings.T, strict=True))
+    ]
+    for name, of_q, of_readings, column, logged in channels:
 
-        def moved(amount: Array, direction: Array = direction) -> Array:
-            return rows.residual(q - amount[:, None] * direction, readings)
+        def without(off: Array, of_q: Array = of_q, of_readings: Array = of_readings) -> Array:
+            each = off[:, None]
+            return rows.residual(q - each * of_q, readings - each * of_readings)
 
-        amount, left = _freed(column, moved)
-        yield _Hypothesis(f"{name} {_manner(q @ unit, amount)}", left)
-    turns = np.eye(readings.shape[1])
-    for k, joint in enumerate(rows.samples.encoders):
-
-        def turned(amount: Array, turn: Array = turns[k]) -> Array:
-            return rows.residual(q, readings - amount[:, None] * turn)
-
-        amount, left = _freed(of_bar[joint - 1], turned)
-        yield _Hypothesis(f"encoder b{joint} {_manner(readings[:, k], amount)}", left)
+        amount, left = _freed(column, without)
+        yield f"{name} {_manner(logged, amount)}", left
     if rows.samples.has_clock:
         speed = np.asarray(rows.samples.robot.speed(rows.fitted.clock.robot_time(rows.times)))
         column = np.einsum("nj,jen->en", speed, of_robot)
         amount, left = _freed(column, lambda late: rows.residual(rows.joints(-late), readings))
-        yield _Hypothesis(
-            f"a clock jumped by {significant_text(float(np.median(amount)) * 1e3, sign=True)} ms",
-            left,
-        )
+        jump = significant_text(float(np.median(amount)) * 1e3, sign=True)
+        yield f"a clock jumped by {jump} ms", left
 
 
 def _freed(column: Array, residual_without: Callable[[Array], Array]) -> tuple[Array, float]:
@@ -307,7 +290,7 @@ def _freed(column: Array, residual_without: Callable[[Array], Array]) -> tuple[A
     for _ in range(STEPS):
         amount = amount + (column * residual_without(amount)).sum(axis=0) / size
     freedom = np.sqrt(len(column) / (len(column) - 1.0))
-    return amount, float(freedom * _rms(residual_without(amount)))
+    return amount, float(freedom * rms(residual_without(amount)))
 
 
 def _robot_channels(cell: Cell) -> Iterator[tuple[str, Array, Array]]:
@@ -334,7 +317,3 @@ def _manner(logged: Array, amount: Array) -> str:
     if abs(slope) < STILL:
         return "stands still"
     return "counts backwards" if slope < 0.0 else f"turns {slope:.3g} times as far as it should"
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt((values * values).mean()))

@@ -21,14 +21,14 @@ from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.priors import declared_names, priors
+from ident.estimator.priors import declared_names, priors, with_tails
 from ident.estimator.sample_times import sample_times
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
 from ident.signals.smooth_log import SmoothLog, smooth_log
-from ident.start.automatic import Hypothesis, Start, StartError, automatic_start, fit_hypothesis
+from ident.start.automatic import Hypothesis, Start, StartError, automatic_start
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
@@ -120,9 +120,6 @@ def fit_recording(
         known=known,
     )
     chosen = start.chosen
-    if listener.on_iteration:  # once more, to be followed alone among its rivals
-        hypothesis, report = chosen.hypothesis, listener.on_iteration
-        fit_hypothesis(hypothesis, robot, ballbar, encoders, excess, spacing, report)
     listener.progress("fitting")
     times = sample_times(robot, ballbar, chosen.fit.clock(), options.samples)
     directions, first_spacing = chosen.hypothesis.directions, float(times[1] - times[0])
@@ -135,7 +132,6 @@ def fit_recording(
         subset = identifiable_parameters(samples, geometry, clock, excess, nominal, requested)
     except UnreachableError as error:
         raise StartError(str(error)) from None
-    callback = listener.on_iteration
     fitted, free = np.concatenate((subset.parameters, subset.weak)), subset.parameters
     prior = priors(cell, nominal.table, fitted)
     if samples.measures_length:
@@ -143,19 +139,17 @@ def fit_recording(
     else:
         prior[: free.size] = np.inf
     begin = _on_nominal(geometry, nominal, free)  # the means of the priors are nominal
-    first = fit_kinematics(
-        samples, begin, clock, fitted, excess, prior_sigma=prior, on_iteration=callback
-    )
+    first = fit_kinematics(samples, begin, clock, fitted, excess, prior_sigma=prior)
     if samples.measures_length:
         samples = samples.with_noise_held(first.clock())
+    off = (first.geometry().values - nominal.values)[fitted]
     final = fit_kinematics(
         samples,
         _on_nominal(first.geometry(), nominal, free),
         first.clock(),
         fitted,
         ExcessNoise(rod=rod_deviation(first)),
-        prior_sigma=prior,
-        on_iteration=callback,
+        prior_sigma=with_tails(prior, off),
     )
     iterations = chosen.fit.iterations + first.iterations + final.iterations
     return RecordingFit(logs, nominal, start, subset, final, iterations)

@@ -1,8 +1,8 @@
-"""Remarks on what was repaired in logs or left out of them, and on joint errors that were found."""
+"""Remarks on recordings: what was repaired or left out, and what the fit shows of the machine."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,14 +13,64 @@ from ident.corrections.link_growth import UNIT
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
+from ident.evidence import ClosureEvidence, Evidence
 from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TURN, not_by_chance
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import RATIO
 from ident.result import CorrectionEstimate
 from ident.signals.smooth_log import LogOutliers
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
+from ident.verdict import PLAUSIBLE
 
 CLEAR = 5.0  # stated deviations of a lag or ratio that is remarked on
+FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
+# [m] error of the rod that is remarked on, unless its file allows more, and in stated deviations
+ROD, ROD_SIGMAS = 5e-4, 3.0
+# Autocorrelation that is remarked on: it widens a deviation by 5 %; and in its own standard
+# deviations for white noise, 1 / sqrt(samples)
+CORRELATED, CORRELATED_SIGMAS = 0.05, 2.0
+
+
+def rod_remark(evidence: ClosureEvidence) -> list[str]:
+    """A rigid rod whose length differs from its file; the fit is no worse for it."""
+    ballbar, stated = evidence.cell.ballbar, evidence.nominal["bd3"]
+    length, sensed = evidence.geometry["bd3"], ballbar.stroke is not None
+    least = max(ROD, ballbar.length_tolerance, ROD_SIGMAS * evidence.rod_sigma)
+    if sensed or "bd3" not in evidence.identified or not least < abs(length - stated) <= PLAUSIBLE:
+        return []  # beyond it the verdict's sentence says so
+    return [
+        f"the rod comes out {length * 1e3:.2f} mm long, and the file of {ballbar.name} states "
+        f"{stated * 1e3:.2f} mm (bd3); is it the ball-bar that was used? Name it, or correct bd3"
+    ]
+
+
+def recording_remarks(evidence: Evidence) -> Iterator[str]:
+    """Encoder directions, samples and autocorrelation of a recording, and what its logs show."""
+    closure, recording = evidence.closure, evidence.recording
+    if closure is None or recording is None:
+        return
+    directions = recording.start.chosen.hypothesis.directions
+    for joint, direction in zip(recording.encoders, directions, strict=True):
+        if direction < 0:
+            yield (
+                f"encoder b{joint} counts against its declared direction; the identified one is "
+                "used (check `sign` in recording.yaml)"
+            )
+    if recording.samples < FEW_SAMPLES:
+        yield (
+            f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "
+            "3.5 wants 750). Record longer, or raise --samples"
+        )
+    chance = CORRELATED_SIGMAS / np.sqrt(max(1, recording.samples))
+    if closure.autocorrelation > max(CORRELATED, chance) and not closure.complete:
+        left_out = "elastic gears, backlash, ripple"
+        if recording.encoders:
+            left_out += ", rod strain, eccentric encoders"
+        yield (
+            f"neighbouring residuals are correlated ({closure.neighbours}): something is not in "
+            f"this model, which is of kinematics alone ({left_out}; --model complete fits them)"
+        )
+    yield from recording.remarks
 
 
 def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...]:
@@ -146,7 +196,7 @@ def unlike_tools(payload: PayloadEstimate | None) -> str:
     )
 
 
-def recording_remarks(fit: Fit, covariance: Array) -> list[str]:
+def change_remarks(fit: Fit, covariance: Array) -> list[str]:
     """Remarks on changes between or during the recordings: a remounted tool, links that grew.
 
     covariance : (P, P) stated, of the unknowns.

@@ -2,20 +2,20 @@
 
 An identification always holds a tuple of recordings, also when there is one. What they share,
 robot, ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each,
-seats and targets with the still poses.
+seats and targets with the still poses, which may stand alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from cell.arrays import Array
 from cell.clock import Clock
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from cell.geometry import Geometry
 from cell.statistics import rms
 from ident.corrections import as_in_result, correction_of_result
@@ -25,7 +25,7 @@ from ident.loads.payload import PayloadEstimate
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import TcpUncertainty
 from ident.robot.tool_covariance import ToolCovariance
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from ident.start.automatic import Start
 from ident.table_estimate import TableEstimate
 from ident.tracker import TrackerCheck
@@ -79,36 +79,48 @@ class Machine:
 
 @dataclass(frozen=True, eq=False)
 class RobotEstimate:
-    """The machine that all recordings share: robot, ball-bar, corrections."""
+    """The machine that all that was measured shares: robot, ball-bar, corrections."""
 
-    cell: Cell
-    encoders: tuple[int, ...]  # of the ball-bar that found it, joints 1..5
+    identified: IdentifiedRobot  # without ball-bar, with what is stated and the fitted ranges
     nominal: Geometry  # catalogue values; base pose and encoder offsets are zero
-    geometry: Geometry  # the nominal one with the identified shared parameters
     sigma: dict[str, float]  # [m, rad] of the identified shared parameters
     covariance: NamedCovariance  # of the shared parameters and coefficients
     corrections: tuple[CorrectionEstimate, ...]
-    tcp: TcpUncertainty  # stated, over the accuracy grid
-    dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
+    tcp: TcpUncertainty  # stated, over the accuracy grid, or the fitted ranges of still poses
+    encoders: tuple[int, ...] = ()  # of the ball-bar that found it, joints 1..5
+    dropped: tuple[DroppedParameter, ...] = ()  # parameters left at nominal or prior, and why
     # [m] parts of the root mean square of `tcp.without_scale`: what the data would leave were their
     # residuals white, and by how much it is more; the rest is what priors and masses leave
-    tcp_white: float
-    tcp_widened: float
-    tool: ToolCovariance  # of what moves the unloaded tool
-    lower: Array  # (J,) [rad] least angle of each joint over the fitted samples
-    upper: Array  # (J,) [rad]
+    tcp_white: float = 0.0
+    tcp_widened: float = 0.0
     # Masses that the torque logs show, and that `cell` then has; None where none were logged
     payload: PayloadEstimate | None = None
 
     @property
-    def tcp_sigma(self) -> Array:
-        """(G,) [m] stated TCP uncertainty over the accuracy grid, with the scale."""
-        return self.tcp.sigma
+    def robot(self) -> Robot:
+        return self.identified.robot
 
-    def identified_robot(self) -> IdentifiedRobot:
-        """The robot as identified, without ball-bar."""
-        robot = identified_robot(self.cell, self.geometry, self.encoders, self.corrections)
-        return replace(robot, stated=self.tool, ranges=np.stack((self.lower, self.upper), axis=1))
+    @property
+    def cell(self) -> Cell:
+        """The cell of a robot that was identified from recordings."""
+        return self.identified.cell
+
+    @property
+    def geometry(self) -> Geometry:
+        """The nominal one with the identified shared parameters."""
+        return self.identified.geometry
+
+    @property
+    def tool(self) -> ToolCovariance:
+        """Covariance of what moves the unloaded tool, of a robot identified from recordings."""
+        stated = self.identified.stated
+        assert isinstance(stated, ToolCovariance), "a robot of still poses has no such covariance"
+        return stated
+
+    @property
+    def tcp_sigma(self) -> Array:
+        """(G,) [m] stated TCP uncertainty over the poses of `tcp`, with the scale."""
+        return self.tcp.sigma
 
 
 def identified_robot(
@@ -174,24 +186,27 @@ class FitStatistics:
     iterations: int  # of the first recording's chosen start and of the fits together
     unknowns: int
     chi2_per_dof: float
-    autocorrelation: float  # of neighbours in the whitened residual, mean over the equations
     excess: ExcessNoise  # beyond what the logs show
-    rank: int  # directions that the first recording determines, clock included
-    condition: float  # of its identifiable parameters' whitened columns, at unit length
+    # of neighbours in the whitened residual, mean over the equations; still poses have none
+    autocorrelation: float = 0.0
+    rank: int = 0  # directions that the first recording determines, clock included
+    condition: float = np.nan  # of its identifiable parameters' whitened columns, at unit length
 
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """One robot identified from one or several recordings."""
+    """One robot identified from recordings, from still poses, or from both together."""
 
     robot: RobotEstimate
     recordings: tuple[RecordingEstimate, ...]
     fit: FitStatistics
     verdict: Verdict
-    poses: TableEstimate | None = None  # still poses that were fitted together with them
+    poses: TableEstimate | None = None
 
     @property
-    def model(self) -> Literal["dh", "complete"]:
+    def model(self) -> Literal["dh", "complete", "poses"]:
+        if not self.recordings:
+            return "poses"
         return "complete" if self.robot.corrections else "dh"
 
     @property
@@ -199,7 +214,7 @@ class Identification:
         """The machine by itself."""
         robot = self.robot
         return Machine(
-            robot=robot.identified_robot(),
+            robot=robot.identified,
             nominal=robot.nominal,
             names=robot.tool.names,
             covariance=robot.tool.of_names,
@@ -210,4 +225,4 @@ class Identification:
     @property
     def sigma(self) -> dict[str, float]:
         """[m, rad] of the shared parameters and of the first recording's own."""
-        return self.robot.sigma | self.recordings[0].sigma
+        return self.robot.sigma | (self.recordings[0].sigma if self.recordings else {})

@@ -1,8 +1,12 @@
-"""Single changes of a machine since its identification that may explain a new recording."""
+"""Single changes of a machine since its identification that may explain what is measured today.
+
+One table of what may change, how large it may be, and how it is worded; recordings and still poses
+differ in which of them they can show.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +14,7 @@ from scipy.linalg import block_diag
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
-from cell.geometry import parameter_table
+from cell.geometry import parameter_named, parameter_table
 from ident.corrections.base import GEAR
 from ident.estimator.fit import Fit
 from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
@@ -24,38 +28,65 @@ SCALE = 5e-4  # [1] of a length sensor that was exchanged
 WANDERS = {"axis": WANDER_ZERO} | dict.fromkeys(
     ("tool", "rod", "length", "plate", "geometry", "ball-bar"), WANDER_LENGTH
 )
+# What changed, what usually is behind it, and the unit of its size; none of what has no common one
+WORDS = {
+    "axis": ("zero of axis {}", "resolver or motor exchanged?", "mrad"),
+    "tool": ("tool", "bolted on anew, or bent?", ""),
+    "rod": ("length of the rod", "exchanged?", "um"),
+    "plate": ("length of the plate", "exchanged?", "um"),
+    "length": ("zero of the measured length", "exchanged?", "um"),
+    "scale": ("scale of the measured values", "exchanged?", "ppm"),
+    "gear": ("gear of axis {}", "transmission error, compliance or backlash; gear exchanged?", ""),
+    "geometry": ("parameter {}", "bent?", "um"),
+    "ball-bar": ("axes of the ball-bar", "bent, or taken apart?", ""),
+    "target": ("target {}", "moved?", "um"),
+    "pose": ("pose {}", "measured wrongly?", "um"),
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """One change since the identification that may explain a recording."""
+    """One change since the identification that may explain a measurement."""
 
-    # axis, tool, rod, plate or gear; of a sensed length `length` and `scale` in place of rod and
-    # plate; else geometry or ball-bar
-    kind: str
-    axis: int  # from 1, of an axis or a gear; else 0
-    names: tuple[str, ...]  # of the machine's unknowns that it moves
-    columns: Array  # (U, K) change of the machine's unknowns per unit
+    kind: str  # as in WORDS
+    name: str  # axis or gear from 1, target, parameter, file and row of a pose; else ""
+    columns: Array  # (C, K) change of what is compared per unit
     prior: Array  # (K,) standard deviation of each unit: of an axis zero [rad]
+    names: tuple[str, ...] = ()  # of the machine's unknowns that it moves
 
     @property
-    def words(self) -> str:
-        """A phrase for the part that changed."""
-        if self.kind == "axis":
-            return f"zero of axis {self.axis}"
-        if self.kind == "gear":
-            return f"gear of axis {self.axis}"
-        if self.kind == "geometry":
-            return f"parameter {self.names[0]}"
-        if self.kind == "ball-bar":
-            return "axes of the ball-bar"
-        return {
-            "tool": "tool",
-            "rod": "length of the rod",
-            "plate": "length of the plate",
-            "length": "zero of the measured length",
-            "scale": "scale of the measured length",
-        }[self.kind]
+    def axis(self) -> int:
+        """From 1, of an axis or a gear; else 0."""
+        return int(self.name) if self.kind in ("axis", "gear") else 0
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One cause and how well it explains a measurement."""
+
+    cause: Cause
+    size: Array  # (K,) [rad], [m] or SI of the coefficients
+    sigma: Array  # (K,)
+    evidence: float  # logarithm of the Bayes factor against no change
+    gain: float  # decrease of the sum of squares with this size
+
+    @property
+    def sentence(self) -> str:
+        """The cause, its size, and what usually is behind it."""
+        words, behind, unit = WORDS[self.cause.kind]
+        words = words.format(self.cause.name)
+        if not unit:
+            return f"{words} ({behind})"
+        if self.cause.kind == "geometry" and not parameter_named(self.cause.name).is_length:
+            unit = "urad"
+        factor, digits = (1e3, 2) if unit == "mrad" else (1e6, 0)
+        sign = "+" if self.size.size == 1 else ""  # else the length of a vector
+        size = float(self.size[0]) if sign else float(np.linalg.norm(self.size))
+        sigma = float(np.linalg.norm(self.sigma))
+        return (
+            f"{words} by {factor * size:{sign}.{digits}f} {unit} "
+            f"(sigma {factor * sigma:.{digits}f} {unit}; {behind})"
+        )
 
 
 def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
@@ -67,28 +98,27 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
     robot, layout = machine.robot.cell.robot, free.model.unknowns
     place = {name: k for k, name in enumerate(free_names(machine, free))}
     table = parameter_table(robot)
+    made: list[Cause] = []
 
-    def cause(
-        kind: str, axis: int, moved: Sequence[tuple[dict[str, float], float]]
-    ) -> Cause | None:
+    def add(kind: str, name: str, moved: Sequence[tuple[Mapping[str, float], float]]) -> None:
         """moved : unknowns and their shares for each unit, and the unit's prior."""
         known = [(shares, s) for shares, s in moved if shares and all(n in place for n in shares)]
-        if not known:
-            return None
-        columns = np.zeros((len(place), len(known)))
-        for k, (shares, _) in enumerate(known):
-            columns[[place[n] for n in shares], k] = list(shares.values())
-        names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
-        return Cause(kind, axis, names, columns, np.array([s for _, s in known]))
+        if known:
+            columns = np.zeros((len(place), len(known)))
+            for k, (shares, _) in enumerate(known):
+                columns[[place[n] for n in shares], k] = list(shares.values())
+            names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
+            made.append(Cause(kind, name, columns, np.array([s for _, s in known]), names))
 
     zeros, sensed = _zeros(robot), machine.robot.cell.ballbar.stroke is not None
     last = [f"r{kind}{robot.joints}" for kind in ("d", "a", "theta", "alpha", "beta")]
+    for axis, shares in zeros.items():
+        add("axis", str(axis), [(shares, ZERO)])
     sizes = [SHIFT, SHIFT, TURN, TURN, TURN]
-    made = [cause("axis", axis, [(shares, ZERO)]) for axis, shares in zeros.items()]
-    made.append(cause("tool", 0, [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)]))
-    made.append(cause("length" if sensed else "rod", 0, [({"bd3": 1.0}, LENGTH)]))
+    add("tool", "", [({name: 1.0}, s) for name, s in zip(last, sizes, strict=True)])
+    add("length" if sensed else "rod", "", [({"bd3": 1.0}, LENGTH)])
     if not sensed:
-        made.append(cause("plate", 0, [({table.plate: 1.0}, LENGTH)]))
+        add("plate", "", [({table.plate: 1.0}, LENGTH)])
     sigma = dict(zip(layout.names, layout.sigma.tolist(), strict=True))
     for gear in range(robot.joints):
         own = [
@@ -98,17 +128,19 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
             if c.channel == GEAR + gear
         ]
         if own:  # and with the gear, the zero of its axis
-            made.append(cause("gear", gear + 1, [*own, (zeros[gear + 1], ZERO)]))
-    usual = {name for c in made if c is not None for name in c.names}
+            add("gear", str(gear + 1), [*own, (zeros[gear + 1], ZERO)])
+    usual = {name for c in made for name in c.names}
     others = [p for p in table.parameters if p.name in place and p.name not in usual]
     moves = {p.name: ({p.name: 1.0}, SHIFT if p.is_length else TURN) for p in others}
-    made += [cause("geometry", 0, [moves[p.name]]) for p in others if p.side == "robot"]
-    made.append(cause("ball-bar", 0, [moves[p.name] for p in others if p.side == "bar"]))
+    for p in others:
+        if p.side == "robot":
+            add("geometry", p.name, [moves[p.name]])
+    add("ball-bar", "", [moves[p.name] for p in others if p.side == "bar"])
     if sensed:  # a length that has to be scaled up shows a robot that is too small until it is
         lengths = [p.name for p in table.parameters if p.name in place and p.is_length]
         shares = {n: -machine.robot.geometry[n] for n in lengths if n.startswith("r")}
-        made.append(cause("scale", 0, [(shares, SCALE)]))
-    return tuple(c for c in made if c is not None)
+        add("scale", "", [(shares, SCALE)])
+    return tuple(made)
 
 
 def _zeros(robot: Robot) -> dict[int, dict[str, float]]:

@@ -21,7 +21,8 @@ from cell.robot_angles import joints_to_axes
 from planning.request import Cup, PlanCell, PlanLimits
 from planning.trajectory import Trajectory
 
-UNIT_ANGLE = np.radians(30.0)  # [rad] a gross violation of an angle; only guides a search
+GROSS_DEG = 30.0  # a gross violation of an angle; only guides a search
+UNIT_ANGLE = np.radians(GROSS_DEG)
 UNIT_SINGULAR = 0.15  # [-] a gross violation of a singular value, of which 0.05 is some 10 deg
 UNIT_LENGTH = 0.3  # [m] a gross violation of the distance from axis 1
 BAR_SINGULAR = (("b2", 1), ("b4", 3))
@@ -78,8 +79,7 @@ def measures(
     """Every limit of motion sample by sample, but the range of the cables over a whole run."""
     excesses = [*_axis_ranges(cell, limits, trajectory), *_rates(cell, limits, trajectory)]
     if has_closed_form(trajectory.nominal.robot):
-        wrist = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")
-        excesses += [*_singular_angle(*wrist, trajectory), *_reach(limits, trajectory)]
+        excesses += _postures(limits, trajectory)
     else:
         excesses += _singular_value(limits, trajectory)
     if cell.ballbar.stroke is None:
@@ -87,8 +87,22 @@ def measures(
             angle = (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
             excesses += _singular_angle(*angle, trajectory)
     if around is not None:
-        excesses += [_leaning(*lean) for lean in leans(around, trajectory.nominal, trajectory.b)]
+        for key, cup, lean in leans(around, trajectory.nominal, trajectory.b):
+            words = f"rod {{:.0f}} deg from the axis of the {key}"
+            limit = (f"{key}.cone_deg", cup.cone_deg)
+            excesses.append(_excess(*limit, np.degrees(lean), GROSS_DEG, words))
     return excesses
+
+
+def _excess(limit: str, allowed: float, value: Array, gross: float, words: str) -> LimitExcess:
+    """Excess of values (N,) over the largest that is allowed, or the smallest.
+
+    gross : by which a violation is gross; negative where `allowed` is the smallest. words : of a
+        value, which stands in their braces.
+    """
+    return LimitExcess(
+        limit, (value - allowed) / gross, lambda k: f"{words.format(value[k])}, limit {allowed:g}"
+    )
 
 
 def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
@@ -140,11 +154,7 @@ def _rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Limit
             "deg/s^2",
             fastest,
         ),
-        LimitExcess(
-            "tcp_speed_m_per_s",
-            trajectory.tip_speed / limit - 1.0,
-            lambda k: f"tool at {trajectory.tip_speed[k]:.2f} m/s, limit {limit:g}",
-        ),
+        _excess("tcp_speed_m_per_s", limit, trajectory.tip_speed, limit, "tool at {:.2f} m/s"),
     ]
 
 
@@ -152,15 +162,9 @@ def _singular_angle(
     name: str, angle: Array, margin: float, key: str, trajectory: Trajectory
 ) -> list[LimitExcess]:
     """Excess over a margin [deg] of an angle (N,) [rad] that is singular at half turns."""
-    away = from_singular(angle)
+    away, words = np.degrees(from_singular(angle)), f"{name} {{:.0f}} deg from its singularity"
     return [
-        LimitExcess(
-            key,
-            (np.radians(margin) - away) / UNIT_ANGLE,
-            lambda k: (
-                f"{name} {np.degrees(away[k]):.0f} deg from its singularity, limit {margin:g}"
-            ),
-        ),
+        _excess(key, margin, away, -GROSS_DEG, words),
         _crossed(key, np.sin(angle), trajectory, f"{name} passes its singularity"),
     ]
 
@@ -174,29 +178,12 @@ def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> LimitE
 def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
     """Excess of an arm of any structure, whose singular postures have no angle of their own."""
     chain, key, limit = trajectory.nominal.robot, "singular_value", limits.singular_value
-    value = dexterity(chain, trajectory.q)
-    excesses = [
-        LimitExcess(
-            key,
-            (limit - value) / UNIT_SINGULAR,
-            lambda k: f"smallest singular value of the arm {value[k]:.3f}, limit {limit:g}",
-        )
-    ]
+    value, words = dexterity(chain, trajectory.q), "smallest singular value of the arm {:.3f}"
+    excesses = [_excess(key, limit, value, -UNIT_SINGULAR, words)]
     if chain.rows == 6:
         side = np.linalg.det(scaled_jacobian(chain, forward(chain, trajectory.q)))
         excesses.append(_crossed(key, side, trajectory, "the arm passes a singular posture"))
     return excesses
-
-
-def _leaning(key: str, cup: Cup, angle: Array) -> LimitExcess:
-    """Excess of the rod's angle (N,) [rad] over the cone of a telescoping bar's cup."""
-    return LimitExcess(
-        f"{key}.cone_deg",
-        (angle - np.radians(cup.cone_deg)) / UNIT_ANGLE,
-        lambda k: (
-            f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}, cone {cup.cone_deg:g}"
-        ),
-    )
 
 
 def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup, Array]]:
@@ -219,20 +206,16 @@ def from_singular(angle: Array) -> Array:
     return np.asarray(np.arcsin(np.abs(np.sin(angle))))
 
 
-def _reach(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
+def _postures(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
+    """Excess of an arm with closed form: of its wrist, its elbow and its shoulder."""
+    wrist, key = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg), "wrist_margin_deg"
     elbow, shoulder = arm_margins(trajectory.nominal, trajectory.q)
-    angle, length = limits.elbow_margin_deg, limits.shoulder_margin_m
+    stretched = ("elbow_margin_deg", limits.elbow_margin_deg, np.degrees(elbow), -GROSS_DEG)
+    above = ("shoulder_margin_m", limits.shoulder_margin_m, shoulder, -UNIT_LENGTH)
     return [
-        LimitExcess(
-            "elbow_margin_deg",
-            (np.radians(angle) - elbow) / UNIT_ANGLE,
-            lambda k: f"elbow {np.degrees(elbow[k]):.0f} deg from stretched, limit {angle:g}",
-        ),
-        LimitExcess(
-            "shoulder_margin_m",
-            (length - shoulder) / UNIT_LENGTH,
-            lambda k: f"wrist {shoulder[k]:.2f} m from axis 1, limit {length:g}",
-        ),
+        *_singular_angle(*wrist, key, trajectory),
+        _excess(*stretched, "elbow {:.0f} deg from stretched"),
+        _excess(*above, "wrist {:.2f} m from axis 1"),
     ]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,18 +26,9 @@ def seat_motion(errors: PoseErrors, seed: int) -> SeatMotion:
     return SeatMotion(shift_m=tuple(shift.tolist()), turn_rad=tuple(turn.tolist()))
 
 
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """N targets as they truly stand, from one seat."""
-
-    rod: Array  # (3, N) [m] from the seat to the target, base frame
-    seat_rotation: Array  # (3, 3, N)
-    target_rotation: Array  # (3, 3, N) base frame
-
-
-def reading(
+def stand_of(
     arm: TrueArm, q: Array, target: TruePlace, seat: tuple[Array, Array], sag: Array | None = None
-) -> Reading:
+) -> TrueStand:
     """Where a target stands at shown angles q (N, J) [rad].
 
     seat : origin (3, N) and rotation (3, 3, N). sag : (N, J) [rad] actual joint angles, where a
@@ -47,24 +36,28 @@ def reading(
     """
     frames = arm.flange(q) if sag is None else forward(arm.chain, sag)
     place = frames.tip + np.einsum("ijn,j->in", frames.rotation(), target.position)
-    rotation = np.einsum("ijn,jk->ikn", frames.rotation(), target.rotation)
-    return Reading(place - seat[0], seat[1], rotation)
+    return seen_from(seat, place, np.einsum("ijn,jk->ikn", frames.rotation(), target.rotation))
+
+
+def seen_from(seat: tuple[Array, Array], place: Array, turn: Array) -> TrueStand:
+    """Places (3, N) [m] and rotations (3, 3, N) in the base frame as a seat sees them."""
+    rod = place - seat[0]
+    return TrueStand(
+        rod=np.einsum("jin,jn->in", seat[1], rod),
+        distance=np.linalg.norm(rod, axis=0),
+        rotation=np.einsum("jin,jkn->ikn", seat[1], turn),
+    )
 
 
 def measured(
-    instrument: Instrument, exact: Reading, *, scale: float, rng: np.random.Generator
+    instrument: Instrument, exact: TrueStand, *, scale: float, rng: np.random.Generator
 ) -> Array:
     """(N, M) [m, rad] values of an instrument, M as its kind's `columns`.
 
     scale : of the noise, along the line of sight and across it.
     """
-    noise = scale * rng.standard_normal((6, exact.rod.shape[1]))
-    stand = TrueStand(
-        rod=np.einsum("jin,jn->in", exact.seat_rotation, exact.rod),
-        distance=np.linalg.norm(exact.rod, axis=0),
-        rotation=np.einsum("jin,jkn->ikn", exact.seat_rotation, exact.target_rotation),
-    )
-    return instrument.kind.measure(stand, noise, instrument)
+    noise = scale * rng.standard_normal((6, exact.distance.size))
+    return instrument.kind.measure(exact, noise, instrument)
 
 
 def outliers(errors: PoseErrors, instrument: Instrument, count: int, seed: int) -> Array:

@@ -20,12 +20,12 @@ from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.numerical_inverse import reach_points
 from sim.instrument_readings import (
-    Reading,
     logged_axes,
     measured,
     outliers,
-    reading,
     seat_motion,
+    seen_from,
+    stand_of,
     unsettled,
 )
 from sim.plant.held import hold_with_instrument
@@ -215,12 +215,12 @@ class _Measurement:
                     friction=slide.uniform(-plant.rod_friction_N, plant.rod_friction_N, len(q)),
                 )
                 forces.append(force)
-            exact = reading(self.arm, q, target, seat, sag)
+            exact = stand_of(self.arm, q, target, seat, sag)
             read = measured(instrument, exact, scale=scale, rng=noise)
             width = min(3, read.shape[1])
             angles = [unit == "rad" for unit in instrument.kind.units[:width]]
-            distance = np.linalg.norm(exact.rod, axis=0)[:, None]
-            read[:, :width] += np.where(angles, fault[:, :width] / distance, fault[:, :width])
+            turned = fault[:, :width] / exact.distance[:, None]
+            read[:, :width] += np.where(angles, turned, fault[:, :width])
             shown.append(q)
             values.append(read)
         span = None
@@ -236,10 +236,9 @@ class _Measurement:
         for stand in stands:
             read = np.full((len(stand.q), len(points), 3), np.nan)
             if stand.later == 0:
-                origin, rotation = self._seat(stand)
+                seat = self._seat(stand)
                 for k, point in enumerate(points):
-                    rod = np.array(point.position_m)[:, None] - origin
-                    exact = Reading(rod, rotation, rotation)
+                    exact = seen_from(seat, np.array(point.position_m)[:, None], seat[1])
                     values = measured(self.instrument, exact, scale=self._noise_scale, rng=noise)
                     read[:, k] = values[:, :3]
             readings.append(read)

@@ -167,18 +167,15 @@ class ClaimFile(Strict):
 
     schema_: Annotated[Literal["ballbar-claim/1"], Field(alias="schema")]
     title: Line
-    place: str = Field(
-        description="Place in the thesis, `sec. 3.5, Fig. 3.2`; its numbers order the files."
-    )
+    place: str
+    """Place in the thesis, `sec. 3.5, Fig. 3.2`; its numbers order the files."""
     about: str = Field("", description="What is simulated, in one or two sentences.")
     sweep: str | None = Field(None, description="Sweep file, relative to this file.")
     quick: Quick = Quick()
-    identifiability: str | None = Field(
-        None, description="Scenario whose nominal mechanism is studied, relative to this file."
-    )
-    core_alone: bool = Field(
-        False, description="Whether its runs fit the core set only, as sec. 5.4 does."
-    )
+    identifiability: str | None = None
+    """Scenario whose nominal mechanism is studied, relative to this file."""
+    core_alone: bool = False
+    """Whether its runs fit the core set only, as sec. 5.4 does."""
     size: list[str] = Field([], description="Varied keys; the column `size` is their largest.")
     plots: list[Annotated[AnyPlot, Field(discriminator="kind")]] = Field([])
     claims: Annotated[list[Claim], Field(min_length=1)]

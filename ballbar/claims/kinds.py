@@ -54,9 +54,8 @@ class Ratio(Quotient, Measure):
     """The number of some runs over that of other runs lies within limits."""
 
     kind: Literal["ratio"]
-    than: Quotient | None = Field(
-        None, description="Runs by whose ratio this one is divided: how much more `of` gains."
-    )
+    than: Quotient | None = None
+    """Runs by whose ratio this one is divided: how much more `of` gains."""
     at_least: float | None = None
     at_most: float | None = None
     reason: str
@@ -73,12 +72,10 @@ class Ordered(Measure):
 
     kind: Literal["ordered"]
     by: str = Field(description="Column that tells the groups apart.")
-    order: Annotated[list[Scalar], Field(min_length=2)] = Field(
-        description="Its values, smallest number first."
-    )
-    apart: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Least factor from a group to the next."
-    )
+    order: Annotated[list[Scalar], Field(min_length=2)]
+    """Its values, smallest number first."""
+    apart: Annotated[float, Field(gt=0.0)] = 1.0
+    """Least factor from a group to the next."""
     reason: str
 
 
@@ -88,9 +85,8 @@ class Monotonic(Measure):
     kind: Literal["monotonic"]
     over: str
     direction: Literal["rising", "falling"]
-    tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
-        0.0, description="Relative step in the other direction that is accepted."
-    )
+    tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    """Relative step in the other direction that is accepted."""
     reason: str
 
 
@@ -124,9 +120,8 @@ class AmongLargest(Strict):
     what: str
     rows: Rows = Field({})
     places: Annotated[int, Field(ge=1)]
-    parameters: Annotated[list[str], Field(min_length=1)] = Field(
-        description="Names, or their beginning: `btheta`. One that is not fitted has no error."
-    )
+    parameters: Annotated[list[str], Field(min_length=1)]
+    """Names, or their beginning: `btheta`. One that is not fitted has no error."""
     at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     reason: str

@@ -29,7 +29,6 @@ from cell.files import require_writable
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.rehearsal.day import Stage
     from ballbar.replay.live import LiveRun
-    from ballbar.result.run_data import Run
     from ballbar.truth.limits import Limit
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
@@ -78,10 +77,9 @@ def run(
         from ballbar.truth.limits import plant_sentence
 
         words = command_line()
-        data: Run
         if isinstance(settings, PoseScenario):
             data = run_pose_scenario(settings, scenario, folder, command=words, progress=progress)
-            plant = data.simulation.plant if data.simulation else ""
+            plant = data.simulated_poses.plant if data.simulated_poses else ""
         else:
             data = run_scenario(
                 settings,

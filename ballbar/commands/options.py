@@ -6,7 +6,8 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from copy import copy
 from functools import wraps
 from inspect import Parameter, Signature, getdoc, signature
 from operator import getitem
@@ -97,27 +98,27 @@ def command(app: typer.Typer, panel: str | None = None) -> Callable[[Command], C
 
     def registered(function: Command) -> Command:
         docstring = getdoc(function) or ""
-        head, *entries = (" ".join(part.split()) for part in _ENTRY.split(docstring))
-        described = iter(entries)
-        parameters = list(signature(function, eval_str=True).parameters.values())
-        for place, each in enumerate(parameters):
-            kind, *info = get_args(each.annotation) if _is_annotated(each) else [each.annotation]
-            if not info or info[0].help is None:
-                described_type = getitem(Annotated, (kind, _info(next(described), *info)))
-                parameters[place] = each.replace(annotation=described_type)
-        assert not list(described), f"{function.__name__} has fewer parameters than described"
-        _set_parameters(function, parameters)
+        parameters = signature(function, eval_str=True).parameters.values()
+        _set_parameters(function, _described(parameters, docstring))
         function.__doc__ = purpose(docstring)
-        example = head.partition("Example: ")[2]
+        _, _, example = " ".join(_ENTRY.split(docstring)[0].split()).partition("Example: ")
         app.command(epilog=f"Example: {example}", rich_help_panel=panel)(function)
         return function
 
     return registered
 
 
-def _is_annotated(parameter: Parameter) -> bool:
-    """Whether a parameter's annotation describes it, or limits it."""
-    return get_origin(parameter.annotation) is Annotated
+def _described(parameters: Iterable[Parameter], docstring: str) -> list[Parameter]:
+    """Parameters whose annotations describe them, from the lines of a docstring where they lack."""
+    entries, parameters = iter(_ENTRY.split(docstring)[1:]), list(parameters)
+    for place, each in enumerate(parameters):
+        annotated = get_origin(each.annotation) is Annotated
+        kind, *info = get_args(each.annotation) if annotated else [each.annotation]
+        if not info or info[0].help is None:
+            kind = getitem(Annotated, (kind, _info(" ".join(next(entries).split()), *info)))
+            parameters[place] = each.replace(annotation=kind)
+    assert not list(entries), "there are fewer parameters than the docstring describes"
+    return parameters
 
 
 def _set_parameters(function: Command, parameters: list[Parameter]) -> None:
@@ -131,7 +132,7 @@ def _info(entry: str, *limits: ArgumentInfo | OptionInfo) -> ArgumentInfo | Opti
     declared, _, meaning = entry.partition(" : ")
     flag, _, form = declared.partition(" ")
     option = flag.startswith("--")
-    (info,) = limits or (typer.Option() if option else typer.Argument(),)
+    info = copy(limits[0]) if limits else typer.Option() if option else typer.Argument()
     info.help, info.metavar = meaning, (form if option else flag) or None
     if option:
         info.param_decls = (flag,)
@@ -139,12 +140,16 @@ def _info(entry: str, *limits: ArgumentInfo | OptionInfo) -> ArgumentInfo | Opti
 
 
 def with_options(kind: type[Any]) -> Callable[[Command], Command]:
-    """A command whose parameter `options` stands for one option for each field of a dataclass."""
+    """A command whose parameter `options` stands for one option for each field of a dataclass.
+
+    The docstring of the dataclass describes them as that of a command.
+    """
     hints = get_type_hints(kind, include_extras=True)
-    fields = [
+    named = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[name])
         for name, field in signature(kind).parameters.items()
     ]
+    fields = _described(named, getdoc(kind) or "")
 
     def decorated(command: Command) -> Command:
         parameters = list(signature(command, eval_str=True).parameters.values())

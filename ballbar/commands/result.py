@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -13,10 +13,6 @@ from ballbar.export import Format
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import write_new, write_whole
-
-if TYPE_CHECKING:  # a command imports only what it shows
-    from ballbar.compensation.frames import FrameOptions
-    from ballbar.export.result import Result
 
 commands = typer.Typer()
 
@@ -146,58 +142,22 @@ def correct(
     --keep NAME : Target of another file that stays as it is; repeatable.
     """
     from ballbar.compensation.frames import frame_options
-    from ballbar.compensation.programs import is_program
+    from ballbar.compensation.programs import correct_and_write_programs, is_program
+    from ballbar.compensation.targets_file import correct_and_write_table
     from ballbar.export.result import load_result
 
     stated = frame_options(tool or (), frame or (), payload or (), keep or ())
-    robot, written = (
-        load_result(result),
-        file or path.with_name(f"{path.stem}-corrected{path.suffix}"),
-    )
-    if is_program(path):
-        _correct_program(path, robot, written, stated, as_json=as_json)
-        return
-    if tool or frame or payload or keep:
+    robot, program = load_result(result), is_program(path)
+    if not program and (tool or frame or payload or keep):
         raise InputError("--tool, --frame, --payload and --keep are for programs, not for tables.")
-    _correct_table(path, robot, written, as_json=as_json)
-
-
-def _correct_program(
-    path: Path, result: Result, written: Path, options: FrameOptions, *, as_json: bool
-) -> None:
-    from ballbar.compensation.programs import (
-        correct_program,
-        program_data,
-        program_lines,
-        read_programs,
-        write_programs,
-    )
-
-    with progress_bar() as progress:
-        progress("correcting the program")
-        done = [correct_program(p, result) for p in read_programs(path, options)]
-    files = write_programs(written, done)
-    if as_json:
-        say_json(program_data(done, files, result))
-    for line in program_lines(done):
-        out.print(escape(line))
-    out.print(f"Wrote {escape(', '.join(map(str, files)))}. Run it slowly the first time.")
-
-
-def _correct_table(path: Path, result: Result, written: Path, *, as_json: bool) -> None:
-    from ballbar.compensation.targets_file import (
-        correct_file,
-        correction_data,
-        correction_lines,
-        write_corrected,
-    )
-
+    new = file or path.with_name(f"{path.stem}-corrected{path.suffix}")
     with progress_bar() as progress:
         progress("correcting the targets")
-        correction = correct_file(path, result)
-    write_corrected(written, correction, result)
+        if program:
+            data, lines = correct_and_write_programs(path, robot, new, stated)
+        else:
+            data, lines = correct_and_write_table(path, robot, new)
     if as_json:
-        say_json(correction_data(correction, result, written))
-    for line in correction_lines(correction):
+        say_json(data)
+    for line in lines:
         out.print(escape(line))
-    out.print(f"Wrote {escape(str(written))}")

@@ -10,7 +10,7 @@ import yaml
 
 from ballbar.result.calibration import Calibration
 from ballbar.result.names import OUTPUTS
-from ballbar.result.run_data import PoseRun, RunData
+from ballbar.result.run_data import RunData
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.compare import Comparison
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from sim.simulate import Simulation
 
 
-def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
+def run_data(run: RunData, folder: Path) -> dict[str, object]:
     """JSON of `run` and `identify`: the calibration written to `folder`, comparison and limits.
 
     An identification from still poses without simulation has neither plant nor limits.
@@ -32,17 +32,17 @@ def run_data(run: RunData | PoseRun, folder: Path) -> dict[str, object]:
         "calibration": file.model_dump(mode="json", by_alias=True),
     }
     limits = [asdict(limit) for limit in run.limits]
-    if isinstance(run, RunData):
+    if run.recordings:
         plant: object = plant_data(run.simulation) if run.simulation else None
         comparison = comparison_data(run.comparison) if run.comparison else None
         return result | {"plant": plant, "comparison": comparison, "limits": limits}
-    if run.simulation is None or run.comparison is None:
+    if run.simulated_poses is None or run.comparison is None:
         return result
     errors = {
         "tcp_error": _tcp(run.comparison.tcp),
         "tcp_error_nominal": _tcp(run.comparison.tcp_nominal),
     }
-    return result | {"plant": run.simulation.plant, "comparison": errors, "limits": limits}
+    return result | {"plant": run.simulated_poses.plant, "comparison": errors, "limits": limits}
 
 
 def plant_data(simulation: Simulation) -> dict[str, object]:

@@ -55,7 +55,7 @@ def new(
     --out FILE : File to write; NAME.yaml if none. It must not exist.
     """
     from ballbar.robot_file.dh_table import draft_from_table
-    from ballbar.robot_file.from_urdf import draft_from_urdf
+    from ballbar.robot_file.draft import draft_from_urdf
     from ballbar.robot_file.new_robot import target_file, write_robot
 
     file = target_file(name, out_file)
@@ -106,11 +106,11 @@ def _say(written: NewRobot) -> None:
     from ballbar.robot_file.new_robot import POSES
     from ballbar.robot_file.text import is_identity, missing, transform_lines
 
-    draft, form, difference = written.draft, written.draft.form, written.difference
+    draft, form = written.draft, written.draft.form
     out.print(escape(f"{draft.title}: {draft.source}"))
     out.print(
         f"Check: largest difference to the source at {POSES} random poses "
-        f"{difference.position:.2g} m, {difference.angle:.2g} rad"
+        f"{written.position:.2g} m, {written.angle:.2g} rad"
     )
     for text, pose in (
         ("The source's base is not the frame of row 1. T_base_dh:", form.T_base_dh),
@@ -137,8 +137,8 @@ def _data(written: NewRobot) -> dict[str, object]:
         "file": str(written.file),
         "picture": str(written.picture),
         "axes": written.robot.joints,
-        "largest_difference_m": written.difference.position,
-        "largest_difference_rad": written.difference.angle,
+        "largest_difference_m": written.position,
+        "largest_difference_rad": written.angle,
         "T_base_dh": form.T_base_dh.tolist(),
         "T_flange_tip": form.T_flange_tip.tolist(),
         "missing": [key for key, _ in missing(written.draft)],

@@ -14,7 +14,6 @@ Sources: ABB, Technical reference manual, RAPID, confdata (3HAC050917-001); KUKA
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,15 +33,6 @@ ROUNDING = 0.5
 SAME = 0.1  # [deg] of all axes within which two solutions are one
 STILL = 1e-6  # [deg] of an axis that the correction does not move
 FULL_TURN = 360.0
-
-
-@dataclass(frozen=True)
-class _Posture:
-    """The discrete part of joint angles."""
-
-    behind: bool  # the wrist, of axis 1
-    in_front: bool  # the wrist, of the line through axes 2 and 3
-    negative: bool  # axis 5
 
 
 def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
@@ -150,7 +140,8 @@ def _decided(robot: Robot, chain: Chain, axes: Array, target: ProgramTarget) -> 
     if not len(axes) or (len(axes) == 1 and not krl):
         return axes
     stated = data[0] if krl else data[-1]
-    bits = np.array([_bits(_posture(robot, chain, row), krl=krl) for row in axes])
+    postures = [_posture(robot, chain, row) for row in axes]  # behind, in front, negative
+    bits = np.array([[b, f, not n] if krl else [n, not f, b] for b, f, n in postures])
     differs = bits != [(stated >> k) & 1 for k in range(3)]
     if krl:
         right = ~differs[:, :2].any(axis=1)
@@ -168,21 +159,19 @@ def _decided(robot: Robot, chain: Chain, axes: Array, target: ProgramTarget) -> 
     return np.asarray(best[:1])
 
 
-def _bits(posture: _Posture, *, krl: bool) -> list[int]:
-    if krl:
-        return [int(posture.behind), int(posture.in_front), int(not posture.negative)]
-    return [int(posture.negative), int(not posture.in_front), int(posture.behind)]
+def _posture(robot: Robot, chain: Chain, axes: Array) -> tuple[bool, bool, bool]:
+    """The posture at axis angles (J,) [deg].
 
-
-def _posture(robot: Robot, chain: Chain, axes: Array) -> _Posture:
-    """The posture at axis angles (J,) [deg]."""
+    Whether the wrist is behind axis 1, and in front of the line through axes 2 and 3; and whether
+    axis 5 is negative.
+    """
     frames = forward(chain, controller_to_joints(robot, np.radians(axes))[None])
     forward_axis, up = frames.x_link[0][:, 0], np.array([0.0, 0.0, 1.0])
     wrist = frames.origin[4][:, 0]
     lower = frames.origin[2][:, 0] - frames.origin[1][:, 0]
     to_wrist = wrist - frames.origin[1][:, 0]
     front = (lower @ up) * (to_wrist @ forward_axis) - (lower @ forward_axis) * (to_wrist @ up)
-    return _Posture(bool(wrist @ forward_axis < 0.0), bool(front > 0.0), bool(axes[4] < 0.0))
+    return bool(wrist @ forward_axis < 0.0), bool(front > 0.0), bool(axes[4] < 0.0)
 
 
 def _outside(angle: float, quadrant: int) -> float:

@@ -14,49 +14,44 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from ballbar.compensation.frames import FrameOptions
-from ballbar.compensation.krl_values import (
-    AXES,
-    EXTERNAL_AXES,
-    KrlFrame,
-    KrlPoint,
-    constant_frame,
-    fields_of,
-    numbered_frame,
-    words_of,
-)
+from ballbar.compensation.frames import FrameOptions, pose_of_angles
 from ballbar.compensation.program_source import (
     MoveSetup,
     ProgramSource,
+    ProgramTarget,
     RobotProgram,
     computed,
     not_stated,
-    used_elsewhere,
+    numbers_of,
 )
-from ballbar.compensation.program_text import ProgramError, Reader, Token, parts
+from ballbar.compensation.program_text import Number, ProgramError, Token, Value, parts
+from cell.arrays import Array
 
 POINTS = ("e6axis", "axis", "e6pos", "pos", "frame")
+AXES, POSE = tuple(f"a{i}" for i in range(1, 7)), ("x", "y", "z", "a", "b", "c")
+EXTERNAL_AXES = tuple(f"e{i}" for i in range(1, 7))
 _DECLARING = ("decl", "global", "const", "fdat", *POINTS)
 MOVES = {"ptp": 1, "lin": 1, "sptp": 1, "slin": 1, "spl": 1, "circ": 2, "scirc": 2}
 _SPLINES = ("spline", "ptp_spline")
 _RELATIVE = (*(f"{move}_rel" for move in MOVES), "brake")
-_HERE = ("$axis_act", "$pos_act", "$axis_int", "$pos_int")  # where the robot stands already
 # lines between the FDAT_ACT of an inline form and its motion
 _OF_INLINE_FORM = ("bas", "pdat_act", "ldat_act", "cpdat_act", "$bwdstart")
-_ROOT = ("$nullframe", "$robroot", "$world")
-# what sets the tool or base of later motions, beside $TOOL and $BASE
-_SETTING = (*_ROOT, "tool_data", "base_data", "bas(#tool)", "bas(#base)", "bas(#ex_base)")
 _CALLED = ("bas", "if", "while", "until", "switch", "wait", "case", "return")  # have brackets
+_ROOT = ("$nullframe", "$robroot", "$world")
 _FORMS = {  # of a frame by its number, and by the number in a data set (FDAT)
     "$tool": (r"tool_data\[(\d+)\]", r"stool2?\((\w+)(?:\.tool_no)?\)"),
     "$base": (r"base_data\[(\d+)\]", r"sbase\((\w+)\.base_no\)"),
 }
-_IPO_MODE = re.compile(r"#base|sipo_mode\((\w+)\.ipo_frame\)")
+# what sets the tool or base of later motions
+_SETTING = (*_FORMS, *_ROOT, "tool_data", "base_data", "bas(#tool)", "bas(#base)", "bas(#ex_base)")
+_IPO_MODE = re.compile(r"\$ipo_mode=(?:#base|sipo_mode\((\w+)\.ipo_frame\))")
 _ASSIGNED = re.compile(r"(?:^|(?<= ))([$\w]+)(?: \. \w+| \[[^\]]*\])* = (?!=)")
 _BAS = re.compile(r"(?:^|(?<= ))bas \( # \w+")
 _EXTERNAL = (
@@ -65,25 +60,60 @@ _EXTERNAL = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A tool or base: its number where it has one, its pose (4, 4) where it is constant."""
+
+    number: str = ""
+    pose: Array | None = None
+
+
+def read_krl(path: Path, options: FrameOptions) -> list[RobotProgram]:
+    """The targets of a program: those of the .src file, and of the .dat file beside it.
+
+    Raises InputError naming the lines that are not understood.
+    """
+    suffixes = (".SRC", ".DAT") if path.suffix.isupper() else (".src", ".dat")
+    pair = [path.with_suffix(suffix) for suffix in suffixes]
+    files: list[_Krl] = []
+    for part in [p for p in pair if p.exists()] or [path]:
+        files.append(_Krl(part, options, files[0] if files else None))
+    for file in files:
+        file.guarded(file.declaration, file.statements)
+    for file in files:
+        file.guarded(file.statement, file.statements)
+    for file in files:
+        used = [name for name, target in file.own.items() if target or name in file.uses]
+        file.guarded(file.declared_targets, used)
+        file.notes += [
+            f"{axis} of poses is not 0 (first in line {line}): it is taken to move neither the "
+            "robot nor a base; state the targets as axis angles if it does"
+            for axis, line in file.external.items()
+        ]
+    return [file.program() for file in files]
+
+
 class _Krl(ProgramSource):
     """A .src or .dat file while it is read; points and data sets of both are shared."""
 
-    def __init__(self, path: Path, options: FrameOptions, shared: _Krl | None = None) -> None:
-        words = r"'[bBhH][0-9A-Fa-f]+'|[$A-Za-z_][$\w]*"
-        super().__init__(path, options, comments=r";[^\n]*|(?m:^)&[^\n]*", words=words, lines=True)
-        self.points: dict[str, tuple[_Krl, KrlPoint]] = shared.points if shared else {}
-        self.data: dict[str, dict[str, str]] = shared.data if shared else {}  # FDAT by name
-        if shared:
-            self.uses, self.names = shared.uses, shared.names
-        self.external: dict[str, int] = {}  # external axes off zero in poses, with the first line
-        lines = self.statements()
-        self.is_list = any(_routine(tokens)[0] == "defdat" for tokens in lines)
-        self.routines = {_routine(tokens)[1] for tokens in lines}
-        self.has_data_sets = any(tokens[0].isword("fdat_act") for tokens in lines)
-        self.inline: dict[str, KrlFrame] = {}  # tool and base of the inline form that is read
-        self.spline: dict[str, KrlFrame] = {}  # and of the spline block
+    COMMENTS, WORDS = r";[^\n]*|(?m:^)&[^\n]*", r"[$A-Za-z_][$\w]*"
+    MOVES = "a motion (PTP, LIN, CIRC, SPTP, SLIN, SCIRC, SPL)"
+    HERE = ("$axis_act", "$pos_act", "$axis_int", "$pos_int")
 
-    def declare(self, tokens: list[Token]) -> None:
+    def __init__(self, path: Path, options: FrameOptions, shared: _Krl | None = None) -> None:
+        super().__init__(path, options)
+        if shared:
+            self.points, self.uses, self.names = shared.points, shared.uses, shared.names
+            self.frames = shared.frames
+        self.own: dict[str, bool] = {}  # points of this file; a FRAME may be no target
+        self.external: dict[str, int] = {}  # external axes off zero in poses, with the first line
+        self.is_list = any(_routine(tokens)[0] == "defdat" for tokens in self.statements)
+        self.routines = {_routine(tokens)[1] for tokens in self.statements}
+        self.has_data_sets = any(tokens[0].isword("fdat_act") for tokens in self.statements)
+        self.inline: dict[str, _Frame] = {}  # tool and base of the inline form that is read
+        self.spline: dict[str, _Frame] = {}  # and of the spline block
+
+    def declaration(self, tokens: list[Token]) -> None:
         """The point or data set that a line gives constant values to."""
         while tokens and tokens[0].isword("decl", "global", "const"):
             tokens = tokens[1:]
@@ -91,27 +121,51 @@ class _Krl(ProgramSource):
         tokens = tokens[1:] if kind else tokens
         if not tokens or tokens[0].kind != "word" or not (kind or self.is_list):
             return
-        reader = self.reader(tokens)
-        shown = reader.name("[]")
-        name = shown.lower()
-        if not reader.take("=") or not reader.token.issymbol("{"):
-            return
-        if kind == "fdat":
-            self.data[name] = dict(words_of(reader))
-            return
-        if not kind and (name.startswith("$") or not any(t.isword("a1", "x") for t in tokens)):
+        reader, line = self.reader(tokens), tokens[0].line
+        name = reader.name()
+        untyped = name.startswith("$") or not any(t.isword("a1", "x") for t in tokens)
+        if not reader.take("=") or not reader.token.issymbol("{") or (not kind and untyped):
             return
         self.placed |= {tokens[0].start, reader.token.start}
-        point = KrlPoint(shown, tokens[0].line, fields_of(reader, shown), kind != "frame")
-        if reader.token.kind != "end":
-            raise computed(point.line, shown, f"{reader.shown} after its value")
-        if name in self.points:
+        self.once(name, line)
+        value = self.declared(reader, name)
+        if kind == "fdat":
+            self.frames[name.lower()] = kind, line, value
+        elif kind != "frame" or set(POSE) <= set(_components(value)):
+            self.declare(name, [self.target(value, name, line)])
+            self.own[name.lower()] = kind != "frame"
+
+    def target(self, value: Value, name: str, line: int) -> ProgramTarget:
+        """The target of axis angles, or of a pose with S and T or without."""
+        fields = _components(value)
+        joints = "a1" in fields
+        needed, allowed = (AXES, ()) if joints else (POSE, ("s", "t"))
+        if not set(needed) <= set(fields) <= {*needed, *allowed, *EXTERNAL_AXES}:
+            expected, stated = (", ".join(keys).upper() for keys in (needed, fields))
             raise ProgramError(
-                point.line, f"{shown} has constant values twice, so it is not clear which a "
-                "motion means",
-            )  # fmt: skip
-        self.points[name] = self, point
-        self.names.add(name.partition("[")[0])
+                line, f"{name}: expected {expected}, there are {stated}; decimals have a point"
+            )
+        if ("s" in fields) is not ("t" in fields):
+            raise ProgramError(line, f"{name}: S and T are both needed, or neither")
+        configuration = numbers_of((fields[k] for k in allowed if k in fields), name, line)
+        if any(number.value % 1.0 or number.value < 0.0 for number in configuration):
+            raise ProgramError(line, f"{name}: S and T are whole numbers, as 2, 'B010' or 'H2'")
+        external = {} if joints else {k: fields[k] for k in EXTERNAL_AXES if k in fields}
+        for axis, number in zip(external, numbers_of(external.values(), name, line), strict=True):
+            if number.value != 0.0:
+                self.external.setdefault(axis.upper(), line)
+        numbers = numbers_of((fields[key] for key in needed), name, line)
+        return ProgramTarget(
+            name, line, numbers, None if joints else "zyx", configuration=configuration
+        )
+
+    def begins_target(self, tokens: Sequence[Token], k: int) -> bool:
+        """Whether the components of a point follow."""
+        of_system = tokens[0].text.startswith("$")  # work spaces and the like
+        of_load = k and tokens[k - 1].isword("cm", "j")
+        if not tokens[k].issymbol("{") or of_system or of_load:
+            return False
+        return any(token.isword(*AXES, *"xyz") for token in tokens[k:])
 
     def statement(self, tokens: list[Token]) -> None:
         """The motion of a line; what a line does to tools, bases and targets else is refused."""
@@ -132,8 +186,7 @@ class _Krl(ProgramSource):
             else:
                 self.spline = frames  # until ENDSPLINE
         elif not first.isword(*_DECLARING):
-            for name in _assigned(tokens):
-                self._assignment(name, tokens)
+            self._assignments(tokens)
         if word == "endspline":
             self.spline = {}
         if word == "fdat_act":
@@ -141,110 +194,98 @@ class _Krl(ProgramSource):
             self.inline = {what: self._of_data(what, name, first.line) for what in _FORMS}
         elif word not in _OF_INLINE_FORM:
             self.inline = {}
-        self._elsewhere(tokens)
+        if first.isword(*_DECLARING):
+            self.placed |= {token.start for token in tokens if token.kind == "word"}
+        self.elsewhere(tokens)
         self._calls(tokens)
 
-    def _assignment(self, name: str, tokens: list[Token]) -> None:
-        """Refuses what sets a tool, base or load otherwise than for a single motion."""
-        line = tokens[0].line
-        changed_in_part = name == "fdat_act" and len(tokens) != 3  # FDAT_ACT=FP1
-        if name in _FORMS or name in _SETTING or name in self.data or changed_in_part:
-            raise ProgramError(
-                line,
-                f"{name.upper()} is set by the program, so the tool and base of a motion depend on "
-                "the way taken to it; write them into the motions, as SLIN P WITH "
-                "$TOOL=TOOL_DATA[1], or take the line out and state them by --tool and --frame",
-            )
-        if name == "$load" and not self.options.payloads:
-            raise ProgramError(
-                line, "$LOAD is set by the program; take the line out and state it by --payload"
-            )
-        if name == "$ipo_mode":
-            match = _IPO_MODE.fullmatch(_text(tokens[2:], ""))
-            if not match:
-                raise ProgramError(line, f"$IPO_MODE: {_EXTERNAL}")
-            self._of_data("$base", match[1] or "", line)
+    def _assignments(self, tokens: list[Token]) -> list[str]:
+        """Names that are assigned to; refuses tools, bases and loads of more than one motion."""
+        line, names = tokens[0].line, _assigned(tokens)
+        for name in names:
+            in_part = name == "fdat_act" and len(tokens) != 3  # FDAT_ACT=FP1
+            if name in _SETTING or name in self.frames or in_part:
+                raise ProgramError(
+                    line,
+                    f"{name.upper()} is set by the program, so the tool and base of a motion "
+                    "depend on the way taken to it; write them into the motions, as SLIN P WITH "
+                    "$TOOL=TOOL_DATA[1], or take the line out and state them by --tool and --frame",
+                )
+            if name == "$load" and not self.options.payloads:
+                raise ProgramError(
+                    line, "$LOAD is set by the program; take the line out and state it by --payload"
+                )
+            if name == "$ipo_mode":
+                match = _IPO_MODE.fullmatch(_text(tokens, ""))
+                if not match:
+                    raise ProgramError(line, f"$IPO_MODE: {_EXTERNAL}")
+                self._of_data("$base", match[1] or "", line)
+        return names
 
-    def _of_data(self, what: str, name: str, line: int) -> KrlFrame:
-        """The tool or base of a data set; without a number where it is not in these files."""
-        data = self.data.get(name, {})
-        if data.get("ipo_frame", "base") != "base":
-            raise ProgramError(line, f"{name.upper()}: {_EXTERNAL}")
-        return numbered_frame(data.get(f"{what[1:]}_no", ""))
-
-    def _with(self, tokens: list[Token]) -> dict[str, KrlFrame]:
+    def _with(self, tokens: list[Token]) -> dict[str, _Frame]:
         """Tool and base that a motion sets for itself: WITH $TOOL=STOOL2(FP1), $BASE=..."""
-        frames: dict[str, KrlFrame] = {}
+        frames: dict[str, _Frame] = {}
         while tokens and tokens[-1].text.lower().startswith("c_"):
             tokens = tokens[:-1]  # approximation, C_SPL
         for item in filter(None, parts(tokens, ",")):
-            names = _assigned(item)
-            if len(names) > 1:
+            name = item[0].text.lower()
+            if len(_assigned(item)) > 1:
                 raise ProgramError(item[0].line, "WITH: a comma is expected between assignments")
-            if names and names[0] in _FORMS and item[1].issymbol("="):
-                frames[names[0]] = self._frame(names[0], item)
-            elif names:
-                self._assignment(names[0], item)
+            if name in _FORMS and item[1:] and item[1].issymbol("="):
+                frames[name] = self._frame(name, item)
+            else:
+                self._assignments(item)
         return frames
 
-    def _frame(self, what: str, tokens: list[Token]) -> KrlFrame:
+    def _frame(self, what: str, tokens: list[Token]) -> _Frame:
         """A tool or base: a constant, one of a number, or that of a data set."""
         line, shown, value = tokens[0].line, tokens[0].text, _text(tokens[2:], "")
         stored, of_data = _FORMS[what]
-        reader = self.reader(tokens, 2)
-        if reader.token.issymbol("{"):
-            self.placed.add(reader.token.start)
-            fields = fields_of(reader, shown)
-            if reader.token.kind == "end":
-                return constant_frame(fields, tokens[0])
-        elif value in _ROOT:
-            return numbered_frame("0")
-        elif match := re.fullmatch(stored, value):
-            return numbered_frame(match[1])
-        elif match := re.fullmatch(of_data, value):
-            return self._of_data(what, match[1], line)
-        elif value in self.points:
+        if value.startswith("{"):
             self.placed.add(tokens[2].start)
-            return constant_frame(self.points[value][1].fields, tokens[0])
-        raise ProgramError(
-            line, f"{shown} is computed; write it with a constant or with a number, as "
-            f"{what[1:].upper()}_DATA[1]",
-        )  # fmt: skip
+            fields = _components(self.declared(self.reader(tokens, at=2), shown))
+            if set(fields) != set(POSE):
+                raise ProgramError(line, f"{shown}: expected X, Y, Z, A, B, C")
+            return _constant(numbers_of((fields[key] for key in POSE), shown, line))
+        if value in _ROOT:
+            return _numbered("0")
+        if match := re.fullmatch(stored, value):
+            return _numbered(match[1])
+        if match := re.fullmatch(of_data, value):
+            return self._of_data(what, match[1], line)
+        (point,) = self.points.get(value, [None])
+        if point is not None and point.rotation and not point.configuration:
+            self.placed.add(tokens[2].start)
+            return _constant(point.numbers)
+        raise computed(
+            line, f"{shown}, which may be a number as {what[1:].upper()}_DATA[1],", value
+        )
 
-    def _move(self, tokens: list[Token], frames: dict[str, KrlFrame]) -> None:
-        move, reader = tokens[0], self.reader(tokens, 1)
+    def _of_data(self, what: str, name: str, line: int) -> _Frame:
+        """The tool or base of a data set; without a number where it is not in these files."""
+        data = _components(self.frames.get(name, ("", 0, {}))[2])
+        words = {
+            key: value.text.lower() for key, value in data.items() if not isinstance(value, dict)
+        }
+        if words.get("ipo_frame", "base") != "base":
+            raise ProgramError(line, f"{name.upper()}: {_EXTERNAL}")
+        return _numbered(words.get(f"{what[1:]}_no", ""))
+
+    def _move(self, tokens: list[Token], frames: dict[str, _Frame]) -> None:
+        move, reader = tokens[0], self.reader(tokens, at=1)
         for k in range(MOVES[move.text.lower()]):
-            if k:
-                reader.expect(",", f"target of {move.text}")
-            self._goal(reader, move, frames)
-        if reader.token.issymbol(":", "+", "-", "*", "."):
-            raise computed(move.line, f"target of {move.text}", reader.shown)
+            if k and not reader.take(","):
+                raise computed(move.line, f"target {k + 1} of {move.text}", reader.shown)
+            self.go(reader, move, partial(self._setup, frames, move.line))
 
-    def _goal(self, reader: Reader, move: Token, frames: dict[str, KrlFrame]) -> None:
-        what, token = f"target of {move.text}", reader.token
-        self.placed.add(token.start)
-        if token.issymbol("{"):
-            point = KrlPoint(move.text, move.line, fields_of(reader, what))
-            self._add(point, self._setup(frames, move.line, joints=point.joints))
-            return
-        shown = reader.name("[]") if token.kind == "word" else ""
-        if not shown or reader.token.issymbol("("):
-            raise computed(move.line, what, shown or reader.shown)
-        name = shown.lower()
-        if name not in _HERE and self.named_target(
-            move.text, shown, move.line, declared=name in self.points
-        ):
-            setup = self._setup(frames, move.line, joints=self.points[name][1].joints)
-            self.uses.setdefault(name, []).append((move.line, setup))
-
-    def _setup(self, frames: dict[str, KrlFrame], line: int, *, joints: bool) -> MoveSetup:
+    def _setup(self, frames: dict[str, _Frame], line: int, joints: bool) -> MoveSetup:
         """Tool, base and payload of a motion, from it or from the options."""
-        poses, number = [], frames.get("$tool", KrlFrame()).number
+        poses, number = [], frames.get("$tool", _Frame()).number
         for what, option, stated in (
             ("$tool", "tool", self.options.tool),
             ("$base", "frame", self.options.frame),
         ):
-            frame = frames.get(what, KrlFrame())
+            frame = frames.get(what, _Frame())
             weighed = what == "$tool" and any(self.options.payloads)  # counts for axis angles too
             if self.has_data_sets and what not in frames and (weighed or not joints):
                 raise ProgramError(
@@ -259,34 +300,6 @@ class _Krl(ProgramSource):
             poses.append(np.eye(4) if pose is None else pose)
         payload = self.options.payload(number)
         return MoveSetup(poses[0], poses[1], payload, f"tool {number}" if number else "$TOOL")
-
-    def declared_point(self, point: KrlPoint) -> None:
-        """The target that a declared point is, by the motions that go there."""
-        if point.is_target or point.name.lower() in self.uses:
-            self._add(point, self.setup_of(point.name, point.line, joints=point.joints))
-
-    def _add(self, point: KrlPoint, setup: MoveSetup) -> None:
-        self.targets.append(point.target(setup))
-        for axis in () if point.joints else EXTERNAL_AXES:
-            if axis in point.fields and point.fields[axis].value != 0.0:
-                self.external.setdefault(axis.upper(), point.line)
-
-    def _elsewhere(self, tokens: list[Token]) -> None:
-        """Refuses targets, and names of targets, that no motion or declaration reads."""
-        for k, token in enumerate(tokens):
-            if self.names_a_target(token) and not tokens[0].isword(*_DECLARING):
-                raise used_elsewhere(token, "a motion")
-            if not token.issymbol("{") or token.start in self.placed:
-                continue
-            of_system = tokens[0].text.startswith("$")  # work spaces and the like
-            if of_system or (k and tokens[k - 1].isword("cm", "j")):  # or the parts of a load
-                continue
-            if {*AXES, *"xyz"} & {key for key, _ in words_of(self.reader(tokens, k))}:
-                raise ProgramError(
-                    token.line,
-                    "a target where none is read; write it into a motion, or declare a point of a "
-                    f"type among {', '.join(POINTS).upper()}",
-                )
 
     def _calls(self, tokens: list[Token]) -> None:
         """Names calls of other files; refuses those that may change the tool or base here."""
@@ -306,29 +319,17 @@ class _Krl(ProgramSource):
             )
 
 
-def read_krl(path: Path, options: FrameOptions) -> list[RobotProgram]:
-    """The targets of a program: those of the .src file, and of the .dat file beside it.
+def _components(value: Value) -> dict[str, Value]:
+    return value if isinstance(value, dict) else {}
 
-    Raises InputError naming the lines that are not understood.
-    """
-    suffixes = (".SRC", ".DAT") if path.suffix.isupper() else (".src", ".dat")
-    pair = [path.with_suffix(suffix) for suffix in suffixes]
-    files: list[_Krl] = []
-    for part in [p for p in pair if p.exists()] or [path]:
-        files.append(_Krl(part, options, files[0] if files else None))
-    for file in files:
-        file.guarded(file.declare, file.statements())
-    for file in files:
-        file.guarded(file.statement, file.statements())
-    for file, point in files[0].points.values():
-        file.guarded(file.declared_point, [point])
-    for file in files:
-        file.notes = [*dict.fromkeys(file.notes)] + [
-            f"{axis} of poses is not 0 (first in line {line}): it is taken to move neither the "
-            "robot nor a base; state the targets as axis angles if it does"
-            for axis, line in file.external.items()
-        ]
-    return [file.program() for file in files]
+
+def _constant(numbers: Sequence[Number]) -> _Frame:
+    return _Frame("", pose_of_angles([number.value for number in numbers]))
+
+
+def _numbered(number: str) -> _Frame:
+    """A tool or base of the controller; number 0 is the flange and the robot's base."""
+    return _Frame(number, np.eye(4) if number == "0" else None)
 
 
 def _routine(tokens: Sequence[Token]) -> tuple[str, str]:

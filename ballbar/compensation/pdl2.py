@@ -20,94 +20,92 @@ from ballbar.compensation.program_source import (
     ProgramSource,
     ProgramTarget,
     RobotProgram,
-    computed,
-    used_elsewhere,
+    numbers_of,
+    positional,
 )
-from ballbar.compensation.program_text import ProgramError, Reader, Token
+from ballbar.compensation.program_text import ProgramError, Token, Value
 from cell.foreign_text import one_line
 
 _MOVES = ("move", "movefly")
 _CURVES = ("joint", "linear", "circular")
 _TYPES = ("jointpos", "array")  # of variables with joint positions
-_CARTESIAN = (
-    "cartesian positions of PDL2 are not corrected: the arm reaches them in several "
-    "configurations, each with errors of its own, and their configuration string is not "
-    "understood; state the target as a joint position, {...} or JNTP(...)"
-)
+_CARTESIAN = ("pos", "xtndpos")
 
 
 def read_pdl2(path: Path, options: FrameOptions) -> list[RobotProgram]:
     """The targets of a program. Raises InputError naming the lines that are not understood."""
     file = _Pdl2(path, options)
-    for read in (file.constant, file.motion, file.elsewhere):
-        file.guarded(read, file.statements())
+    for read in (file.assignment, file.motion, file.rest):
+        file.guarded(read, file.statements)
+    file.guarded(file.declared_targets, file.points)
     return [file.program()]
 
 
 class _Pdl2(ProgramSource):
     """A program while it is read: constants first, then moves, then what may compute with them."""
 
+    COMMENTS, WORDS = r"--[^\n]*", r"[$A-Za-z_][$\w]*"
+    MOVES, TYPE = "MOVE", "jntp"
+
     def __init__(self, path: Path, options: FrameOptions) -> None:
-        super().__init__(path, options, comments=r"--[^\n]*", words=r"[$A-Za-z_][$\w]*", lines=True)
-        self.assigned: set[str] = set()  # names of targets with their indices
+        super().__init__(path, options)
         arms = [
-            c.text
-            for a, b, c in zip(self.tokens, self.tokens[1:], self.tokens[2:], strict=False)
-            if a.isword("prog_arm") and b.issymbol("=")
+            tokens[k + 2].text
+            for tokens in self.statements
+            for k, token in enumerate(tokens[:-2])
+            if token.isword("prog_arm") and tokens[k + 1].issymbol("=")
         ]
         self.arm = arms[0] if arms else "1"
 
-    def constant(self, tokens: list[Token]) -> None:
-        """The target that a line assigns."""
-        name, value = _assignment(tokens)
-        if not name or not _is_target(value[0]):
+    def target(self, value: Value, name: str, line: int) -> ProgramTarget:
+        """The target of a joint position, of as many axes as it has."""
+        count = len(value) if isinstance(value, dict) else 0
+        angles = positional(value, name, line, *["angle"] * count)
+        return ProgramTarget(name, line, numbers_of(angles, name, line), None)
+
+    def begins_target(self, tokens: Sequence[Token], k: int) -> bool:
+        """Whether a joint position begins at a token."""
+        return tokens[k].issymbol("{") or tokens[k].isword(self.TYPE)
+
+    def assignment(self, tokens: list[Token]) -> None:
+        """The target that a line assigns, all of the line."""
+        reader = self.reader(tokens[:-1] if tokens[-1].issymbol(";") else tokens)
+        name = reader.name() if tokens[0].kind == "word" else ""
+        if not name or not reader.take(":="):
             return
-        reader = self.reader(value)
-        self._add(name, reader)
-        self.assigned.add(name.lower())
-        self.names.add(name.lower().partition("[")[0])
-        self.placed.add(tokens[0].start)
-        if reader.token.kind != "end" and not reader.token.issymbol(";"):
-            raise computed(tokens[0].line, name, f"{reader.shown} after its value")
+        if reader.token.isword(*_CARTESIAN):
+            raise _cartesian(tokens[0].line, name)
+        if self.begins_target(reader.tokens, reader.place):
+            self.placed |= {tokens[0].start, reader.token.start}
+            target = self.target(self.declared(reader, name), name, tokens[0].line)
+            self.declare(name, [*self.points.get(name.lower(), ()), target])
 
     def motion(self, tokens: list[Token]) -> None:
         """The target of MOVE."""
         first = next((k for k, t in enumerate(tokens) if t.isword(*_MOVES)), None)
         if first is None:
             return
-        reader, line = self.reader(tokens, first + 1), tokens[first].line
+        reader, move = self.reader(tokens, at=first + 1), tokens[first]
         while reader.token.isword(*_CURVES, "arm"):
-            reader.name("[]")
+            reader.name()
         word = one_line(reader.token.text) or "without TO"
         if not reader.token.isword("to"):
-            raise ProgramError(line, f"MOVE {word}: where to is computed")
+            raise ProgramError(move.line, f"MOVE {word}: where to is computed")
         reader.next()
-        if _is_target(reader.token):
-            self._add("MOVE", reader)
-        elif reader.token.isword("pos", "xtndpos"):
-            raise ProgramError(line, f"MOVE: {_CARTESIAN}")
-        else:
-            self.placed.add(reader.token.start)
-            name = reader.name("[]")
-            if reader.token.issymbol("(", ":", "."):
-                raise computed(line, "target of MOVE", name)
-            self.named_target("MOVE", name, line, declared=name.lower() in self.assigned)
-        after = reader.tokens[reader.place :]
-        if any(t.isword("via", "syncmove", *_MOVES) or _is_target(t) for t in after):
-            raise ProgramError(line, "MOVE has another target, which is not understood")
+        if reader.token.isword(*_CARTESIAN):
+            raise _cartesian(move.line, "MOVE")
+        self.go(reader, move, lambda _: MoveSetup(payload=self.options.payload("")))
+        after = range(reader.place, len(tokens))
+        if any(tokens[k].isword("via", *_MOVES) or self.begins_target(tokens, k) for k in after):
+            raise ProgramError(move.line, "MOVE has another target, which is not understood")
 
-    def elsewhere(self, tokens: list[Token]) -> None:
-        """Refuses targets, and variables that hold them, outside of MOVE and assignment."""
-        line, (name, value) = tokens[0].line, _assignment(tokens)
-        if name and value[0].isword("pos", "xtndpos"):
-            raise ProgramError(line, f"{name}: {_CARTESIAN}")
-        for token in tokens:
-            if _is_target(token) and token.start not in self.placed:
-                raise ProgramError(token.line, "a joint position outside of MOVE and assignment")
-            if token.isword("syncmove"):
-                raise ProgramError(token.line, "SYNCMOVE is not understood")
-            if self.names_a_target(token) and not _is_declaration(tokens):
-                raise used_elsewhere(token, "MOVE")
+    def rest(self, tokens: list[Token]) -> None:
+        """Refuses targets outside of MOVE and assignment, and motions of other arms."""
+        if any(token.isword("syncmove") for token in tokens):
+            raise ProgramError(tokens[0].line, "SYNCMOVE is not understood")
+        if _is_declaration(tokens):
+            self.placed |= {token.start for token in tokens if token.kind == "word"}
+        self.elsewhere(tokens)
         if not any(t.isword(*_MOVES, "jointpos") for t in tokens):
             return
         for k, token in enumerate(tokens[:-2]):
@@ -118,34 +116,14 @@ class _Pdl2(ProgramSource):
                     f"{self.arm}); correct the program of each arm with the result of its robot",
                 )
 
-    def _add(self, name: str, reader: Reader) -> None:
-        """The target of {...} or JNTP(...)."""
-        line, closing = reader.token.line, "}"
-        self.placed.add(reader.token.start)
-        if reader.next().kind == "word":
-            closing = ")"
-            reader.next()
-        numbers = [reader.number(f"target {name}")]
-        while reader.take(","):
-            numbers.append(reader.number(f"target {name}"))
-        reader.expect(closing, f"target {name}: decimals have a point, and")
-        setup = MoveSetup(payload=self.options.payload(""))
-        self.targets.append(ProgramTarget(name, line, tuple(numbers), None, setup))
 
-
-def _assignment(tokens: Sequence[Token]) -> tuple[str, Sequence[Token]]:
-    """Name and value of an assignment; an empty name where a line is none."""
-    places = [k for k, token in enumerate(tokens) if token.issymbol(":=")]
-    if not places or tokens[0].kind != "word" or len(tokens) <= places[0] + 1:
-        return "", tokens
-    index = tokens[1 : places[0]]
-    if index and not (index[0].issymbol("[") and index[-1].issymbol("]")):
-        return "", tokens
-    return "".join(t.text for t in tokens[: places[0]]), tokens[places[0] + 1 :]
-
-
-def _is_target(token: Token) -> bool:
-    return token.issymbol("{") or token.isword("jntp")
+def _cartesian(line: int, name: str) -> ProgramError:
+    return ProgramError(
+        line,
+        f"{name}: cartesian positions of PDL2 are not corrected: the arm reaches them in several "
+        "configurations, each with errors of its own, and their configuration string is not "
+        "understood; state the target as a joint position, {...} or JNTP(...)",
+    )
 
 
 def _is_declaration(tokens: Sequence[Token]) -> bool:

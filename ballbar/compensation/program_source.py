@@ -8,7 +8,7 @@ moves; what a target and a refusal are is the same for all.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,11 +20,13 @@ from ballbar.compensation.program_text import (
     ProgramError,
     Reader,
     Token,
+    Value,
     read_program_text,
-    tokens_of,
+    statements_of,
 )
 from cell.arrays import Array
 from cell.errors import InputError
+from cell.foreign_text import one_line
 from cell.payload import Payload
 
 FAULTS_SHOWN = 10
@@ -59,7 +61,7 @@ class ProgramTarget:
     numbers: tuple[Number, ...]  # axes [deg], or position [mm] and rotation
     # rotation of a pose: quaternion w x y z, or angles [deg] about z, y', x''; None for axis angles
     rotation: Literal["quaternion", "zyx"] | None
-    setup: MoveSetup
+    setup: MoveSetup = field(default_factory=MoveSetup)
     configuration: tuple[Number, ...] = ()  # cf1 cf4 cf6 cfx, or S T
 
 
@@ -76,33 +78,36 @@ class RobotProgram:
 class ProgramSource:
     """The text of a program while it is read; the reader of each language is one of these."""
 
-    def __init__(
-        self, path: Path, options: FrameOptions, *, comments: str, words: str, lines: bool
-    ) -> None:
-        """comments, words : patterns. lines : whether a statement ends with its line."""
+    COMMENTS, WORDS, END = "", "", "\n"  # patterns; what a statement ends with
+    MOVES = ""  # where a target may be named, for messages
+    TYPE = ""  # word that may stand before a target in numbers
+    HERE: tuple[str, ...] = ()  # names of the place where the robot stands already
+
+    def __init__(self, path: Path, options: FrameOptions) -> None:
         self.path, self.options, self.text = path, options, read_program_text(path)
-        self.tokens = tokens_of(self.text, comments, lines=lines, words=words)
+        self.statements = statements_of(
+            self.text, comments=self.COMMENTS, words=self.WORDS, end=self.END
+        )
         self.faults: list[tuple[int, str]] = []
         self.notes: list[str] = []
         self.targets: list[ProgramTarget] = []
-        self.placed: set[int] = set()  # places of the tokens of targets that were read
+        self.placed: set[int] = set()  # places of tokens that a declaration or move has read
         self.names: set[str] = set()  # lower-case names of targets, without their indices
-        self.uses: dict[str, list[tuple[int, MoveSetup]]] = {}  # moves to named targets
+        self.points: dict[str, list[ProgramTarget]] = {}  # declared, by lower-case name
+        self.uses: dict[str, list[tuple[int, MoveSetup]]] = {}  # moves to them
+        self.frames: dict[str, tuple[str, int, Value]] = {}  # type, line and value of other data
 
-    def statements(self) -> list[list[Token]]:
-        """Tokens of every line that has any."""
-        lines: list[list[Token]] = [[]]
-        for token in self.tokens:
-            if token.kind == "end":
-                lines.append([])
-            else:
-                lines[-1].append(token)
-        return [tokens for tokens in lines if tokens]
+    def target(self, value: Value, name: str, line: int) -> ProgramTarget:
+        """The target that a constant stands for, its setup still to be found."""
+        raise NotImplementedError
 
-    def reader(self, tokens: Sequence[Token], at: int = 0) -> Reader:
-        """A place in some tokens of the program, which end like a line."""
-        last = tokens[-1] if tokens else self.tokens[-1]
-        return Reader([*tokens, Token("end", "", last.end, last.end, last.line)], self.text, at)
+    def begins_target(self, tokens: Sequence[Token], k: int) -> bool:
+        """Whether a target in numbers begins at a token."""
+        raise NotImplementedError
+
+    def reader(self, tokens: Sequence[Token], line: int = 0, at: int = 0) -> Reader:
+        """A place in some tokens of the program."""
+        return Reader(tokens, self.text, line, at)
 
     def guarded(self, read: Callable[[Any], None], items: Iterable[object]) -> None:
         """Reads every item; lines that are not understood become faults of the program."""
@@ -112,63 +117,137 @@ class ProgramSource:
             except ProgramError as fault:
                 self.faults.append((fault.line, fault.why))
 
-    def names_a_target(self, token: Token) -> bool:
-        """Whether a token that no declaration or move has read is the name of a target."""
-        named = token.kind == "word" and token.text.lower() in self.names
-        return named and token.start not in self.placed
+    def constant(self, reader: Reader, what: str) -> Value:
+        """The constant at a place."""
+        reader.place += reader.token.isword(self.TYPE)
+        return reader.value(what)
 
-    def named_target(self, move: str, name: str, line: int, *, declared: bool) -> bool:
-        """Whether a move to a target by its name is corrected; --keep is for others alone.
+    def declared(self, reader: Reader, name: str) -> Value:
+        """The value of a declaration, the last part of its statement."""
+        line = reader.token.line
+        value = self.constant(reader, name)
+        if reader.token.kind != "end":
+            raise computed(line, name, f"{reader.shown} after its value")
+        return value
 
-        declared : whether it has a constant value in the program.
-        """
-        if name.lower() in self.options.keep:
-            what = "has constant values here and is corrected" if declared else "stays as it is"
-            self.notes.append(f"{name} {what} (--keep)")
-        elif not declared:
+    def once(self, name: str, line: int) -> None:
+        """Refuses a second declaration of a name."""
+        if name.lower() in self.points or name.lower() in self.frames:
             raise ProgramError(
-                line,
-                f"target of {move}, {name}, has no constant value in this program; write it there, "
-                f"or leave it as it is by --keep {name}",
+                line, f"{name} is declared twice, so it is not clear which a move means"
             )
-        return declared
 
-    def setup_of(self, name: str, line: int, *, joints: bool) -> MoveSetup:
-        """The setup of all moves to a declared target, which has to be the same."""
-        uses = self.uses.get(name.lower(), [])
+    def declare(self, name: str, targets: list[ProgramTarget]) -> None:
+        """Keeps the target of a declaration; of an array all."""
+        self.points[name.lower()] = targets
+        self.names.add(name.lower().partition("[")[0])
+
+    def go(self, reader: Reader, move: Token, setup: Callable[[bool], MoveSetup]) -> None:
+        """The target of a move: a constant, or the name of a declared target.
+
+        setup : of a target of axis angles, or of a pose.
+        """
+        what, token, name = f"target of {move.text}", reader.token, ""
+        self.placed.add(token.start)
+        if token.issymbol("[", "{") or token.isword(self.TYPE):
+            target = self.target(self.constant(reader, what), move.text, token.line)
+            self.targets.append(replace(target, setup=setup(target.rotation is None)))
+        elif token.kind != "word" or reader.following.issymbol("("):
+            raise computed(move.line, what, reader.shown)
+        else:
+            name = reader.name()
+        if reader.token.issymbol(*"(:+-*/."):
+            raise computed(move.line, what, reader.shown)
+        if name and name.lower() not in self.HERE:
+            self._go_to(name, move, setup)
+
+    def _go_to(self, name: str, move: Token, setup: Callable[[bool], MoveSetup]) -> None:
+        """A move to a named target; --keep is for those without a constant value alone."""
+        keys = (name.lower(), name.lower().partition("{")[0])
+        key = next((key for key in keys if key in self.points), "")
+        if keys[0] in self.options.keep:
+            what = "has constant values here and is corrected" if key else "stays as it is"
+            self.notes.append(f"{name} {what} (--keep)")
+        elif not key:
+            raise ProgramError(
+                move.line,
+                f"target of {move.text}, {name}, has no constant value in this program; write it "
+                f"there, or leave it as it is by --keep {name}",
+            )
+        if key:
+            joints = self.points[key][0].rotation is None
+            self.uses.setdefault(key, []).append((move.line, setup(joints)))
+
+    def elsewhere(self, tokens: Sequence[Token]) -> None:
+        """Refuses targets, and their names, that no declaration or move has read."""
+        for k, token in enumerate(tokens):
+            if token.start in self.placed:
+                continue
+            if token.kind == "word" and token.text.lower() in self.names:
+                raise ProgramError(
+                    token.line,
+                    f"{token.text} is assigned or used outside of {self.MOVES}, so its value may "
+                    "be another; write it with constant values, on a line of its own",
+                )
+            if self.begins_target(tokens, k):
+                raise ProgramError(
+                    token.line,
+                    f"a target is written where none is read; write it into {self.MOVES}, or "
+                    "declare it, and move to it by its name",
+                )
+
+    def declared_targets(self, name: str) -> None:
+        """The targets of a declaration, by the moves to it, which have to have the same setup."""
+        first, uses = self.points[name][0], self.uses.get(name, [])
+        joints, line = first.rotation is None, first.line
         if not uses and not joints:
             raise ProgramError(
-                line, f"{name}: no move of this program goes there, so its tool is not known"
+                line, f"{first.name}: no move of this program goes there, so its tool is not known"
             )
         for other_line, other in uses[1:]:
             if not uses[0][1].same(other, joints=joints):
                 raise ProgramError(
                     line,
-                    f"{name} is reached with other tools, frames or loads in lines {uses[0][0]} "
-                    f"and {other_line}; declare a target for each",
+                    f"{first.name} is reached with other tools, frames or loads in lines "
+                    f"{uses[0][0]} and {other_line}; declare a target for each",
                 )
-        return uses[0][1] if uses else MoveSetup(payload=self.options.payload(""))
+        setup = uses[0][1] if uses else MoveSetup(payload=self.options.payload(""))
+        self.targets += [replace(target, setup=setup) for target in self.points[name]]
 
     def program(self) -> RobotProgram:
         """The program as read. Raises InputError naming the lines that are not understood."""
         refuse(self.path, self.faults)
-        return RobotProgram(
-            self.path, self.text, tuple(self.targets), tuple(dict.fromkeys(self.notes))
+        targets = sorted(self.targets, key=lambda target: target.numbers[0].start)
+        return RobotProgram(self.path, self.text, tuple(targets), tuple(dict.fromkeys(self.notes)))
+
+
+def positional(value: Value, name: str, line: int, *form: str) -> list[Value]:
+    """The components of an aggregate without names, as many as its form has."""
+    given = list(value) if isinstance(value, dict) else []
+    if not isinstance(value, dict) or given != [str(k) for k in range(len(form))]:
+        raise ProgramError(
+            line,
+            f"{name}: {len(given)} values where {len(form)} are expected, [{','.join(form)}]; "
+            "decimals have a point",
         )
+    return list(value.values())
+
+
+def numbers_of(values: Iterable[Value], name: str, line: int) -> tuple[Number, ...]:
+    """Components that are all numbers."""
+    numbers = tuple(values)
+    for value in numbers:
+        if not isinstance(value, Number):
+            shown = repr(one_line(value.text)) if isinstance(value, Token) else "an aggregate"
+            raise ProgramError(
+                line, f"{name}: {shown} is no number; computed values are not corrected"
+            )
+    return numbers  # type: ignore[return-value]
 
 
 def computed(line: int, what: str, given: str) -> ProgramError:
     """The refusal of a value that is not of constants alone; given : what stands there."""
     return ProgramError(line, f"{what} is computed ({given}); write it with constant values")
-
-
-def used_elsewhere(token: Token, moves: str) -> ProgramError:
-    """The refusal of a target's name where it may be computed with."""
-    return ProgramError(
-        token.line,
-        f"{token.text} is assigned or used outside of {moves}, so the target is computed; write it "
-        "with constant values, each on a line of its own",
-    )
 
 
 def not_stated(line: int, what: str, option: str, name: str) -> ProgramError:

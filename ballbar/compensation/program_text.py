@@ -1,4 +1,4 @@
-"""Text of a robot program: tokens with their places, and numbers of it replaced.
+"""Text of a robot program: tokens with their places, constant values, and numbers replaced.
 
 Only the digits of targets are replaced; everything else stays as it is, byte for byte. The text is
 read as Latin-1, which gives every byte back, so comments of any encoding survive.
@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from cell.errors import InputError
 from cell.foreign_files import read_regular
@@ -20,8 +20,11 @@ from cell.strict_yaml import MAX_BYTES
 Kind = Literal["word", "number", "string", "symbol", "end"]
 MOST_BYTES = 50 * MAX_BYTES  # ten thousand targets have one
 DECIMALS = {"deg": 4, "mm": 3, "1": 8}  # at least, of numbers that are written: 2 urad, 1 um
-_KINDS = ("skip", "newline", "string", "word", "number", "symbol")
-_NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+NESTED = 12  # aggregates in one another, of targets in an array of three dimensions five
+_KINDS = ("skip", "end", "string", "word", "number", "symbol")
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|'[bB][01]+'|'[hH][0-9A-Fa-f]+'"
+_NO_VALUE = "computed values are not corrected, and decimals have a point"
+_CLOSING = {"[": "]", "{": "}", "(": ")"}
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,10 @@ class Number:
         return f"{self.text[:2]}{value:{form}}'"
 
 
+# A constant: a number, a word or text, or an aggregate, whose components have names or places
+Value: TypeAlias = "Number | Token | dict[str, Value]"
+
+
 class ProgramError(Exception):
     """Lines that are not understood; nothing of the program may be written then."""
 
@@ -87,28 +94,25 @@ def read_program_text(path: Path) -> str:
     return content.decode("latin-1")
 
 
-def tokens_of(text: str, comments: str, *, lines: bool, words: str) -> list[Token]:
-    """Tokens of a program without comments and blanks.
+def statements_of(text: str, *, comments: str, words: str, end: str) -> list[list[Token]]:
+    """Statements of a program, as their tokens without comments and blanks.
 
-    comments : pattern of a comment. lines : whether the end of a line is a token. words : pattern
-    of names and keywords.
+    comments, words : patterns. end : what a statement ends with, a semicolon or the end of a line.
     """
     pattern = re.compile(
-        rf"(?P<skip>{comments}|[^\S\n]+)|(?P<newline>\n)|(?P<string>\"(?:[^\"\n]|\"\")*\")"
-        rf"|(?P<word>{words})|(?P<number>{_NUMBER.pattern})|(?P<symbol>:=|<>|<=|>=|.)",
+        rf"(?P<end>{end})|(?P<skip>{comments}|(?:(?!{end})\s)+)|(?P<string>\"(?:[^\"\n]|\"\")*\")"
+        rf"|(?P<word>{words})|(?P<number>{_NUMBER})|(?P<symbol>:=|<>|<=|>=|.)",
         re.DOTALL,
     )
-    tokens, line = [], 1
+    statements, line = list[list[Token]]([[]]), 1
     for match in pattern.finditer(text):
-        piece, named = match[0], next(kind for kind in _KINDS if match[kind])
-        if named == "newline":
-            if lines:
-                tokens.append(Token("end", "\n", *match.span(), line))
-        elif named != "skip":
-            tokens.append(Token(named, piece, *match.span(), line))  # type: ignore[arg-type]
-        line += piece.count("\n")
-    tokens.append(Token("end", "", len(text), len(text), line))
-    return tokens
+        kind = next(kind for kind in _KINDS if match[kind])
+        if kind == "end":
+            statements.append([])
+        elif kind != "skip":
+            statements[-1].append(Token(kind, match[0], *match.span(), line))  # type: ignore[arg-type]
+        line += match[0].count("\n")
+    return [tokens for tokens in statements if tokens]
 
 
 def parts(tokens: Iterable[Token], separator: str) -> list[list[Token]]:
@@ -125,14 +129,21 @@ def parts(tokens: Iterable[Token], separator: str) -> list[list[Token]]:
 
 
 class Reader:
-    """A place in the tokens of a program."""
+    """A place in the tokens of a statement."""
 
-    def __init__(self, tokens: Sequence[Token], text: str, place: int = 0) -> None:
-        self.tokens, self.text, self.place = tokens, text, place
+    def __init__(self, tokens: Sequence[Token], source: str, line: int, place: int = 0) -> None:
+        """source : text of the program. line : for messages where there are no tokens."""
+        line = tokens[-1].line if tokens else line
+        self.tokens, self.source = [*tokens, Token("end", "", 0, 0, line)], source
+        self.place = place
 
     @property
     def token(self) -> Token:
         return self.tokens[min(self.place, len(self.tokens) - 1)]
+
+    @property
+    def following(self) -> Token:
+        return self.tokens[min(self.place + 1, len(self.tokens) - 1)]
 
     def next(self) -> Token:
         token = self.token
@@ -141,46 +152,61 @@ class Reader:
 
     def take(self, *symbols: str) -> bool:
         """Whether the next token is one of the symbols, which is then passed."""
-        if self.token.issymbol(*symbols):
-            self.place += 1
-            return True
-        return False
+        taken = self.token.issymbol(*symbols)
+        self.place += taken
+        return taken
 
-    def expect(self, symbol: str, what: str) -> Token:
-        if not self.token.issymbol(symbol):
-            raise ProgramError(
-                self.token.line, f"{what}: expected {symbol!r}, there is {self.shown}"
-            )
-        return self.next()
-
-    def name(self, brackets: str) -> str:
-        """A name with the index that it may have in brackets such as []."""
+    def name(self) -> str:
+        """A name with the index that it may have in brackets."""
         name = self.next().text
-        if self.token.issymbol(brackets[0]):
-            while self.token.kind != "end" and not name.endswith(brackets[1]):
+        if self.token.issymbol("[", "{"):
+            closing = _CLOSING[self.token.text]
+            while self.token.kind != "end" and not name.endswith(closing):
                 name += self.next().text
         return name
 
     @property
     def shown(self) -> str:
         """The next token, for a message."""
-        return (
-            "the end of the line" if self.token.kind == "end" else repr(one_line(self.token.text))
-        )
+        ended = self.token.kind == "end"
+        return "the end of the statement" if ended else repr(one_line(self.token.text))
 
-    def number(self, what: str) -> Number:
-        """A number with its sign, and nothing computed."""
-        first = self.token
-        signed = self.take("-", "+")
+    def value(self, what: str, depth: int = 0) -> Value:
+        """A constant value. what : names it in the ProgramError that is raised for any other."""
+        if self.token.issymbol(*_CLOSING):
+            return self._aggregate(what, depth)
+        self.take("#")  # of an enumeration
+        if self.token.kind in ("word", "string"):
+            return self.next()
+        first, signed = self.token, self.take("-", "+")
         if self.token.kind != "number":
-            raise ProgramError(
-                first.line, f"{what}: {self.shown} is no number; computed values are not corrected"
-            )
+            raise ProgramError(first.line, f"{what}: {self.shown} is no number; {_NO_VALUE}")
         last = self.next()
-        if signed and self.text[first.end : last.start].strip(" \t"):
+        if signed and self.source[first.end : last.start].strip(" \t"):
             raise ProgramError(first.line, f"{what}: a sign stands apart from its number")
-        start = first.start if signed else last.start
-        return Number(self.text[start : last.end], start, last.end, last.line)
+        return Number(self.source[first.start : last.end], first.start, last.end, last.line)
+
+    def _aggregate(self, what: str, depth: int) -> dict[str, Value]:
+        opening = self.next()
+        if depth == NESTED:
+            raise ProgramError(opening.line, f"{what}: aggregates more than {NESTED} deep")
+        if self.following.issymbol(":"):
+            self.place += 2  # the type before the components of KRL
+        components: dict[str, Value] = {}
+        while True:
+            named = self.token.kind == "word" and not self.following.issymbol(",", *"]})")
+            key = self.name().lower() if named else str(len(components))
+            if key in components:
+                raise ProgramError(opening.line, f"{what}: {key.upper()} stands twice")
+            components[key] = self.value(what, depth + 1)
+            if self.take(_CLOSING[opening.text]):
+                return components
+            if not self.take(","):
+                raise ProgramError(
+                    self.token.line,
+                    f"{what}: expected a comma or {_CLOSING[opening.text]!r}, there is "
+                    f"{self.shown}; {_NO_VALUE}",
+                )
 
 
 def rewritten(text: str, changes: Iterable[tuple[Number, str]]) -> str:

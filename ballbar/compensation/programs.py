@@ -262,12 +262,18 @@ def write_programs(out: Path, programs: Sequence[CorrectedProgram]) -> list[Path
     return paths
 
 
-def program_data(
-    programs: Sequence[CorrectedProgram], written: Sequence[Path], result: Result
-) -> dict[str, object]:
-    """JSON of `correct` for a program, SI units."""
-    return {
-        "files": [str(path) for path in written],
+def correct_and_write_programs(
+    path: Path, result: Result, out: Path, options: FrameOptions
+) -> tuple[dict[str, object], list[str]]:
+    """Corrects a program and writes it to new files.
+
+    Returns the JSON of `correct`, in SI units, and lines of text. Raises InputError as the
+    functions above.
+    """
+    programs = [correct_program(program, result) for program in read_programs(path, options)]
+    written = [str(file) for file in write_programs(out, programs)]
+    data: dict[str, object] = {
+        "files": written,
         "source_sha256": result.sha256,
         "targets": [
             {
@@ -284,6 +290,8 @@ def program_data(
         ],
         "notes": [note for file in programs for note in file.notes],
     }
+    wrote = f"Wrote {', '.join(written)}. Run it slowly the first time."
+    return data, [*program_lines(programs), wrote]
 
 
 def program_lines(programs: Sequence[CorrectedProgram]) -> list[str]:

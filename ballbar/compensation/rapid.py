@@ -13,36 +13,25 @@ Source: ABB, Technical reference manual, RAPID Instructions, Functions and Data 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from ballbar.compensation.frames import FrameOptions
+from ballbar.compensation.frames import FrameOptions, payload_of, pose_of_quaternion
 from ballbar.compensation.program_source import (
     MoveSetup,
     ProgramSource,
     ProgramTarget,
     RobotProgram,
-    computed,
     not_stated,
-    used_elsewhere,
+    numbers_of,
+    positional,
 )
-from ballbar.compensation.program_text import Number, ProgramError, Reader, Token, parts
-from ballbar.compensation.rapid_values import (
-    AXES,
-    constant_value,
-    elements,
-    jointtarget_of,
-    list_of,
-    robtarget_of,
-    tool_of,
-    work_object_of,
-)
+from ballbar.compensation.program_text import Number, ProgramError, Token, Value, parts
 from cell.arrays import Array
+from cell.errors import InputError
 from cell.foreign_text import one_line
 from cell.payload import Payload
 
@@ -55,9 +44,11 @@ MOVES: dict[str, tuple[tuple[int, ...], int]] = {
     "triggl": ((0,), 4),
     "triggc": ((0, 1), 5),
 }
-# begin like motions, but set something up, or move external axes alone
-_NO_MOTION = re.compile(r"triggio|triggequip|triggint|triggcheckio|triggspeed|triggrampao|moveextj")
-_MOTION = re.compile(r"(move|trigg|search|arc|spot|paint|disp|cap|laser|cut|glue)\w*")
+# other motions, but for words that begin so and set something up, or move external axes alone
+_MOTION = re.compile(
+    r"(?!triggio|triggequip|triggint|triggcheckio|triggspeed|triggrampao|moveextj)"
+    r"(move|trigg|search|arc|spot|paint|disp|cap|laser|cut|glue)\w*"
+)
 # change what every later target means
 _SHIFTS = {
     "pdispon": "a program displacement",
@@ -66,36 +57,19 @@ _SHIFTS = {
 }
 # the one argument with which the controller goes by the configuration of a target
 _GOES_BY_CONFIGURATION = {"confl": "on", "confj": "on", "singarea": "off"}
-_TAKES_A_FRAME = (["\\", "tool", ":="], ["\\", "wobj", ":="])
+_FRAMES = {"tooldata": ("tool", "tool"), "wobjdata": ("work object", "frame")}  # shown, option
 _TARGETS = ("jointtarget", "robtarget")
-
-
-@dataclass(frozen=True, eq=False)
-class _Data:
-    """A declaration."""
-
-    kind: str
-    name: str
-    line: int
-    values: tuple[object, ...]  # one aggregate, or as many as the array has
-    failure: ProgramError | None = None  # why its value is not constant
-
-    def one_value(self) -> object:
-        """The value of a tool or work object; raises ProgramError where it is not constant."""
-        if self.failure is not None:
-            raise self.failure
-        if len(self.values) != 1:
-            raise ProgramError(self.line, f"{self.name} is an array where one is expected")
-        return self.values[0]
+_ROUTINES = ("proc", "func", "trap")
+AXES = 6
+NO_VALUE = 9e8  # from here on a number, 9E9, stands for an axis that does not exist
 
 
 def read_rapid(path: Path, options: FrameOptions) -> list[RobotProgram]:
     """The targets of a module. Raises InputError naming the lines that are not understood."""
     module = _Module(path, options)
-    for read in (module.declaration, module.instruction, module.elsewhere):
-        module.guarded(read, range(len(module.tokens)))
-    targets = [data for data in module.data.values() if data.kind in _TARGETS]
-    module.guarded(module.declared_target, targets)
+    module.guarded(module.declaration, module.statements)
+    module.guarded(module.instructions, module.statements)
+    module.guarded(module.declared_targets, module.points)
     if any(target.rotation for target in module.targets):
         module.faults += [
             (
@@ -112,236 +86,243 @@ def read_rapid(path: Path, options: FrameOptions) -> list[RobotProgram]:
 class _Module(ProgramSource):
     """The module while it is read."""
 
+    COMMENTS, WORDS, END = r"![^\n]*", r"[A-Za-z_]\w*", ";"
+    MOVES = "a move instruction (MoveAbsJ, MoveJ, MoveL, MoveC, TriggJ, TriggL, TriggC)"
+
     def __init__(self, path: Path, options: FrameOptions) -> None:
-        super().__init__(path, options, comments=r"![^\n]*", words=r"[A-Za-z_]\w*", lines=False)
-        self.data: dict[str, _Data] = {}
+        super().__init__(path, options)
         self.choices: list[Token] = []  # instructions that leave the configuration to the robot
-        pairs = list(pairwise(self.tokens))
-        self.routines = {b.text.lower() for a, b in pairs if a.isword("proc", "func", "trap")}
+        pairs = [pair for statement in self.statements for pair in pairwise(statement)]
+        self.routines = {b.text.lower() for a, b in pairs if a.isword(*_ROUTINES)}
         self.parameters = {  # tools and work objects that routines are given
             b.text.lower()
             for (a, b), (_, c) in pairwise(pairs)
-            if a.isword("tooldata", "wobjdata") and c.issymbol(",", ")", "|")
+            if a.isword(*_FRAMES) and c.issymbol(",", ")", "|")
         }
 
-    def declaration(self, i: int) -> None:
-        """A declaration of a target, tool or work object that begins at a token."""
-        if not self.tokens[i].isword("const", "pers", "var"):
-            return
-        reader = Reader(self.tokens, self.text, i + 1)
+    def declaration(self, tokens: list[Token]) -> None:
+        """The declaration of a target, tool or work object that a statement ends with."""
+        begins = [k for k, token in enumerate(tokens) if token.isword("const", "pers", "var")]
+        reader = self.reader(tokens, at=begins[-1] + 1 if begins else len(tokens))
         kind, name = reader.next(), reader.next()
-        declared = kind.isword(*_TARGETS, "tooldata", "wobjdata") and name.kind == "word"
-        if not declared or reader.token.issymbol(",", ")"):
+        known = kind.isword(*_TARGETS, *_FRAMES) and name.kind == "word"
+        if not known or reader.token.issymbol(",", ")", "|"):
             return  # of another type, or a parameter of a routine
-        key, sizes, values = name.text.lower(), 0, list[object]()
-        if key in self.data:
-            raise ProgramError(
-                name.line, f"{name.text} is declared twice, so it is not clear which a move means"
-            )
+        dimensions, line = 0, name.line
+        self.once(name.text, line)
         if reader.take("{"):
-            while not reader.take("}"):
-                if reader.token.kind == "end":
-                    raise ProgramError(name.line, f"the size of {name.text} does not end")
-                sizes += reader.next().kind != "symbol"
-        failure: ProgramError | None = ProgramError(name.line, f"{name.text} has no constant value")
-        try:
-            if reader.take(":="):
-                values = elements(constant_value(reader, name.text), sizes)
-                failure = None
-                reader.expect(";", f"after the value of {name.text}")
-        except ProgramError as fault:
-            failure = fault
-        self.placed |= {token.start for token in self.tokens[i : reader.place]}
-        self.data[key] = _Data(kind.text.lower(), name.text, name.line, tuple(values), failure)
+            dimensions += 1
+            while reader.token.kind != "end" and not reader.take("}"):
+                dimensions += reader.next().issymbol(",")
+        if not reader.take(":="):
+            if kind.isword(*_FRAMES):
+                return
+            raise ProgramError(line, f"{name.text} has no constant value; write it there")
+        value = self.declared(reader, name.text)
+        self.placed |= {token.start for token in tokens[begins[-1] :]}
+        if kind.isword(*_FRAMES):
+            self.frames[name.text.lower()] = kind.text.lower(), line, value
+            self.names.add(name.text.lower())
+            return
+        values, targets = _elements(value, dimensions), list[ProgramTarget]()
+        for k, each in enumerate(values, start=1):
+            shown = name.text if dimensions == 0 else f"{name.text}{{{k}}}"
+            targets.append(self.target(each, shown, line))
+            if (targets[-1].rotation is None) is not kind.isword("jointtarget"):
+                raise ProgramError(line, f"{shown}: the value is not that of a {kind.text}")
+        self.declare(name.text, targets)
 
-    def instruction(self, i: int) -> None:
-        """An instruction that begins at a token, or a name that stands there."""
-        token, word = self.tokens[i], self.tokens[i].text.lower()
-        before = self.tokens[i - 1]  # of the first token the last, which is the end
-        if token.kind != "word" or token.start in self.placed or before.issymbol(".", "\\"):
+    def target(self, value: Value, name: str, line: int) -> ProgramTarget:
+        """The target of [[axes],[external]] or [[position],[q],[confdata],[external]]."""
+        if not isinstance(value, dict) or len(value) == 2:
+            axes, _ = positional(value, name, line, "[axes]", "[external]")
+            numbers = _numbers(axes, AXES, name, line)
+            return ProgramTarget(name, numbers[0].line, numbers, None)
+        place, turn, configuration, external = positional(
+            value, name, line, "[position]", "[q]", "[confdata]", "[external]"
+        )
+        numbers = _numbers(place, 3, name, line) + _numbers(turn, 4, name, line)
+        quadrants = _numbers(configuration, 4, name, line)
+        if any(number.value % 1.0 for number in quadrants):
+            raise ProgramError(line, f"{name}: confdata are whole numbers")
+        stated = external.values() if isinstance(external, dict) else [external]
+        for k, number in enumerate(numbers_of(stated, name, line), start=1):
+            if abs(number.value) < NO_VALUE:  # it may carry the robot or the work object
+                raise ProgramError(
+                    line,
+                    f"{name}: external axis {k} stands at {number.text}, not 9E9; whether it moves "
+                    "the robot's base or the work object is not known: state a jointtarget",
+                )
+        return ProgramTarget(name, numbers[0].line, numbers, "quaternion", configuration=quadrants)
+
+    def begins_target(self, tokens: Sequence[Token], k: int) -> bool:
+        """Whether a list has the form of a target."""
+        if not tokens[k].issymbol("[") or (k and tokens[k - 1].issymbol("[")):
+            return False
+        try:
+            value = self.reader(tokens, at=k).value("")
+        except ProgramError:
+            return False  # an index, or computed; names of targets in it are refused by themselves
+        inner = value.values() if isinstance(value, dict) else ()
+        sizes = [len(part) if isinstance(part, dict) else 0 for part in inner]
+        return sizes[:3] == [3, 4, 4] or (len(sizes) == 2 and sizes[0] == AXES)
+
+    def instructions(self, tokens: list[Token]) -> None:
+        """The instruction of a statement; whatever else names targets and tools is refused."""
+        for k, token in enumerate(tokens):
+            before = tokens[k - 1].text.lower() if k else ""
+            if token.kind != "word" or token.start in self.placed:
+                continue
+            if before in (".", "\\"):  # a component, or a switch; \Tool:= and \WObj:= only read
+                reads = token.isword("tool", "wobj") and tokens[k + 1 : k + 2]
+                of_value = 2 if reads and reads[0].issymbol(":=") else 0
+                self.placed |= {part.start for part in tokens[k : k + 1 + of_value]}
+            elif before not in (*_ROUTINES, "module"):
+                self._instruction(tokens[k:])
+        self.elsewhere(tokens)
+
+    def _instruction(self, tokens: list[Token]) -> None:
+        token, word = tokens[0], tokens[0].text.lower()
+        after = [following.text.lower() for following in tokens[1:]]
+        if after and after[0] in (":=", "(", ".", ",", "{"):
             return
-        following = self.tokens[i + 1]
-        if (data := self.data.get(word)) is not None:
-            self._reference(i, data)
-        elif following.issymbol(":=", "(", ".", ",", "{") or (
-            before.isword("proc", "func", "trap", "module")
-        ):
-            return
-        elif word in MOVES:
-            self._move(i)
-        elif word in _GOES_BY_CONFIGURATION:
-            after = [part.text.lower() for part in self.tokens[i + 1 : i + 4]]
-            if after != ["\\", _GOES_BY_CONFIGURATION[word], ";"]:
-                self.choices.append(token)
+        if word in MOVES:
+            self._move(tokens)
+        elif word in _GOES_BY_CONFIGURATION and after != ["\\", _GOES_BY_CONFIGURATION[word]]:
+            self.choices.append(token)
         elif word in _SHIFTS and not (word == "gripload" and self.options.payloads):
+            remedy = ": state it by --payload" if word == "gripload" else ""
             raise ProgramError(
                 token.line,
                 f"{token.text} changes {_SHIFTS[word]} of what follows, which is not accounted for"
-                + (": state it by --payload" if word == "gripload" else ""),
+                f"{remedy}",
             )
-        elif _MOTION.fullmatch(word) and not _NO_MOTION.fullmatch(word):
-            if word in self.routines:
-                return
-            if following.issymbol(";"):
-                self.notes.append(f"{token.text} is not in the file: its targets stay as they are")
-                return
-            raise ProgramError(
-                token.line, f"{token.text} is no move instruction that is understood; understood "
-                f"are MoveAbsJ, MoveJ, MoveL, MoveC, TriggJ, TriggL, TriggC",
-            )  # fmt: skip
+        elif _MOTION.fullmatch(word) and word not in self.routines:
+            if after:
+                raise ProgramError(token.line, f"{token.text} is not {self.MOVES}")
+            self.notes.append(f"{token.text} is not in the file: its targets stay as they are")
 
-    def elsewhere(self, i: int) -> None:
-        """Refuses a value outside of declarations and moves that has the form of a target."""
-        token = self.tokens[i]
-        inner = self.tokens[i - 1].issymbol("[")
-        if not token.issymbol("[") or inner or token.start in self.placed:
-            return
-        try:
-            value = constant_value(Reader(self.tokens, self.text, i), "")
-        except ProgramError:
-            return  # an index or a computed list; names of targets in it are refused by themselves
-        sizes = [len(part) if isinstance(part, list) else 0 for part in list_of(value)]
-        if sizes[:3] == [3, 4, 4] or (len(sizes) == 2 and sizes[0] == AXES):
-            raise ProgramError(
-                token.line,
-                "a target is written where no move is understood to go there; declare it, and move "
-                "to it by MoveAbsJ, MoveJ, MoveL or MoveC",
-            )
-
-    def _reference(self, i: int, data: _Data) -> None:
-        """A name of a target, tool or work object outside of declarations and moves."""
-        token = self.tokens[i]
-        if data.kind in _TARGETS:
-            raise used_elsewhere(token, "a move instruction")
-        if self.tokens[i + 1].issymbol(":="):
-            raise ProgramError(token.line, f"{token.text} is changed by the program")
-        before = self.tokens[max(i - 3, 0) : i]
-        if [part.text.lower() for part in before] not in _TAKES_A_FRAME:
-            raise ProgramError(
-                token.line,
-                f"{token.text} is used outside of a move instruction, where its value may change "
-                "or another be meant by the name",
-            )
-
-    def _move(self, i: int) -> None:
-        name, end = self.tokens[i], i + 1
-        while not self.tokens[end].issymbol(";") and self.tokens[end].kind != "end":
-            end += 1
-        self.placed |= {token.start for token in self.tokens[i:end]}
-        arguments = [parts(argument, "\\") for argument in parts(self.tokens[i + 1 : end], ",")]
+    def _move(self, tokens: list[Token]) -> None:
+        move, joints = tokens[0], tokens[0].isword("moveabsj")
+        self.placed |= {token.start for token in tokens}
+        arguments = [parts(argument, "\\") for argument in parts(tokens[1:], ",")]
         while arguments and not arguments[0][0]:
             arguments.pop(0)  # \Conc
-        places, tool_at = MOVES[name.text.lower()]
+        places, tool_at = MOVES[move.text.lower()]
         if len(arguments) <= tool_at:
             raise ProgramError(
-                name.line, f"{name.text} has {len(arguments)} arguments, expected {tool_at + 1}"
+                move.line, f"{move.text} has {len(arguments)} arguments, expected {tool_at + 1}"
             )
-        joints = name.text.lower() == "moveabsj"
-        setup = self._setup(arguments[tool_at], name, joints=joints)
-        for place in places:
-            self._goal(arguments[place][0], name, setup, joints=joints)
+        setup = self._setup(arguments[tool_at], move, joints=joints)
 
-    def _goal(self, tokens: list[Token], move: Token, setup: MoveSetup, *, joints: bool) -> None:
-        """The target of a move: a name, an element of an array, or an aggregate."""
-        reader, what, value = self.reader(tokens), f"target of {move.text}", None
-        name = reader.token
-        if name.issymbol("["):
-            value = constant_value(reader, what)
-        elif name.kind != "word" or reader.tokens[1].issymbol("("):
-            raise computed(move.line, what, reader.shown)
-        else:
-            reader.name("{}")
-        if reader.token.kind != "end":
-            raise computed(move.line, what, reader.shown)
-        if value is not None:
-            self._add(move.text, move.line, value, setup, joints=joints)
-            return
-        data = self.data.get(name.text.lower())
-        declared = data is not None and data.kind in _TARGETS
-        if not self.named_target(move.text, name.text, move.line, declared=declared):
-            return
-        assert data is not None
-        if (data.kind == "jointtarget") is not joints:
-            raise ProgramError(
-                move.line, f"{name.text} is a {data.kind}, which {move.text} does not take"
-            )
-        self.uses.setdefault(name.text.lower(), []).append((move.line, setup))
+        def checked(of_joints: bool) -> MoveSetup:
+            if of_joints is not joints:
+                kind = "jointtarget" if of_joints else "robtarget"
+                raise ProgramError(
+                    move.line, f"the target is a {kind}, which {move.text} does not take"
+                )
+            return setup
+
+        for place in places:
+            self.go(self.reader(arguments[place][0], move.line), move, checked)
 
     def _setup(self, given: list[list[Token]], move: Token, *, joints: bool) -> MoveSetup:
         """Tool, work object and payload of a move."""
-        tool_name = _name(given[0], f"tool of {move.text}", move)
-        named = {switch[0].text.lower(): switch[1:] for switch in given[1:] if switch}
-        if "tload" in named and not self.options.payloads:
+        switches = {switch[0].text.lower(): switch[1:] for switch in given[1:] if switch}
+        if "tload" in switches and not self.options.payloads:
             raise ProgramError(move.line, "\\TLoad replaces the tool's load: state it by --payload")
-        tool, payload = self._tool(tool_name, move, needed=not joints)
+        tool, (pose, load) = self._frame("tooldata", given[0], move, needed=not joints)
         frame = np.eye(4)
-        if not joints and "wobj" in named:
-            if not (value := named["wobj"]) or not value[0].issymbol(":="):
+        if not joints and "wobj" in switches:
+            value = switches["wobj"]
+            if not value or not value[0].issymbol(":="):
                 raise ProgramError(move.line, "\\WObj is not given by :=, so it is not known")
-            frame = self._work_object(_name(value[1:], f"work object of {move.text}", move), move)
-        return MoveSetup(tool, frame, payload, tool_name)
+            _, (frame, _) = self._frame("wobjdata", value[1:], move, needed=True)
+        return MoveSetup(pose, frame, self.options.payload(tool) or load, tool)
 
-    def _tool(self, name: str, move: Token, *, needed: bool) -> tuple[Array, Payload | None]:
-        stated = self.options.payload(name)
-        if name.lower() == "tool0":
-            return np.eye(4), stated
-        data = self._declared_frame("tooldata", name, move, self.options.tools)
-        if data is not None:
-            tool, declared = tool_of(data.one_value(), name, data.line)
-            return tool, stated or declared
-        other = self.options.tool(name)
-        if other is None and needed:
-            raise not_stated(move.line, f"tool {name}", "tool", name)
-        return np.eye(4) if other is None else other, stated
-
-    def _work_object(self, name: str, move: Token) -> Array:
-        if name.lower() == "wobj0":
-            return np.eye(4)
-        data = self._declared_frame("wobjdata", name, move, self.options.frames)
-        if data is not None:
-            return work_object_of(data.one_value(), name, data.line)
-        if (frame := self.options.frame(name)) is not None:
-            return frame
-        raise not_stated(move.line, f"work object {name}", "frame", name)
-
-    def _declared_frame(
-        self, kind: str, name: str, move: Token, stated: Mapping[str, object]
-    ) -> _Data | None:
-        """A declared tool or work object; a routine's parameter has to be stated by its name."""
-        data = self.data.get(name.lower())
-        if data is not None and data.kind == kind:
-            return data
-        if name.lower() in self.parameters and name.lower() not in stated:
+    def _frame(
+        self, kind: str, tokens: Sequence[Token], move: Token, *, needed: bool
+    ) -> tuple[str, tuple[Array, Payload | None]]:
+        """Name, frame (4, 4) and load of a tool or work object that a move names."""
+        what, option = _FRAMES[kind]
+        text = one_line("".join(token.text for token in tokens))
+        if len(tokens) != 1 or tokens[0].kind != "word":
             raise ProgramError(
-                move.line, f"{name} is given to the routine by its caller, so it is not known"
+                move.line, f"{what} of {move.text} is no name of a declaration ({text}); name one"
             )
-        return None
-
-    def declared_target(self, data: _Data) -> None:
-        """The targets of a declaration, by the moves that go there."""
-        if data.failure is not None:
-            raise data.failure
-        joints = data.kind == "jointtarget"
-        setup = self.setup_of(data.name, data.line, joints=joints)
-        count = len(data.values)
-        for k, value in enumerate(data.values):
-            name = data.name if count == 1 else f"{data.name}{{{k + 1}}}"
-            self._add(name, data.line, value, setup, joints=joints)
-
-    def _add(self, name: str, line: int, value: object, setup: MoveSetup, *, joints: bool) -> None:
-        configuration: tuple[Number, ...] = ()
-        if joints:
-            numbers = jointtarget_of(value, name, line)
-        else:
-            numbers, configuration = robtarget_of(value, name, line)
-        rotation: Literal["quaternion"] | None = None if joints else "quaternion"
-        target = ProgramTarget(name, numbers[0].line, numbers, rotation, setup, configuration)
-        self.targets.append(target)
+        key = text.lower()
+        if key in ("tool0", "wobj0"):
+            return text, (np.eye(4), None)
+        declared, line, value = self.frames.get(key, ("", 0, {}))
+        if declared == kind:
+            read = _tool_of if kind == "tooldata" else _work_object_of
+            return text, read(value, text, line)
+        stated = self.options.tools if kind == "tooldata" else self.options.frames
+        if key in self.parameters and key not in stated:
+            raise ProgramError(
+                move.line, f"{text} is given to the routine by its caller, so it is not known"
+            )
+        pose = stated.get(key, stated.get(""))
+        if pose is None and needed:
+            raise not_stated(move.line, f"{what} {text}", option, text)
+        return text, (np.eye(4) if pose is None else pose, None)
 
 
-def _name(tokens: Sequence[Token], what: str, move: Token) -> str:
-    """The name that an argument consists of."""
-    if len(tokens) == 1 and tokens[0].kind == "word":
-        return tokens[0].text
-    text = one_line("".join(token.text for token in tokens))
-    raise ProgramError(move.line, f"{what} is no name of a declaration ({text}); name one")
+def _elements(value: Value, dimensions: int) -> list[Value]:
+    """The elements of an array of so many dimensions, of none the value itself."""
+    if dimensions == 0 or not isinstance(value, dict):
+        return [value]
+    return [element for part in value.values() for element in _elements(part, dimensions - 1)]
+
+
+def _tool_of(value: Value, name: str, line: int) -> tuple[Array, Payload | None]:
+    """Frame and load of [held,[frame],[mass,[centre],...]]; a mass below 0 is not known."""
+    held, frame, load = positional(value, name, line, "held", "[frame]", "[load]")
+    if not _is(held, "true"):
+        raise ProgramError(line, f"tool {name} is stationary, which is not accounted for")
+    form = ("mass", "[centre]", "[aom]", "ix", "iy", "iz")
+    what = f"load of {name}"
+    mass, centre, *_ = positional(load, what, line, *form)
+    (kilograms,) = numbers_of([mass], what, line)
+    place = [number.value for number in _numbers(centre, 3, what, line)]
+    if kilograms.value < 0.0:
+        return _pose(frame, name, line), None
+    try:
+        return _pose(frame, name, line), payload_of(kilograms.value, place)
+    except InputError as error:
+        raise ProgramError(line, f"{what}: {error}") from None
+
+
+def _work_object_of(value: Value, name: str, line: int) -> tuple[Array, None]:
+    """Object frame in the robot's base frame of [held,fixed,unit,[user],[object]]."""
+    held, fixed, _, user, placed = positional(
+        value, name, line, "held", "fixed", "unit", "[user]", "[object]"
+    )
+    if not _is(held, "false") or not _is(fixed, "true"):
+        raise ProgramError(
+            line, f"work object {name} is held by a robot or moves, which is not accounted for"
+        )
+    return np.asarray(_pose(user, name, line) @ _pose(placed, name, line)), None
+
+
+def _is(value: Value, word: str) -> bool:
+    return isinstance(value, Token) and value.isword(word)
+
+
+def _pose(value: Value, name: str, line: int) -> Array:
+    """(4, 4) frame of [[x,y,z],[q1,q2,q3,q4]]."""
+    place, turn = positional(value, name, line, "[x,y,z]", "[q1,q2,q3,q4]")
+    values = _numbers(place, 3, name, line) + _numbers(turn, 4, name, line)
+    numbers = [number.value for number in values]
+    try:
+        return pose_of_quaternion(numbers[:3], numbers[3:])
+    except ValueError as error:
+        raise ProgramError(line, f"{name}: {error}") from None
+
+
+def _numbers(value: Value, count: int, name: str, line: int) -> tuple[Number, ...]:
+    """So many numbers of a list, each of an axis or quantity that exists."""
+    numbers = numbers_of(positional(value, name, line, *["number"] * count), name, line)
+    if any(abs(number.value) >= NO_VALUE for number in numbers):
+        raise ProgramError(line, f"{name}: 9E9 stands for an axis or value that does not exist")
+    return numbers

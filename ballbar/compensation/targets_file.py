@@ -227,10 +227,19 @@ def write_corrected(out: Path, correction: CorrectedTable, result: Result) -> No
     write_new(out, text.encode())
 
 
-def correction_data(correction: CorrectedTable, result: Result, out: Path) -> dict[str, object]:
-    """JSON of `correct`, SI units."""
+def correct_and_write_table(
+    path: Path, result: Result, out: Path
+) -> tuple[dict[str, object], list[str]]:
+    """Corrects a table and writes it to a new file.
+
+    Returns the JSON of `correct`, in SI units, and lines of text: effects, predicted pose error,
+    largest corrections, warnings. Raises InputError as the functions above.
+    """
+    correction = correct_file(path, result)
+    write_corrected(out, correction, result)
     c = correction.corrected
-    return {
+    largest = np.abs(correction.axis_changes).max(axis=0)
+    data: dict[str, object] = {
         "file": str(out),
         "source_sha256": result.sha256,
         "targets": len(c.q),
@@ -245,21 +254,16 @@ def correction_data(correction: CorrectedTable, result: Result, out: Path) -> di
             "max": float(c.angle_before.max()),
         },
         "left_in_the_model_m": float(c.position_after.max()),
-        "largest_axis_correction_rad": np.abs(correction.axis_changes).max(axis=0).tolist(),
+        "largest_axis_correction_rad": largest.tolist(),
     }
-
-
-def correction_lines(correction: CorrectedTable) -> list[str]:
-    """Lines of text: effects, predicted pose error, largest corrections, warnings."""
-    c = correction.corrected
     position, angle = c.position_before * MM, c.angle_before * MRAD
-    largest = np.degrees(np.abs(correction.axis_changes).max(axis=0))
-    degrees = ", ".join(f"{v:.3f}" for v in largest)
-    return [
+    degrees = ", ".join(f"{v:.3f}" for v in np.degrees(largest))
+    return data, [
         f"{len(c.q)} targets corrected for {', '.join(['geometry', *correction.included])}",
         "pose error that the identified robot has at the given targets: "
         f"mean {position.mean():.3f} mm, largest {position.max():.3f} mm; "
         f"mean {angle.mean():.3f} mrad",
         f"largest correction of axes 1 to {len(largest)}: {degrees} deg",
         *(f"care: {warning}" for warning in correction.warnings),
+        f"Wrote {out}",
     ]

@@ -10,15 +10,14 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
 from ballbar.export.result import Result, numbers
-from ballbar.robot_file.urdf import TURNING, joint_of, joints_in, linked, xml_tree
-from ballbar.robot_file.urdf_chain import UrdfChain
+from ballbar.robot_file.urdf import TURNING, Urdf, UrdfJoint, joint_of, joints_in, linked, xml_tree
+from ballbar.robot_file.urdf_chain import UrdfChain, chain_between
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.rotation import roll_pitch_yaw
@@ -49,9 +48,9 @@ def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> Changed
     written = joints_in(root, source)
     names = list(joints) or _only_chain(written, result.robot.joints, source)
     names = [_full_name(written, name, source) for name in names]
-    chain, before = _chain_of(written, names, source)
+    chain = _chain_of(written, names, source)
     match = matched(result.robot, result.nominal, chain, source)
-    origins, tip = new_origins(match, result.nominal, result.chain, chain, before)
+    origins, tip = new_origins(match, result.nominal, result.chain, chain)
     edits = [
         _edit(content, written[name], places, pose)
         for name, pose in zip(names, origins, strict=True)
@@ -59,7 +58,7 @@ def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> Changed
     text = content
     for begin, end, tag in sorted(edits, reverse=True):
         text = text[:begin] + tag + text[end:]
-    again, _ = _chain_of(joints_in(xml_tree(text, source)[0], source), names, source)
+    again = _chain_of(joints_in(xml_tree(text, source)[0], source), names, source)
     error = check_new_chain(result.robot, match, result.chain, tip, again, source)
     pairs = list(zip(origins, (joint.pose for joint in chain.joints), strict=True))
     return ChangedFile(
@@ -125,37 +124,26 @@ def _full_name(joints: Mapping[str, ET.Element], name: str, source: str) -> str:
     return full
 
 
-def _chain_of(
-    joints: Mapping[str, ET.Element], names: Sequence[str], source: str
-) -> tuple[UrdfChain, list[Array]]:
+def _chain_of(joints: Mapping[str, ET.Element], names: Sequence[str], source: str) -> UrdfChain:
     """The serial chain of named joints, from the first one's parent to the last one's child.
 
-    The second is the pose (4, 4) [m] of each joint's parent link in the child link of the joint
-    before it. Raises InputError for joints that do not follow each other.
+    Raises InputError where other joints move between them, or they do not follow each other.
     """
     by_child = {linked(joint, "child"): joint for joint in joints.values()}
-    turning = [joint_of(joints[name], source) for name in names]
-    before = [np.eye(4)]
-    for above, joint in pairwise(turning):
-        pose, link, seen = np.eye(4), joint.parent, set[str]()
-        while link != above.child:
-            element = by_child.get(link)
-            if element is None or link in seen:
-                raise InputError(
-                    f"{source}: joint {joint.name} does not hang on {above.name}. Name the turning "
-                    "joints from the base to the tip with --joints."
-                )
-            inner = joint_of(element, source)
-            if inner.kind != "fixed":
-                raise InputError(
-                    f"{source}: joint {inner.name} ({inner.kind}) lies between {above.name} and "
-                    f"{joint.name}. Name all turning joints from the base to the tip with --joints."
-                )
-            seen.add(link)
-            pose, link = inner.pose @ pose, inner.parent
-        before.append(np.asarray(pose))
-    fixed = (*(rest @ joint.pose for rest, joint in zip(before, turning, strict=True)), np.eye(4))
-    return UrdfChain(turning[0].parent, turning[-1].child, tuple(turning), fixed), before
+    base, tip = linked(joints[names[0]], "parent"), linked(joints[names[-1]], "child")
+    link, path = tip, list[UrdfJoint]()
+    while link != base and link in by_child and len(path) < len(joints):
+        path.insert(0, joint_of(by_child[link], source))
+        link = path[0].parent
+    moving = [f"{joint.name} ({joint.kind})" for joint in path if joint.kind != "fixed"]
+    if link != base or [joint.name for joint in path if joint.kind != "fixed"] != list(names):
+        raise InputError(
+            f"{source}: {', '.join(names)} are not all joints that move from {base} to {tip}, in "
+            f"their order; above {tip} are {', '.join(moving)}. Name all turning joints from the "
+            "base to the tip with --joints."
+        )
+    links = dict.fromkeys((base, *(joint.child for joint in path)))
+    return chain_between(Urdf(source, "", links, tuple(path)), base, tip)
 
 
 def _edit(

@@ -70,11 +70,10 @@ def matched(robot: Robot, nominal: Chain, chain: UrdfChain, source: str) -> Matc
 
 
 def new_origins(
-    match: Match, nominal: Chain, identified: Chain, chain: UrdfChain, before: list[Array]
+    match: Match, nominal: Chain, identified: Chain, chain: UrdfChain
 ) -> tuple[list[Array], Array]:
     """(4, 4) [m] origins of the J joints in their parents' frames, and the tip.
 
-    before : J poses (4, 4) [m] of each joint's parent link in the child link of the joint before.
     The tip is the child link of the last joint, its pose (4, 4) [m] in the frame of the last row.
     """
     change = identified.theta - nominal.theta
@@ -83,12 +82,12 @@ def new_origins(
     frames = forward(nominal, np.zeros((1, nominal.rows)))
     link = np.eye(4)  # nominal
     behind = _inverse(match.T_base_dh)  # of link i in the frame of row i
-    origins = []
+    origins, fixed = [], chain.fixed
     for i, joint in enumerate(chain.joints):
-        link = link @ chain.fixed[i]
+        link = link @ fixed[i]
         place = _inverse(match.T_base_dh @ frames.poses(i)[0]) @ link
         on_axis = _turn_z(float(change[i])) @ _on_axis(place, joint.axis, float(match.sign[i]))
-        origins.append(_inverse(before[i]) @ _inverse(behind) @ on_axis)
+        origins.append(_inverse(chain.before[i]) @ _inverse(behind) @ on_axis)
         behind = _inverse(rows[i]) @ on_axis
     return origins, behind
 

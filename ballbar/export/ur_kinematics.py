@@ -13,7 +13,6 @@ from ballbar.export.new_origins import check_new_chain, matched, new_origins
 from ballbar.export.result import Result, noted_text, number
 from ballbar.robot_file.urdf import UrdfJoint
 from ballbar.robot_file.urdf_chain import UrdfChain
-from cell.arrays import Array
 from cell.chain import Chain
 from cell.errors import InputError
 from cell.rotation import roll_pitch_yaw
@@ -32,8 +31,7 @@ def ur_kinematics(result: Result) -> str:
         )
     chain = ur_chain(_nominal_origins(nominal))
     match = matched(result.robot, nominal, chain, "ur_description")
-    before = [np.eye(4)] * len(LINKS)
-    origins, tip = new_origins(match, nominal, result.chain, chain, before)
+    origins, tip = new_origins(match, nominal, result.chain, chain)
     values = [(pose[:3, 3], roll_pitch_yaw(pose[:3, :3])) for pose in origins]
     again = ur_chain([(tuple(xyz.tolist()), tuple(rpy.tolist())) for xyz, rpy in values])
     check_new_chain(result.robot, match, result.chain, tip, again, "ur_description")
@@ -66,8 +64,7 @@ def ur_chain(origins: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> Urdf
         )
         for i, (xyz, rpy) in enumerate(origins)
     )
-    fixed: tuple[Array, ...] = (*(joint.pose for joint in joints), np.eye(4))
-    return UrdfChain(links[0], links[-1], joints, fixed)
+    return UrdfChain(links[0], links[-1], joints, (np.eye(4),) * (len(LINKS) + 1))
 
 
 def _nominal_origins(rows: Chain) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:

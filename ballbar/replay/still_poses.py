@@ -19,7 +19,7 @@ from ballbar.replay.scene import log_body, log_frame, log_legend, magnification,
 from ballbar.replay.window import blueprint
 from ballbar.report.colours import AFTER_COLOUR, BACKGROUND, BEFORE_COLOUR, STEEL, Colour
 from ballbar.report.shapes import robot_bodies
-from ballbar.result.run_data import PoseRun
+from ballbar.result.run_data import RunData
 from ballbar.units import MM
 
 if TYPE_CHECKING:  # a replay of recordings does without still poses
@@ -35,9 +35,11 @@ _KINDS: tuple[tuple[str, Colour, float], ...] = (
 )
 
 
-def log_still_poses(stream: rr.RecordingStream, run: PoseRun) -> None:
+def log_still_poses(stream: rr.RecordingStream, run: RunData) -> None:
     """Arm, arrows and curves of an identification from still poses."""
-    result, robot = run.identification, run.identification.table.robot
+    result, robot = run.identification.poses, run.identification.robot.robot
+    if result is None:
+        return
     reach = float(np.abs(robot.a).sum() + np.abs(robot.d).sum())
     stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _log_arm(Branch(stream), result.fit, 0.012 * reach)

@@ -34,7 +34,7 @@ from ballbar.report.recording import overview
 from ballbar.report.section import template
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_view
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 
 # fixed: the viewer keeps one layout per application
 APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"
@@ -43,7 +43,7 @@ APPLICATION, STILL_APPLICATION = "ballbar", "ballbar-poses"
 Log = Callable[[rr.RecordingStream], None]
 
 
-def write_replay(path: Path, run: Run) -> None:
+def write_replay(path: Path, run: RunData) -> None:
     """Write the replay of one run as an .rrd file, whole or not at all; folders are made."""
     view, log = _prepared(run)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,7 +57,7 @@ def write_replay(path: Path, run: Run) -> None:
         aside.unlink(missing_ok=True)
 
 
-def send_replay(address: str, run: Run) -> None:
+def send_replay(address: str, run: RunData) -> None:
     """Send the same to a viewer that is open."""
     view, log = _prepared(run)
     with _stream(run) as stream:
@@ -65,12 +65,11 @@ def send_replay(address: str, run: Run) -> None:
         log(stream)
 
 
-def recording_id(run: Run) -> str:
+def recording_id(run: RunData) -> str:
     """The name of the run and a digest of logs and estimates: the same run, the same id."""
-    digest = hashlib.sha256()
-    if not isinstance(run, RunData):
-        digest.update(run.identification.table.q.tobytes())
-        return f"{run.name}-{digest.hexdigest()[:12]}"
+    digest, poses = hashlib.sha256(), run.identification.poses
+    if poses is not None:
+        digest.update(poses.table.q.tobytes())
     for fitted in run.recordings:
         log = fitted.recording.robot_log
         for values in (log.t, log.q, fitted.estimate.geometry.values):
@@ -78,15 +77,15 @@ def recording_id(run: Run) -> str:
     return f"{run.name}-{digest.hexdigest()[:12]}"
 
 
-def _prepared(run: Run) -> tuple[rrb.Blueprint, Log]:
+def _prepared(run: RunData) -> tuple[rrb.Blueprint, Log]:
     """The layout of a replay, and what writes its content."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return still_layout(), partial(_log, run=run, logs=[partial(log_still_poses, run=run)])
     shown, logs = zip(*(_prepared_recording(run, r) for r in run.recordings), strict=True)
     return layout(shown), partial(_log, run=run, logs=[partial(log_parameters, data=run), *logs])
 
 
-def _log(stream: rr.RecordingStream, run: Run, logs: Sequence[Log]) -> None:
+def _log(stream: rr.RecordingStream, run: RunData, logs: Sequence[Log]) -> None:
     stream.send_recording_name(run.name)
     stream.log(NOTES, _page(replay_notes(run)), static=True)
     for log in logs:
@@ -127,8 +126,8 @@ def _page(text: str) -> rr.TextDocument:
 
 
 @contextmanager
-def _stream(run: Run) -> Iterator[rr.RecordingStream]:
-    application = APPLICATION if isinstance(run, RunData) else STILL_APPLICATION
+def _stream(run: RunData) -> Iterator[rr.RecordingStream]:
+    application = APPLICATION if run.recordings else STILL_APPLICATION
     # without properties: they would hold the time of writing, and make the files of one run differ
     stream = rr.RecordingStream(application, recording_id=recording_id(run), send_properties=False)
     try:
@@ -138,9 +137,9 @@ def _stream(run: Run) -> Iterator[rr.RecordingStream]:
         stream.disconnect()
 
 
-def replay_notes(run: Run) -> str:
+def replay_notes(run: RunData) -> str:
     """Verdict, key figures and remarks; of logs the parameters of machine and recordings too."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return template("notes.md").render(run=run, summary=summary(run, None, ""), moving=False)
     robot, comparison = run.identification.robot, run.comparison
     return template("notes.md").render(

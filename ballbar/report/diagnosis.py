@@ -10,7 +10,7 @@ import numpy as np
 from ballbar.report.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.extended_yaml import SHIPPED
@@ -69,9 +69,9 @@ class Steps:
     rows: tuple[tuple[str, ...], ...] = ()
 
 
-def advised_steps(run: Run) -> Steps:
+def advised_steps(run: RunData) -> Steps:
     """Predicted next steps of a ball-bar's logs, where nothing is to be repaired first."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return Steps()
     result, robot = run.identification, run.identification.robot
     if robot.cell.ballbar.stroke is not None or result.verdict.status not in ENOUGH:
@@ -91,9 +91,9 @@ def advised_steps(run: Run) -> Steps:
     )
 
 
-def diagnosis_section(run: Run, steps: Steps) -> list[Section]:
+def diagnosis_section(run: RunData, steps: Steps) -> list[Section]:
     """Drivers of the error before and after, and next steps."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return []
     robot = run.identification.robot
     parts = correction_parts(robot, accuracy_grid(robot.cell.robot))

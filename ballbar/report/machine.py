@@ -15,13 +15,13 @@ from ballbar.report.parameters import (
 from ballbar.report.recording import overview
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.compare import z_rms
-from ballbar.result.run_data import Run, RunData
+from ballbar.result.run_data import RunData
 from ident.estimator.uncertainty import correlated_groups
 
 
-def machine_section(run: Run) -> list[Section]:
+def machine_section(run: RunData) -> list[Section]:
     """Held-out recordings, parameters, corrections, fit, and an overview of the recordings."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return []
     robot, comparison = run.identification.robot, run.comparison
     covariance, corrections = robot.covariance, correction_tables(robot)
@@ -58,9 +58,9 @@ def machine_section(run: Run) -> list[Section]:
     ]
 
 
-def held_out_imports(run: Run) -> list[Section]:
+def held_out_imports(run: RunData) -> list[Section]:
     """How the held-out recordings were read."""
-    if not isinstance(run, RunData) or not run.validations:
+    if not run.recordings or not run.validations:
         return []
     imports = [(v.outcome.name, v.recording.report) for v in run.validations]
     return [section("held_out_imports.html", {}, MACHINE, imports=imports)]

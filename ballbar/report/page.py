@@ -22,12 +22,12 @@ from ballbar.report.still_poses import (
 )
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
-from ballbar.result.run_data import Run, RunData
+from ballbar.result.run_data import RunData
 from cell.files import write_whole
 from cell.foreign_text import printable
 
 
-def write_report(path: Path, run: Run, *, command: str) -> None:
+def write_report(path: Path, run: RunData, *, command: str) -> None:
     """Write the report of one run, whole or not at all.
 
     command : as the user typed it; absolute paths in it are cut to their last part.
@@ -36,10 +36,9 @@ def write_report(path: Path, run: Run, *, command: str) -> None:
     write_whole(path, printable(page, allowed="\n\t").encode())
 
 
-def render_report(run: Run, *, command: str, written: datetime) -> str:
+def render_report(run: RunData, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
-    view = tcp_view(run) if isinstance(run, RunData) else None
-    steps = advised_steps(run)
+    view, steps = tcp_view(run), advised_steps(run)
     sections = [
         *error_section(run),
         *tcp_section(run, view),
@@ -61,13 +60,13 @@ def render_report(run: Run, *, command: str, written: datetime) -> str:
     )
 
 
-def _limits(run: Run, scale: float | None) -> Section:
+def _limits(run: RunData, scale: float | None) -> Section:
     return section(
         "limits.html",
         {"limits": "How to read"},
-        MACHINE if isinstance(run, RunData) else "",
+        MACHINE if run.recordings else "",
         result=run.identification,
-        moving=isinstance(run, RunData),
+        moving=bool(run.recordings),
         against_truth=run.comparison is not None,
         scale=scale,
     )

@@ -14,8 +14,8 @@ from ballbar.report.numbers import MISSING, capitalised, decimals_for, fixed, li
 from ballbar.result.compare import Comparison
 from ballbar.units import MM, UM
 from cell.geometry import Parameter, parameter_named
-from ident.estimates import MOSTLY_PRIOR
 from ident.estimator.identifiability import DroppedParameter
+from ident.fitted_robot import MOSTLY_PRIOR
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from acquisition.recording import Recording
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import PoseRun, Run, RunData
+from ballbar.result.run_data import RunData
 from cell.pose_file import pose_file_path
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "jinja2")
@@ -31,49 +31,36 @@ class InputFile:
     sha256: str
 
 
-def provenance_section(run: Run, command: str, written: datetime) -> Section:
+def provenance_section(run: RunData, command: str, written: datetime) -> Section:
     """The origin of a report; command : as the user typed it.
 
     Raises OSError when an input file is gone.
     """
-    cell, seed, simulated = None, None, run.comparison is not None
-    if isinstance(run, RunData):
-        cell, simulated = run.identification.robot.cell, run.simulation is not None
-        seed = run.simulation.truth.seed if run.simulation else None
+    simulation = run.simulation
+    cell = run.identification.robot.cell if run.recordings else None
     return section(
         "provenance.html",
         {"provenance": "Provenance"},
         MACHINE if cell else "",
         command=without_folders(command),
         cell=cell,
-        seed=seed,
-        versions=versions(simulated=simulated),
-        inputs=_logs(run) if isinstance(run, RunData) else _tables(run),
+        seed=simulation.truth.seed if simulation else None,
+        versions=versions(simulated=bool(simulation or run.simulated_poses)),
+        inputs=_inputs(run),
         written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
     )
 
 
-def _logs(data: RunData) -> list[InputFile]:
-    """The files of every recording; below its name where there are several."""
+def _inputs(data: RunData) -> list[InputFile]:
+    """The files of every recording, below its name where there are several, and every table."""
     files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
     for name, folder, recording in data.read:
         for file in input_files(recording, folder):
             several = len(data.read) > 1
             files.append(replace(file, name=f"{name}/{file.name}") if several else file)
-    return files + _pose_files([(name, folder) for name, folder, _ in data.tables])
-
-
-def _tables(run: PoseRun) -> list[InputFile]:
-    """poses.yaml of every table."""
-    folders = [(name, folder) for name, folder, _ in run.tables]
-    folders += [(outcome.name, folder) for folder, _, outcome in run.held_out]
-    return _pose_files(folders)
-
-
-def _pose_files(folders: list[tuple[str, Path]]) -> list[InputFile]:
-    """poses.yaml of tables by their names."""
-    files = []
-    for name, folder in folders:
+    tables = [(name, folder) for name, folder, _ in data.tables]
+    tables += [(outcome.name, folder) for folder, _, outcome in data.held_out_tables]
+    for name, folder in tables:
         path = pose_file_path(folder)
         file = hashed(path.parent, path.name)
         files.append(replace(file, name=f"{name}/{file.name}"))

@@ -20,15 +20,15 @@ from ballbar.report.recording_text import (
     tension_sentence,
 )
 from ballbar.report.section import Section, section
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
 from cell.statistics import rms
 
 
-def recording_sections(run: Run) -> list[Section]:
+def recording_sections(run: RunData) -> list[Section]:
     """A section for each recording that was fitted: everything that it has of its own."""
-    if not isinstance(run, RunData):
+    if not run.recordings:
         return []
     return [_section(run, number, fitted) for number, fitted in enumerate(run.recordings, start=1)]
 

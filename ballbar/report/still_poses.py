@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
@@ -12,29 +10,28 @@ from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
 from ballbar.report.numbers import significant
 from ballbar.report.section import Section, section
 from ballbar.report.summary import QUANTITIES
-from ballbar.result.run_data import Run, RunData
+from ballbar.result.run_data import RunData
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from ident.corrections.joint_harmonics import harmonic_name
-from ident.estimates import MOSTLY_PRIOR
-
-if TYPE_CHECKING:  # a report of recordings does without still poses
-    from ident.pose_result import PoseIdentification
+from ident.fitted_robot import MOSTLY_PRIOR
+from ident.table_estimate import TableEstimate
 
 Row = dict[str, object]  # of a table, by the columns of the template
 
 
-def error_section(run: Run) -> list[Section]:
+def error_section(run: RunData) -> list[Section]:
     """Errors over the poses and the workspace: nominal, fitted, and left out of the fit."""
-    if isinstance(run, RunData):
+    result = run.identification.poses
+    if result is None:
         return []
-    result = run.identification
     curves = [
         Distribution("nominal robot", result.residual_nominal, BEFORE),
         Distribution("identified, left out", result.cross_validation.error, PURPLE),
         Distribution("identified, fitted poses", result.residual, AFTER),
     ]
-    places = np.concatenate([p.target_closure.robot.tip.T for p in result.fit.linear.evaluations])
+    points = result.fit.linear.evaluations[result.fit.still]
+    places = np.concatenate([p.target_closure.robot.tip.T for p in points])
     maps = [
         workspace_map(places, errors, (), label=label, colours=colours)
         for errors, label, colours in (
@@ -46,11 +43,12 @@ def error_section(run: Run) -> list[Section]:
     return [section("errors.html", {"errors": "Errors"}, cumulative=figure, maps=maps)]
 
 
-def joint_error_section(run: Run) -> list[Section]:
+def joint_error_section(run: RunData) -> list[Section]:
     """Scores of all orders before and after the search, and the joint errors found."""
-    if isinstance(run, RunData) or run.identification.search is None:
+    result = run.identification.poses
+    if result is None or result.search is None:
         return []
-    result, search = run.identification, run.identification.search
+    search = result.search
     values = dict(zip(result.fit.model.unknowns.names, result.fit.x.tolist(), strict=True))
     rows: list[Row] = []
     for o in search.orders:
@@ -70,11 +68,11 @@ def joint_error_section(run: Run) -> list[Section]:
     return [section("orders.html", {"orders": "Joint errors"}, spectra=spectra, orders=rows)]
 
 
-def robot_section(run: Run) -> list[Section]:
+def robot_section(run: RunData) -> list[Section]:
     """DH rows, and the sag of the joints under unit weights."""
-    if isinstance(run, RunData):
+    result = run.identification.poses
+    if result is None or run.recordings:
         return []
-    result = run.identification
     layout = result.fit.model.unknowns
     parameters = []
     for k, parameter in enumerate(layout.parameters):
@@ -91,22 +89,23 @@ def robot_section(run: Run) -> list[Section]:
 
 
 def _row(
-    result: PoseIdentification, name: str, nominal: float, scale: float, unit: str, decimals: int
+    result: TableEstimate, name: str, nominal: float, scale: float, unit: str, decimals: int
 ) -> Row:
     """One unknown of the robot; nominal : in SI, as its value is."""
-    value = float(result.fit.x[result.fit.model.unknowns.names.index(name)])
+    i = result.fit.model.unknowns.names.index(name)
+    value, sigma = float(result.fit.x[i]), float(np.sqrt(result.fit.covariance[i, i]))
     return {
         "name": name,
         "unit": unit,
         "nominal": f"{nominal * scale:.{decimals}f}",
         "identified": f"{value * scale:.{decimals}f}",
         "deviation": f"{(value - nominal) * scale:+.{decimals}f}",
-        "sigma": f"{result.sigma[name] * scale:.{decimals}f}",
-        "known": result.information_gain[name] > MOSTLY_PRIOR,
+        "sigma": f"{sigma * scale:.{decimals}f}",
+        "known": result.information_gain[i] > MOSTLY_PRIOR,
     }
 
 
-def place_sections(run: Run) -> list[Section]:
+def place_sections(run: RunData) -> list[Section]:
     """Fitted ranges, seats and targets, the groups of poses, and the findings of the import."""
     poses, tables = run.identification.poses, run.tables
     if poses is None:
@@ -132,7 +131,7 @@ def place_sections(run: Run) -> list[Section]:
         section(
             "places.html",
             {"ranges": "Fitted ranges", "places": "Seats and targets"},
-            alone=not isinstance(run, RunData),
+            alone=poses.alone,
             ranges=[(j, f"{a:.1f}", f"{b:.1f}") for j, (a, b) in enumerate(ends.T, start=1)],
             placements=placements,
             groups=groups,

@@ -11,12 +11,15 @@ from ballbar.report.numbers import MISSING, listed, millimetres, significant, wi
 from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.recording_text import clock_rows
 from ballbar.report.tcp_view import TcpView
-from ballbar.result.run_data import PoseRun, Run, RunData
+from ballbar.result.compare import Comparison
+from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD
 from cell.clock import UNSEEN_OFFSET
 from cell.instruments import kinds
 from cell.number_text import duration_text
+from cell.poses import PoseTable
 from ident.result import Identification
+from ident.table_estimate import TableEstimate
 from ident.verdict import Status
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
@@ -48,8 +51,8 @@ class Summary:
     even: bool = False  # whether the tiles are of one width
 
 
-def summary(run: Run, tcp: TcpView | None, advice: str) -> Summary:
-    """The summary of a run; tcp : of logs. advice : what would help most next."""
+def summary(run: RunData, tcp: TcpView | None, advice: str) -> Summary:
+    """The summary of a run; tcp : of recordings. advice : what would help most next."""
     verdict = run.identification.verdict
     common = Summary(
         subtitle="",
@@ -61,9 +64,11 @@ def summary(run: Run, tcp: TcpView | None, advice: str) -> Summary:
         warnings=verdict.warnings,
         tiles=(),
     )
-    if not isinstance(run, RunData):
-        return replace(common, subtitle=_table_subtitle(run), tiles=_pose_tiles(run), even=True)
-    assert tcp is not None  # of logs there always is one
+    if tcp is None:
+        poses = run.identification.poses
+        assert poses is not None, "without recordings there are still poses"
+        tiles = _pose_tiles(poses, run.comparison)
+        return replace(common, subtitle=_table_subtitle(poses.table), tiles=tiles, even=True)
     return replace(
         common,
         subtitle=_subtitle(run),
@@ -87,10 +92,10 @@ def _subtitle(data: RunData) -> str:
     return f"{cell.robot.title} on {cell.ballbar.title} with {encoders}; {measured}."
 
 
-def _heading(run: Run) -> str:
+def _heading(run: RunData) -> str:
     verdict = run.identification.verdict
     if failed := [outcome.name for outcome in run.outcomes if not outcome.acceptable]:
-        measured = "recording" if isinstance(run, RunData) else "poses"
+        measured = "recording" if run.recordings else "poses"
         return f"Held-out {measured} not explained: {', '.join(failed)}"
     missed = [limit.what for limit in run.limits if not limit.met]
     if verdict.acceptable and missed:
@@ -98,8 +103,7 @@ def _heading(run: Run) -> str:
     return _HEADINGS.get(verdict.status, "Not acceptable")
 
 
-def _table_subtitle(run: PoseRun) -> str:
-    table = run.identification.table
+def _table_subtitle(table: PoseTable) -> str:
     kinds = listed(sorted({QUANTITIES[g.measured] for g in table.groups}))
     return f"{table.robot.title}; {table.size} still poses, {kinds}."
 
@@ -182,8 +186,7 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
     )
 
 
-def _pose_tiles(run: PoseRun) -> tuple[Tile, ...]:
-    result, comparison = run.identification, run.comparison
+def _pose_tiles(result: TableEstimate, comparison: Comparison | None) -> tuple[Tile, ...]:
     validation, fit = result.cross_validation, result.fit
     orders = result.search.orders if result.search else ()
     fitted, nominal = result.residual_means

@@ -12,7 +12,7 @@ from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import MISSING, significant
 from ballbar.report.section import MACHINE, Section, section
-from ballbar.result.run_data import PoseRun, Run, RunData
+from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
 from cell.statistics import rms
@@ -48,12 +48,17 @@ class TcpView:
         return float(np.sqrt(max(0.0, squares)) / rms(reach))
 
 
-def tcp_view(data: RunData) -> TcpView:
-    """Error against the truth if there is a comparison, else the correction and its uncertainty."""
+def tcp_view(data: RunData) -> TcpView | None:
+    """Error against the truth if there is a comparison, else the correction and its uncertainty.
+
+    None of still poses alone.
+    """
     robot = data.identification.robot
+    if not data.recordings:
+        return None
     grid = accuracy_grid(robot.cell.robot)
     nominal = IdentifiedRobot(robot.cell, robot.nominal).tool(grid)
-    shift = position_error(nominal, robot.identified_robot().tool(grid))
+    shift = position_error(nominal, robot.identified.tool(grid))
     comparison = data.comparison
     return TcpView(
         against_truth=comparison is not None,
@@ -68,11 +73,10 @@ def tcp_view(data: RunData) -> TcpView:
     )
 
 
-def tcp_section(run: Run, view: TcpView | None) -> list[Section]:
-    """Table, curves and maps; view : of logs."""
-    if not isinstance(run, RunData):
+def tcp_section(run: RunData, view: TcpView | None) -> list[Section]:
+    """Table, curves and maps; view : of recordings."""
+    if view is None:
         return _truth(run)
-    assert view is not None  # of logs there always is one
     before, after = view.before_label, view.after_label
     return [
         section(
@@ -94,9 +98,9 @@ def tcp_section(run: Run, view: TcpView | None) -> list[Section]:
     ]
 
 
-def _truth(run: PoseRun) -> list[Section]:
+def _truth(run: RunData) -> list[Section]:
     """Still poses against the truth, where it is known."""
-    result, comparison = run.identification, run.comparison
+    robot, comparison = run.identification.robot, run.comparison
     if comparison is None:
         return []
     tcp, before = comparison.tcp, comparison.tcp_nominal
@@ -104,7 +108,7 @@ def _truth(run: PoseRun) -> list[Section]:
     curves = [
         Distribution(names[0], before.error, BEFORE),
         Distribution(names[1], tcp.error, AFTER),
-        Distribution(names[2], result.tcp_sigma, AFTER, dashed=True),
+        Distribution(names[2], robot.tcp_sigma, AFTER, dashed=True),
     ]
     maps = [
         (
@@ -129,7 +133,7 @@ def _truth(run: PoseRun) -> list[Section]:
             rows=[
                 _tcp_row(names[0], before.error, "before", before.error_without_scale),
                 _tcp_row(names[1], tcp.error, "after", tcp.error_without_scale),
-                _tcp_row(names[2], result.tcp_sigma, "after"),
+                _tcp_row(names[2], robot.tcp_sigma, "after"),
             ],
             cumulative=cumulative(curves, label="TCP error"),
             curves="nominal robot, identified robot and stated sigma",

@@ -11,7 +11,7 @@ from ballbar.report.numbers import with_and_without
 from ballbar.report.parameters import coefficients_at_prior, parameter_count, parameters_at_prior
 from ballbar.report.recording_text import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
-from ballbar.result.run_data import FittedRecording, Run, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, PPM, US
 from cell.geometry import parameter_named
 from cell.number_text import clock_offset_text, clock_skew_text
@@ -20,12 +20,12 @@ from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 
 LISTED = 8  # parameters that differ, printed
 
-if TYPE_CHECKING:  # an identification of recordings does without still poses
-    from ident.pose_result import PoseIdentification
+if TYPE_CHECKING:  # an identification without tracker does without it
+    from ident.table_estimate import TableEstimate
     from ident.tracker import TrackerCheck
 
 
-def say_identification(out: Console, run: Run) -> None:
+def say_identification(out: Console, run: RunData) -> None:
     """Print held-out recordings, verdict, remarks, fit and clocks.
 
     Sentences are green or red, remarks yellow.
@@ -41,10 +41,10 @@ def say_identification(out: Console, run: Run) -> None:
     _sentence(out, verdict.sentence, good=verdict.acceptable)
     for warning in verdict.warnings:
         out.print(f"[yellow]warning:[/] {escape(warning)}")
-    if isinstance(run, RunData):
+    if run.recordings:
         _say_logs(out, run)
-    else:
-        _say_poses(out, run.identification)
+    elif run.identification.poses is not None:
+        _say_poses(out, run.identification.poses)
 
 
 def _say_logs(out: Console, data: RunData) -> None:
@@ -61,7 +61,7 @@ def _say_logs(out: Console, data: RunData) -> None:
     out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")
 
 
-def _say_poses(out: Console, result: PoseIdentification) -> None:
+def _say_poses(out: Console, result: TableEstimate) -> None:
     fit, search = result.fit, result.search
     layout = fit.model.unknowns
     seats, targets = len(layout.seats), len(layout.targets)

@@ -35,7 +35,7 @@ from ident.corrections import as_in_result
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
 from ident.estimator.build_unknowns import arm_parameters
 from ident.estimator.noise import ExcessNoise
-from ident.identify_poses import JointErrors
+from ident.options import JointErrors
 from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, identified_robot
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from itertools import count
 from operator import attrgetter
 from typing import Any, TypeVar, cast, get_args
 
@@ -20,7 +19,6 @@ from ballbar.result.machine_entries import (
     masses_entry,
 )
 from ballbar.result.recording_entries import (
-    POSES,
     ClockEntry,
     CrossValidationEntry,
     Direction,
@@ -35,84 +33,77 @@ from ballbar.result.recording_entries import (
     RecordingEntry,
     ResidualEntry,
 )
-from ballbar.result.run_data import FittedRecording, PoseRun, RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from cell.arrays import Array
-from cell.geometry import Geometry
 from cell.rotation import rotvec_from_matrix
 from cell.schema import Strict
 from cell.statistics import rms
-from ident.corrections.base import Coefficient
-from ident.estimator.fit import Fit
+from ident.estimator.build_unknowns import arm_parameters
 from ident.estimator.priors import belongs_to_recording, shared_names
+from ident.result import RecordingEstimate, RobotEstimate
 from ident.table_estimate import PlacementEstimate, TableEstimate
+from ident.verdict import Verdict
 
-KNOWN = 0.5  # information gain below which a parameter stands at its prior
 _UNIT = re.compile(r"_(?:m|rad|s)$")
 E = TypeVar("E", bound=Strict)
 
 
 def calibration_of(data: RunData) -> CalibrationFile:
-    """The content of calibration.yaml for logs, which is checked once it is written."""
-    result, description = data.identification, data.recordings[0].recording.description
-    robot, fit, verdict = result.robot, result.fit, result.verdict
+    """The content of calibration.yaml, which is checked once it is written."""
+    result, robot, poses = data.identification, data.identification.robot, data.identification.poses
+    own = _of_recordings(data) if data.recordings else _of_still_poses(data)
     return CalibrationFile.model_construct(
         schema_=SCHEMA,
-        robot=description.robot,
-        instrument=description.measured_by,
-        plate=description.plate,
         model=result.model,
-        parameters=_parameters(
-            shared_names(robot.nominal.table), robot.nominal, robot.geometry, robot.sigma
-        ),
-        dropped=tuple(_entry(DroppedEntry, parameter) for parameter in robot.dropped),
         corrections={
             correction.name: {c.name: _entry(CoefficientEntry, c) for c in correction.coefficients}
             for correction in robot.corrections
         },
-        masses=masses_entry(robot.payload),
-        ranges=_ranges(robot.lower, robot.upper),
-        covariance=covariance_entry(robot.tool),
+        ranges=_ranges(robot.identified.lower, robot.identified.upper),
         recordings=(
             *(_recording(fitted) for fitted in data.recordings),
-            *(() if result.poses is None else _groups(result.poses)),
+            *([] if poses is None else _groups(poses)),
         ),
-        seats={} if result.poses is None else _placements(result.poses.seats),
-        targets={} if result.poses is None else _placements(result.poses.targets),
-        fit=_entry(
+        seats={} if poses is None else _placements(poses.seats),
+        targets={} if poses is None else _placements(poses.targets),
+        **own,
+    )
+
+
+def _of_recordings(data: RunData) -> dict[str, Any]:
+    """The parts of a result that recordings have, alone or together with still poses."""
+    result, description = data.identification, data.recordings[0].recording.description
+    robot, fit = result.robot, result.fit
+    return {
+        "robot": description.robot,
+        "instrument": description.measured_by,
+        "plate": description.plate,
+        "parameters": _parameters(shared_names(robot.nominal.table), robot),
+        "dropped": tuple(_entry(DroppedEntry, parameter) for parameter in robot.dropped),
+        "masses": masses_entry(robot.payload),
+        "covariance": covariance_entry(robot.tool),
+        "fit": _entry(
             FitEntry,
             fit,
-            status=verdict.status,
-            verdict=verdict.sentence,
-            warnings=verdict.warnings,
+            **_verdict(result.verdict),
             rod_sigma_m=fit.excess.rod,
             tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
             tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
         ),
-        held_out=tuple(_entry(HeldOutEntry, held_out.outcome) for held_out in data.validations),
-    )
+        "held_out": tuple(_entry(HeldOutEntry, other.outcome) for other in data.validations),
+    }
 
 
-def calibration_of_poses(run: PoseRun) -> CalibrationFile:
-    """The content of calibration.yaml for still poses, which is checked once it is written."""
-    result, description = run.identification, run.tables[0][2].description
-    fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
-    sigma, gain, robot = result.sigma, result.information_gain, result.identified_robot()
-    return CalibrationFile.model_construct(
-        schema_=SCHEMA,
-        robot=description.robot,
-        instrument=description.instrument,
-        model=POSES,
-        parameters={
-            name: ParameterEntry.model_construct(
-                nominal=float(layout.mean[i]),
-                value=float(fit.x[i]),
-                sigma=sigma[name] if gain[name] > KNOWN else None,
-                identified=gain[name] > KNOWN,
-            )
-            for i, name in enumerate(layout.names[: layout.shared.size])
-        },
-        corrections=_corrections_of_poses(fit),
-        orders=tuple(
+def _of_still_poses(data: RunData) -> dict[str, Any]:
+    """The parts of a result that still poses without recordings have."""
+    result, description = data.identification, data.tables[0][2].description
+    robot, fit, poses = result.robot, result.fit, result.poses
+    assert poses is not None, "without recordings there are still poses"
+    return {
+        "robot": description.robot,
+        "instrument": description.instrument,
+        "parameters": _parameters([p.name for p in arm_parameters(robot.robot)], robot),
+        "orders": tuple(
             _entry(
                 OrderEntry,
                 o,
@@ -120,27 +111,21 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
                 order=round(o.order),
                 aliases=tuple(round(a) for a in o.aliases),
             )
-            for o in (result.search.orders if result.search else ())
+            for o in (poses.search.orders if poses.search else ())
         ),
-        seats=_placements(result.poses.seats),
-        targets=_placements(result.poses.targets),
-        ranges=_ranges(robot.lower, robot.upper),
-        recordings=tuple(_groups(result.poses)),
-        cross_validation=_entry(CrossValidationEntry, result.cross_validation),
-        fit=FitEntry.model_construct(
-            status=verdict.status,
-            verdict=verdict.sentence,
-            warnings=verdict.warnings,
+        "cross_validation": _entry(CrossValidationEntry, poses.cross_validation),
+        "fit": FitEntry.model_construct(
+            **_verdict(result.verdict),
             iterations=fit.iterations,
-            unknowns=layout.count,
-            poses=result.table.size,
-            tcp_sigma_at_poses_m=float(result.sigma_at_poses.mean()),
-            tcp_sigma_mean_m=float(result.tcp_sigma.mean()),
-            discrepancy_m=fit.excess.position,
-            residual_mean_m=result.residual_means[0],
-            nominal_mean_m=result.residual_means[1],
+            unknowns=fit.unknowns,
+            poses=poses.table.size,
+            tcp_sigma_at_poses_m=float(poses.sigma_at_poses.mean()),
+            tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
+            discrepancy_m=poses.unexplained,
+            residual_mean_m=poses.residual_means[0],
+            nominal_mean_m=poses.residual_means[1],
         ),
-        held_out=tuple(
+        "held_out": tuple(
             _entry(
                 PoseHeldOutEntry,
                 outcome,
@@ -149,9 +134,13 @@ def calibration_of_poses(run: PoseRun) -> CalibrationFile:
                 quantile_95_m=float(np.quantile(outcome.error, 0.95)),
                 nominal_mean_m=float(outcome.nominal.mean()),
             )
-            for _, _, outcome in run.held_out
+            for _, _, outcome in data.held_out_tables
         ),
-    )
+    }
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {"status": verdict.status, "verdict": verdict.sentence, "warnings": verdict.warnings}
 
 
 def _entry(entry: type[E], source: object, **values: Any) -> E:
@@ -180,37 +169,16 @@ def _content(annotation: Any, value: Any) -> Any:
 
 
 def _parameters(
-    names: Iterable[str], nominal: Geometry, value: Geometry, sigma: dict[str, float]
+    names: Iterable[str], estimate: RobotEstimate | RecordingEstimate
 ) -> dict[str, ParameterEntry]:
     return {
         name: ParameterEntry.model_construct(
-            nominal=nominal[name],
-            value=value[name],
-            sigma=sigma.get(name),
-            identified=name in sigma,
+            nominal=estimate.nominal[name],
+            value=estimate.geometry[name],
+            sigma=estimate.sigma.get(name),
+            identified=name in estimate.sigma,
         )
         for name in names
-    }
-
-
-def _corrections_of_poses(fit: Fit) -> dict[str, dict[str, CoefficientEntry]]:
-    layout = fit.model.unknowns
-    places = count(layout.coefficients.start)
-
-    def entry(coefficient: Coefficient, k: int) -> CoefficientEntry:
-        variance = fit.covariance[k, k]
-        return CoefficientEntry.model_construct(
-            value=float(fit.x[k]),
-            sigma=float(np.sqrt(variance)),
-            prior=float(layout.mean[k]),
-            prior_sigma=float(layout.sigma[k]),
-            information_gain=float(1.0 - min(1.0, variance / layout.sigma[k] ** 2)),
-            unit=coefficient.unit,
-        )
-
-    return {
-        correction.name: {c.name: entry(c, next(places)) for c in correction.coefficients}
-        for correction in fit.model.corrections
     }
 
 
@@ -266,9 +234,7 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
             offset_sigma_s=estimate.clock_sigma[0],
             skew_sigma=estimate.clock_sigma[1],
         ),
-        parameters=_parameters(
-            names_of_recording, estimate.nominal, estimate.geometry, estimate.sigma
-        ),
+        parameters=_parameters(names_of_recording, estimate),
         noise=NoiseEntry.model_construct(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),

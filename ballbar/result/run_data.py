@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
-from ident.held_out import HeldOut
-from ident.held_out_poses import PoseHeldOut
-from ident.pose_result import PoseIdentification
+from ident.held_out import HeldOut, PoseHeldOut
 from ident.result import Identification, RecordingEstimate
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
@@ -42,7 +40,7 @@ class Validation:
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """An identification with its recordings, and the simulation behind it where there is one."""
+    """An identification with what was measured, and the simulation behind it where there is one."""
 
     name: str
     recordings: tuple[FittedRecording, ...]
@@ -53,20 +51,23 @@ class RunData:
     validations: tuple[Validation, ...] = ()
     scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
-    # name, folder and content of tables of still poses that were fitted together with them
+    # name, folder and content of tables of still poses that were fitted
     tables: tuple[tuple[str, Path, PoseImport], ...] = ()
+    held_out_tables: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
+    simulated_poses: PoseSimulation | None = None  # in place of `simulation`, without recordings
 
     @property
     def acceptable(self) -> bool:
-        """Whether verdict, limits and held-out recordings are all acceptable."""
+        """Whether verdict, limits, and held-out recordings and tables are all acceptable."""
         met = all(limit.met for limit in self.limits)
         explained = all(outcome.acceptable for outcome in self.outcomes)
         return self.identification.verdict.acceptable and met and explained
 
     @property
-    def outcomes(self) -> list[HeldOut]:
-        """How each held-out recording is explained."""
-        return [validation.outcome for validation in self.validations]
+    def outcomes(self) -> list[HeldOut | PoseHeldOut]:
+        """How each held-out recording or table is explained."""
+        recordings = [validation.outcome for validation in self.validations]
+        return [*recordings, *(outcome for _, _, outcome in self.held_out_tables)]
 
     @property
     def several(self) -> bool:
@@ -79,31 +80,3 @@ class RunData:
         fitted = tuple((r.name, r.folder, r.recording) for r in self.recordings)
         held_out = tuple((v.outcome.name, v.folder, v.recording) for v in self.validations)
         return fitted + held_out
-
-
-@dataclass(frozen=True, eq=False)
-class PoseRun:
-    """An identification from still poses with what was read, and the simulation behind it."""
-
-    name: str
-    tables: tuple[tuple[str, Path, PoseImport], ...]  # name, folder and content, as fitted
-    identification: PoseIdentification
-    held_out: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
-    simulation: PoseSimulation | None = None
-    comparison: Comparison | None = None
-    limits: tuple[Limit, ...] = ()
-
-    @property
-    def acceptable(self) -> bool:
-        """Whether verdict, limits and held-out tables are all acceptable."""
-        met = all(limit.met for limit in self.limits)
-        explained = all(outcome.acceptable for outcome in self.outcomes)
-        return self.identification.verdict.acceptable and met and explained
-
-    @property
-    def outcomes(self) -> list[PoseHeldOut]:
-        """How each held-out table is explained."""
-        return [outcome for _, _, outcome in self.held_out]
-
-
-Run = RunData | PoseRun

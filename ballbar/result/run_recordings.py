@@ -17,20 +17,20 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
-from ballbar.result.run_data import FittedRecording, PoseRun, RunData, Validation
+from ballbar.result.run_data import FittedRecording, RunData, Validation
 from cell.errors import InputError
 from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell
 from cell.poses import KnownDistance, PoseGroup, PoseTable
 from cell.recording import load_recording_file
-from ident.held_out import held_out
-from ident.held_out_poses import held_out_poses
+from ident.estimates import result_at_rest
+from ident.held_out import held_out, held_out_poses
 from ident.identify import identify_together
-from ident.identify_poses import PoseOptions, Progress, identify_poses
-from ident.options import SILENT, FitOptions, Listener
+from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.start.automatic import StartError
+from ident.table_fit import fit_table
 from ident.tracker import judged_by_tracker
 
 
@@ -41,7 +41,7 @@ def identify_files(
     settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
     joint_errors: str = "auto",
     listener: Listener = SILENT,
-) -> RunData | PoseRun:
+) -> RunData:
     """One robot from recordings, tables of still poses or both, tried on held-out ones.
 
     settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
@@ -51,10 +51,10 @@ def identify_files(
     """
     if not all(map(holds_poses, paths)):
         return identify_recordings(paths, validate, settings=settings, listener=listener)
-    options = PoseOptions(search=joint_errors == "auto")
+    options = FitOptions(joint_errors="none" if joint_errors == "none" else "auto")
     if joint_errors not in ("auto", "none"):
-        options = replace(options, learned=Calibration.load(joint_errors).joint_errors())
-    return identify_pose_folders(paths, validate, options=options, progress=listener.progress)
+        options = replace(options, joint_errors=Calibration.load(joint_errors).joint_errors())
+    return identify_pose_folders(paths, validate, options=options, listener=listener)
 
 
 def identify_recordings(
@@ -121,9 +121,9 @@ def identify_pose_folders(
     folders: Sequence[Path],
     validate: Sequence[Path] = (),
     *,
-    options: PoseOptions = PoseOptions(),  # noqa: B008  frozen
-    progress: Progress = lambda _: None,
-) -> PoseRun:
+    options: FitOptions = DEFAULTS,
+    listener: Listener = SILENT,
+) -> RunData:
     """One robot from one or several tables of still poses, tried on the held-out ones.
 
     Raises InputError for bad files, for tables of unlike robots and for logs among them.
@@ -135,17 +135,22 @@ def identify_pose_folders(
             "is tried on still poses; name the recording among those that are fitted."
         )
     names = distinct_names(inputs)
-    progress("reading the poses")
+    listener.progress("reading the poses")
     read = read_tables(inputs, names)
     fitted = read[: len(folders)]
-    result = identify_poses(_joined(fitted), options, progress)
+    poses = fit_table(_joined(fitted), options, listener)
     outcomes = tuple(
-        (folder, content, held_out_poses(result, replace(content.table, name=name)))
+        (folder, content, held_out_poses(poses, replace(content.table, name=name)))
         for name, folder, content in read[len(folders) :]
     )
     elsewhere = any(outcome.elsewhere and outcome.acceptable for _, _, outcome in outcomes)
-    result = replace(result, elsewhere=elsewhere)
-    return PoseRun(" + ".join(name for name, _, _ in fitted), fitted, result, outcomes)
+    return RunData(
+        name=" + ".join(name for name, _, _ in fitted),
+        recordings=(),
+        identification=result_at_rest(poses, elsewhere=elsewhere),
+        tables=fitted,
+        held_out_tables=outcomes,
+    )
 
 
 def read_tables(

@@ -21,11 +21,12 @@ from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path
 from ident.machine_at_rest import arm_at_rest, table_at_rest
 from ident.options import SILENT, Listener
-from ident.pose_verification import Verification, verify
 from ident.start.automatic import StartError
 from ident.start.placements import PoseStartError
 from ident.verdict import Status
-from ident.verification import RecordingVerification, verify_recording
+from ident.verification import Verification
+from ident.verify_recording import verify_recording
+from ident.verify_table import verify
 
 MEAN_LENGTH = math.sqrt(8.0 / math.pi)  # of a normal error of unit deviation along three axes
 # [K] from which a difference of temperature is named: a length of 1 m of steel grows by 24 um.
@@ -34,7 +35,7 @@ WARMER = 2.0
 
 def verify_folder(
     result: Path, folder: Path, *, listener: Listener = SILENT
-) -> tuple[Verification | RecordingVerification, tuple[str, ...]]:
+) -> tuple[Verification, tuple[str, ...]]:
     """Whether a calibration.yaml holds for the recording or the still poses in a folder.
 
     Returns also what is to be said of the temperatures and of the reading. Raises InputError for
@@ -46,12 +47,12 @@ def verify_folder(
     try:
         if holds_poses(folder):
             outcome, remarks = _verify_poses(calibration, folder)
-            return replace(outcome, doubt=_doubt(calibration)), remarks
-        measured, remarks = _verify_recording(calibration, folder, listener)
-        return replace(measured, doubt=_doubt(calibration)), remarks
+        else:
+            outcome, remarks = _verify_recording(calibration, folder, listener)
     except (PoseStartError, StartError) as error:
         place = f"{folder}: cannot be held against {calibration.path}"
         raise InputError(f"{place}: {error}") from None
+    return replace(outcome, doubt=_doubt(calibration) or outcome.doubt), remarks
 
 
 def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification, tuple[str, ...]]:
@@ -80,7 +81,7 @@ def _spread_of_groups(file: CalibrationFile) -> float:
 
 def _verify_recording(
     calibration: Calibration, folder: Path, listener: Listener
-) -> tuple[RecordingVerification, tuple[str, ...]]:
+) -> tuple[Verification, tuple[str, ...]]:
     content, recording = calibration.file_of_logs(), read_with_causes(folder)
     recorded = recording.description
     names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
@@ -130,9 +131,7 @@ def reading_remarks(report: ImportReport) -> tuple[str, ...]:
     return tuple(finding_line(entry) for entry in report.findings if entry.notable)
 
 
-def say_verification(
-    out: Console, verification: Verification | RecordingVerification, remarks: Sequence[str] = ()
-) -> None:
+def say_verification(out: Console, verification: Verification, remarks: Sequence[str] = ()) -> None:
     """Print the sentence, then what does not count, and further remarks.
 
     Green where it holds, red where something changed, yellow where nothing can be said.
@@ -144,70 +143,33 @@ def say_verification(
         out.print(f"[yellow]warning:[/] {escape(warning)}")
 
 
-def exit_code(verification: Verification | RecordingVerification) -> int:
+def exit_code(verification: Verification) -> int:
     """0 where it holds, 1 where something changed, 2 where nothing can be said."""
     if not verification.comparable:
         return 2
     return 0 if verification.holds else 1
 
 
-def verification_data(
-    outcome: Verification | RecordingVerification, remarks: Sequence[str]
-) -> dict[str, object]:
+def verification_data(outcome: Verification, remarks: Sequence[str]) -> dict[str, object]:
     """JSON of `verify`, SI units."""
     return {
         "holds": outcome.holds,
         "comparable": outcome.comparable,
         "sentence": outcome.sentence,
         "warnings": [*outcome.warnings, *remarks],
-        **(
-            _of_recording(outcome)
-            if isinstance(outcome, RecordingVerification)
-            else _of_poses(outcome)
-        ),
-    }
-
-
-def _of_poses(outcome: Verification) -> dict[str, object]:
-    return {
-        "poses": int(outcome.error.size),
-        "poses_outside_fitted_ranges": outcome.outside,
-        "mean_error_m": float(outcome.error.mean()),
-        "expected_mean_error_m": float(outcome.predicted),
-        "largest_mean_error_m": float(outcome.largest_mean),
-        "sum_of_squares": float(outcome.square),
-        "degrees_of_freedom": outcome.freedom,
-        "limit": float(outcome.limit),
-        "causes": [
-            {
-                "kind": cause.kind,
-                "name": cause.name,
-                "size": cause.size.tolist(),
-                "sigma": cause.sigma.tolist(),
-                "sum_of_squares_left": float(cause.square),
-                "named": cause in outcome.named,
-            }
-            for cause in outcome.causes[:5]
-        ],
-    }
-
-
-def _of_recording(outcome: RecordingVerification) -> dict[str, object]:
-    return {
-        "position_rms_m": outcome.identified.position_rms,
-        "angle_rms_rad": outcome.identified.angle_rms,
-        "normalised_innovation": outcome.innovation,
-        "chi2_per_dof_with_free_machine": outcome.misfit,
-        "log_bayes_factor": outcome.statistic,
+        **outcome.figures,
+        "sum_of_squares": outcome.square,
         "limit": outcome.limit,
         "causes": [
             {
                 "kind": e.cause.kind,
+                "name": e.cause.name,
                 "axis": e.cause.axis or None,
                 "parameters": list(e.cause.names),
                 "size": e.size.tolist(),
                 "sigma": e.sigma.tolist(),
                 "log_bayes_factor": e.evidence,
+                "sum_of_squares_left": outcome.square - e.gain,
                 "named": e in outcome.named,
             }
             for e in outcome.explanations[:5]

@@ -10,8 +10,8 @@ from operator import methodcaller
 from pathlib import Path
 
 from ballbar.result.calibration import load_calibration
-from ballbar.result.calibration_content import calibration_of, calibration_of_poses
-from ballbar.result.run_data import Run, RunData
+from ballbar.result.calibration_content import calibration_of
+from ballbar.result.run_data import RunData
 from cell.errors import InputError
 from cell.files import copied_description, write_yaml
 from cell.pose_file import pose_file_path
@@ -24,7 +24,7 @@ class RefusedResultError(RuntimeError):
     """
 
 
-def write_calibration(path: Path, run: Run) -> None:
+def write_calibration(path: Path, run: RunData) -> None:
     """Write calibration.yaml, whole or not at all, and the user's descriptions in it beside it.
 
     Raises RefusedResultError if its reader refuses the file. That then stands beside `path` with
@@ -32,12 +32,11 @@ def write_calibration(path: Path, run: Run) -> None:
     deleted.
     """
     refused = path.with_suffix(f".refused{path.suffix}")
-    if isinstance(run, RunData):
-        file, recorded = calibration_of(run), run.recordings[0].folder
-        described = ["robot", "instrument", "plate"]
+    file, described = calibration_of(run), ["robot"]
+    if run.recordings:
+        recorded, described = run.recordings[0].folder, ["robot", "instrument", "plate"]
     else:
-        file, recorded = calibration_of_poses(run), pose_file_path(run.tables[0][1]).parent
-        described = ["robot"]
+        recorded = pose_file_path(run.tables[0][1]).parent
     copied = {
         key: copied_description(path.parent, key, recorded / name)
         for key in described

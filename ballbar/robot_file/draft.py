@@ -1,6 +1,7 @@
 """A robot's description before it is written: what its source states, and what it does not.
 
-Base and tip are links of the source; `T_base_tip = T_base_dh @ (DH rows) @ T_flange_tip`.
+A source is a URDF, which is read here, or a table of DH rows (`dh_table`). Base and tip are links
+of the source; `T_base_tip = T_base_dh @ (DH rows) @ T_flange_tip`.
 """
 
 from __future__ import annotations
@@ -11,18 +12,23 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.robot_file.urdf import Urdf, parse_urdf, with_round_angles
+from ballbar.robot_file.urdf_chain import UrdfChain, bodies, chain_between
 from cell.arrays import Array, read_only
 from cell.chain import Chain
 from cell.description_files import MAX_DH_LENGTH_M, SMALLEST_TWIST_DEG
 from cell.descriptions import Link
-from cell.dh_from_axes import DHForm
+from cell.dh_from_axes import AxesError, DHForm, dh_from_axes
 from cell.errors import InputError
 from cell.foreign_files import read_regular
+from cell.foreign_text import one_line
+from cell.schema import TITLE_LENGTH
 
 FEWEST_AXES, MOST_AXES = 5, 8  # of cell.description_files.RobotFile
 ASSUMED_RANGE_DEG = 180.0  # written to either side where the source states no limits
 MAX_BYTES = 10_000_000  # of a URDF with every link of a cell; its meshes are other files
 LENGTH_DIGITS, DEGREE_DIGITS, LIMIT_DIGITS = 12, 10, 3  # decimals of what is written
+_POSES, _SEED = 100, 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,3 +130,53 @@ def check_rows(source: str, chain: Chain) -> None:
 
 def _round(values: Array, digits: int) -> Array:
     return np.asarray(np.round(values, digits) + 0.0)  # + 0.0: -0 becomes 0
+
+
+def draft_from_urdf(name: str, path: Path, base: str | None, tip: str | None) -> RobotDraft:
+    """The draft of a robot from a URDF, between links `base` and `tip`.
+
+    Raises InputError if the file or its chain cannot be used.
+    """
+    written = parse_urdf(read_description(path), str(path))
+    urdf = with_round_angles(written)
+    chain = chain_between(urdf, base, tip)
+    try:
+        form = dh_from_axes(chain.axes())
+    except AxesError as error:
+        raise InputError(f"{path}: {error}") from None
+    form = rounded(form)
+    check_rows(str(path), form.chain)
+    return RobotDraft(
+        name=name,
+        title=one_line(urdf.name)[:TITLE_LENGTH],
+        source=_source(path, chain, _influence(written, chain)),
+        form=form,
+        lower=_stated([joint.lower for joint in chain.joints]),
+        upper=_stated([joint.upper for joint in chain.joints]),
+        speed=_stated([joint.speed or None for joint in chain.joints]),  # 0 stands for unknown
+        bodies=bodies(urdf, chain),
+        tip_poses=chain.tip_poses,
+    )
+
+
+def _stated(values: list[float | None]) -> np.ndarray:
+    return np.array([np.nan if value is None else value for value in values])
+
+
+def _influence(written: Urdf, chain: UrdfChain) -> float:
+    """[m] largest shift of the tip by the rounding of the origins' angles."""
+    exact = chain_between(written, chain.base, chain.tip)
+    q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, len(chain.joints)))
+    shift = exact.tip_poses(q)[:, :3, 3] - chain.tip_poses(q)[:, :3, 3]
+    return float(np.linalg.norm(shift, axis=1).max())
+
+
+def _source(path: Path, chain: UrdfChain, influence: float) -> str:
+    joints = ", ".join(joint.name for joint in chain.joints)
+    text = f"{path.name}, {chain.base} to {chain.tip}; axes: {joints}."
+    if influence > 0.0:
+        text += (
+            " Angles of origins within 1e-5 rad of a multiple of 15 deg are taken as it; this "
+            f"moves the tip by up to {influence * 1e3:.2g} mm."
+        )
+    return text

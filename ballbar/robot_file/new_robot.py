@@ -30,25 +30,14 @@ _SEED = 2
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
-@dataclass(frozen=True)
-class PoseDifference:
-    """Largest difference of the tip poses."""
-
-    position: float  # [m]
-    angle: float  # [rad]
-
-    @property
-    def acceptable(self) -> bool:
-        return self.position <= LARGEST and self.angle <= LARGEST
-
-
 @dataclass(frozen=True, eq=False)
 class NewRobot:
     """Description and picture that were written."""
 
     robot: Robot
     draft: RobotDraft
-    difference: PoseDifference
+    position: float  # [m] largest difference of the tip poses to those of the source
+    angle: float  # [rad]
     file: Path
     picture: Path
 
@@ -90,21 +79,21 @@ def write_robot(draft: RobotDraft, file: Path) -> NewRobot:
         trial = Path(folder) / f"{draft.name}.yaml"
         trial.write_bytes(text)
         robot = load_robot(str(trial))
-    largest = difference(robot, draft)
-    if not largest.acceptable:
+    position, angle = difference(robot, draft)
+    if max(position, angle) > LARGEST:
         raise FailureError(
-            f"the description differs from its source by {largest.position:.3g} m and "
-            f"{largest.angle:.3g} rad at {POSES} random poses, more than {LARGEST:g}. Nothing was "
-            "written. Report this with the source: it is a fault of the conversion."
+            f"the description differs from its source by {position:.3g} m and {angle:.3g} rad at "
+            f"{POSES} random poses, more than {LARGEST:g}. Nothing was written. Report this with "
+            "the source: it is a fault of the conversion."
         )
     picture = robot_picture(robot)
     write_new(file, text)
     write_new(picture_of(file), picture)
-    return NewRobot(robot, draft, largest, file, picture_of(file))
+    return NewRobot(robot, draft, position, angle, file, picture_of(file))
 
 
-def difference(robot: Robot, draft: RobotDraft) -> PoseDifference:
-    """Tip poses of a description as it is read back, against those of the source."""
+def difference(robot: Robot, draft: RobotDraft) -> tuple[float, float]:
+    """[m] and [rad] by which a description, as it is read back, differs from its source."""
     axes = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (POSES, robot.joints))
     chain = nominal_chain(robot)
     flange = forward(chain, controller_to_joints(robot, axes)).poses()
@@ -113,4 +102,4 @@ def difference(robot: Robot, draft: RobotDraft) -> PoseDifference:
     shift = np.linalg.norm(poses[:, :3, 3] - expected[:, :3, 3], axis=1)
     turn = np.einsum("nik,njk->ijn", poses[:, :3, :3], expected[:, :3, :3])
     angle = np.linalg.norm(rotvec_from_matrix(turn), axis=0)
-    return PoseDifference(float(shift.max()), float(angle.max()))
+    return float(shift.max()), float(angle.max())

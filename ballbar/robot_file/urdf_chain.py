@@ -22,26 +22,35 @@ class UrdfChain:
     base: str
     tip: str
     joints: tuple[UrdfJoint, ...]  # J turning joints
-    fixed: tuple[Array, ...]  # J + 1 poses (4, 4) [m]: up to each joint, and from the last to tip
+    # J + 1 poses (4, 4) [m] of each joint's parent link, in the base or the child link of the joint
+    # before; the last of the tip
+    before: tuple[Array, ...]
+
+    @property
+    def fixed(self) -> tuple[Array, ...]:
+        """J + 1 poses (4, 4) [m]: up to each joint, and from the last to the tip."""
+        joints = zip(self.before, self.joints, strict=False)
+        return (*(pose @ joint.pose for pose, joint in joints), self.before[-1])
 
     def tip_poses(self, q: Array) -> Array:
         """(N, 4, 4) [m] poses T_base_tip at joint positions q (N, J) [rad]."""
-        poses = np.broadcast_to(self.fixed[0], (len(q), 4, 4))
+        first, *behind = self.fixed
+        poses = np.broadcast_to(first, (len(q), 4, 4))
         for i, joint in enumerate(self.joints):
             unit = np.array(joint.axis) / np.linalg.norm(joint.axis)
             turn = np.tile(np.eye(4), (len(q), 1, 1))
             turn[:, :3, :3] = Rotation.from_rotvec(q[:, i : i + 1] * unit).as_matrix()
-            poses = poses @ turn @ self.fixed[i + 1]
+            poses = poses @ turn @ behind[i]
         return np.asarray(poses)
 
     def axes(self) -> JointAxes:
         """Points (J, 3) [m] and directions (J, 3) of the joint axes at joint positions zero."""
-        pose, points, directions = np.eye(4), [], []
+        pose, points, directions, fixed = np.eye(4), [], [], self.fixed
         for i, joint in enumerate(self.joints):
-            pose = pose @ self.fixed[i]
+            pose = pose @ fixed[i]
             points.append(pose[:3, 3])
             directions.append(pose[:3, :3] @ joint.axis / np.linalg.norm(joint.axis))
-        return JointAxes(np.array(points), np.array(directions), pose @ self.fixed[-1])
+        return JointAxes(np.array(points), np.array(directions), pose @ fixed[-1])
 
 
 def chain_between(urdf: Urdf, base: str | None = None, tip: str | None = None) -> UrdfChain:
@@ -69,11 +78,11 @@ def chain_between(urdf: Urdf, base: str | None = None, tip: str | None = None) -
                 f"{end}. Choose a --base that does not move.",
             )
         pose = pose @ joint.pose
-    fixed: list[Array] = [_inverse(pose)]
+    before: list[Array] = [_inverse(pose)]
     moving = []
     for joint in to_tip:
-        fixed[-1] = fixed[-1] @ joint.pose
         if joint.kind == "fixed":
+            before[-1] = before[-1] @ joint.pose
             continue
         if joint.kind not in TURNING or joint.mimics is not None:
             fault = (
@@ -85,10 +94,10 @@ def chain_between(urdf: Urdf, base: str | None = None, tip: str | None = None) -
             )
             raise _refused(urdf, f"joint {joint.name} {fault}")
         moving.append(joint)
-        fixed.append(np.eye(4))
+        before.append(np.eye(4))
     if not moving:
         raise _refused(urdf, f"no joint turns between {start} and {end}. Name --base and --tip.")
-    return UrdfChain(start, end, tuple(moving), tuple(fixed))
+    return UrdfChain(start, end, tuple(moving), tuple(before))
 
 
 def bodies(urdf: Urdf, chain: UrdfChain) -> tuple[Link, ...] | str:

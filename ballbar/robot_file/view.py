@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from ballbar.robot_file.links import bent_pose, corners, frames_at
+from ballbar.robot_file.picture import bent_pose, corners, frames_at
 from cell.arrays import Array
 from cell.descriptions import Robot
 

@@ -44,9 +44,8 @@ class Draw(Strict):
     """Distribution of one drawn value; exactly one key is given."""
 
     uniform: Pair | None = Field(None, description="Lower and upper bound.")
-    log_uniform: Pair | None = Field(
-        None, description="Lower and upper bound, both above 0; the logarithm is uniform."
-    )
+    log_uniform: Pair | None = None
+    """Lower and upper bound, both above 0; the logarithm is uniform."""
     normal: Pair | None = Field(None, description="Mean and standard deviation.")
 
     @model_validator(mode="after")
@@ -93,16 +92,14 @@ class SweepFile(Strict):
     change: dict[str, Any] = Field(
         {}, description="Values that replace those of the scenario file in every run."
     )
-    together: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = Field(
-        None, description="Rows of values that change together."
-    )
+    together: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = None
+    """Rows of values that change together."""
     vary: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(
         {}, description="Values of the grid, of which every combination is run."
     )
     draw: dict[str, Draw] = Field({}, description="Distributions of drawn values.")
-    draws: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
-        None, description="Number of draws."
-    )
+    draws: Annotated[int, Field(ge=1, le=10_000_000)] | None = None
+    """Number of draws."""
     seed: Annotated[int, Field(ge=0, le=2**62)] = Field(0, description="Seed of the draws.")
     seeds: Seeds = Field(description="Seeds of the runs.")
 

@@ -20,10 +20,10 @@ from cell.geometry import (
     robot_geometry,
 )
 from ident.estimator.build_unknowns import arm_parameters
-from ident.pose_result import PoseIdentification
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
+from ident.table_estimate import TableEstimate
 from sim.truth import PoseTruth, Truth, load_pose_truth, load_truth
 
 
@@ -67,12 +67,12 @@ def identification_against_truth(
     """The result against the truth that one of its recordings was simulated from."""
     estimate = result.recordings[recording]
     clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
-    model = replace(result.robot.identified_robot(), geometry=estimate.geometry)
+    model = replace(result.robot.identified, geometry=estimate.geometry)
     names = [*result.robot.sigma, *estimate.sigma]
     return compare_with_truth(model, estimate.nominal, truth, names, clock)
 
 
-def poses_against_truth(result: PoseIdentification, truth: PoseTruth) -> Comparison:
+def poses_against_truth(result: TableEstimate, truth: PoseTruth) -> Comparison:
     """The first target of a robot from still poses against the truth that they are simulated from.
 
     The nominal robot has its target fitted to the same poses.

@@ -41,6 +41,12 @@ class SensedLength(Kind):
         """(N, 1) [m]"""
         return np.full((len(values), 1), instrument.sigma_length)
 
+    def seat_of(self, values: Array, points: Array) -> Placement:
+        """By trilateration, linear in the seat o and its square: `2 p.o - |o|^2 = |p|^2 - L^2`."""
+        matrix = np.hstack((2.0 * points, -np.ones((len(points), 1))))
+        right = (points**2).sum(axis=1) - values[:, 0] ** 2
+        return Placement(np.eye(3), np.linalg.lstsq(matrix, right, rcond=1e-6)[0][:3])
+
     def brought(self, rod: Array, shares: Array, least: float, most: float) -> Array:
         """Where they are, or where the rod is within its range."""
         distance = np.linalg.norm(rod, axis=1)

@@ -5,7 +5,7 @@ Unknowns of kinematics and clock alone, of the complete model of recordings, and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell, Robot
-from cell.geometry import (
-    Geometry,
-    Parameter,
-    ParameterTable,
-    parameter_named,
-    parameter_table,
-    robot_geometry,
-)
+from cell.geometry import Geometry, Parameter, ParameterTable, parameter_table, robot_geometry
 from ident.corrections.base import Correction
 from ident.estimator.priors import (
     BASE_POSE,
@@ -29,6 +22,7 @@ from ident.estimator.priors import (
     fixed_names,
     held_names,
     prior_sigma,
+    robot_prior,
     shared_names,
 )
 from ident.estimator.unknowns import NOWHERE, Own, Placed, PlacedPoses, Unknowns
@@ -40,10 +34,6 @@ CLOCK_PRIOR = 1.0, 1e-3  # offset [s] and skew [1] around what the start has fou
 STEP_PRIOR = 1.0  # [s] of a clock step
 GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identification sec. 1)
 TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identification sec. 4)
-# Of a parameter about its catalogue value where still poses alone identify it. UR5, UR10 and Panda:
-# from 60 poses on, 5 mrad and 2 mm predict as well; 1 mrad and 0.3 mm are too tight
-# (docs/real_robots, priors).
-STILL_ANGLE_PRIOR, STILL_LENGTH_PRIOR = 2e-3, 7e-4  # [rad], [m]
 PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps steps finite
 
 
@@ -112,17 +102,11 @@ def complete_unknowns(
     table = nominal.table
     fixed = fixed_names(table, held_names(cell))
     shared = [name for name in shared_names(table) if name not in fixed]
-    for name in shared:
-        build.add(name, nominal[name], prior_sigma(cell, name, rod_sigma))
-    first = len(build.names)
-    for correction in corrections:
-        for c in correction.coefficients:
-            build.add(c.name, c.mean, c.sigma)
-    coefficients = slice(first, len(build.names))
+    priors = {name: prior_sigma(cell, name, rod_sigma) for name in shared}
+    indices, coefficients = build.machine(nominal, priors, corrections)
     gain = build.add("force_gain", 0.0, GAIN_PRIOR) if measured_force else None
     several = len(recordings) > 1
     own = [_own(build, r, f"@{k}" if several else "") for k, r in enumerate(recordings, start=1)]
-    indices = np.array([table.index[name] for name in shared])
     placed = NOWHERE if still is None else _placed(build, still)
     layout = build.unknowns(nominal, indices, coefficients, gain, own, placed)
     return layout, layout.mean.copy()
@@ -138,18 +122,10 @@ def still_unknowns(
     these stay nominal. nominal : geometry about which the parameters have their priors, its last
     row the bare flange.
     """
-    build, table, robot = _Builder(), nominal.table, still.table.robot
-    names = [p.name for p in arm_parameters(robot)]
-    for name in names:
-        length = parameter_named(name).is_length
-        build.add(name, nominal[name], STILL_LENGTH_PRIOR if length else STILL_ANGLE_PRIOR)
-    every = [c for correction in corrections for c in correction.coefficients]
-    coefficients = build.block(
-        [c.name for c in every], [c.mean for c in every], [c.sigma for c in every]
-    )
-    placed = _placed(build, still)
-    shared = [table.index[name] for name in names]
-    return build.unknowns(nominal, np.array(shared), coefficients, None, (), placed)
+    build = _Builder()
+    priors = {p.name: robot_prior(p) for p in arm_parameters(still.table.robot)}
+    shared, coefficients = build.machine(nominal, priors, corrections)
+    return build.unknowns(nominal, shared, coefficients, None, (), _placed(build, still))
 
 
 def arm_parameters(robot: Robot) -> tuple[Parameter, ...]:
@@ -240,6 +216,17 @@ class _Builder:
         for name, mean, sigma in zip(names, means, sigmas, strict=True):
             self.add(name + tail, float(mean), float(sigma))
         return slice(first, len(self.names))
+
+    def machine(
+        self, nominal: Geometry, priors: Mapping[str, float], corrections: Sequence[Correction]
+    ) -> tuple[NDArray[np.intp], slice]:
+        """Parameters with the sigmas of their priors, then coefficients: indices, and places."""
+        self.block(list(priors), [nominal[name] for name in priors], list(priors.values()))
+        every = [c for correction in corrections for c in correction.coefficients]
+        coefficients = self.block(
+            [c.name for c in every], [c.mean for c in every], [c.sigma for c in every]
+        )
+        return np.array([nominal.table.index[name] for name in priors]), coefficients
 
     def numbered(self, name: str, count: int, sigma: float, tail: str) -> slice | None:
         names = [f"{name}{i + 1}" for i in range(count)]

@@ -48,12 +48,17 @@ class Closure:
     @property
     def rod_column(self) -> Array:
         """(6, N) change of the error per metre of the rod's length."""
-        return rod_jacobian(self)
+        return _error_of_bar_motion(self.error, screw(self.bar, "d", 2))
 
     @property
     def plate_column(self) -> Array:
-        """(6, N) change of the error per radian of the plate's bending."""
-        return plate_jacobian(self)
+        """(6, N) change of the error per radian of the plate's bending.
+
+        The plate bends as a cantilever: a hinge a third of its length from the last axis
+        (thesis sec. 4.5).
+        """
+        arm = 2.0 / 3.0 * self.geometry[self.geometry.table.plate] * self.robot.x[-1]
+        return -np.concatenate((cross(self.robot.y[-1], arm), self.robot.y[-1]))
 
     def columns(self, to_joint: Array) -> Array:
         """(J + 7, 6, N) change of the error for a unit of each error channel.
@@ -64,7 +69,7 @@ class Closure:
         columns = np.empty((len(joints) + BEHIND_GEARS, *self.error.shape))
         np.einsum("gj,jcn->gcn", to_joint, joints, out=columns[GEAR:BAR])
         columns[BAR:ROD] = bar_joint_jacobian(self)
-        columns[ROD], columns[PLATE] = rod_jacobian(self), plate_jacobian(self)
+        columns[ROD], columns[PLATE] = self.rod_column, self.plate_column
         return columns
 
 
@@ -110,22 +115,6 @@ def robot_joint_jacobian(closure: Closure) -> Array:
 def bar_joint_jacobian(closure: Closure) -> Array:
     """(5, 6, N) derivative of the error with respect to each ball-bar angle [rad]."""
     return _error_of_bar_motion(closure.error, joint_screws(closure.bar))
-
-
-def rod_jacobian(closure: Closure) -> Array:
-    """(6, N) derivative of the error with respect to the rod length [m]."""
-    return _error_of_bar_motion(closure.error, screw(closure.bar, "d", 2))
-
-
-def plate_jacobian(closure: Closure) -> Array:
-    """(6, N) derivative of the error with respect to the bending angle of the plate [rad].
-
-    The plate bends as a cantilever: a hinge a third of its length from the last axis
-    (thesis sec. 4.5).
-    """
-    robot = closure.robot
-    arm = 2.0 / 3.0 * closure.geometry[closure.geometry.table.plate] * robot.x[-1]
-    return -np.concatenate((cross(robot.y[-1], arm), robot.y[-1]))
 
 
 def _error_of_bar_motion(error: Array, motion: Array) -> Array:

@@ -18,7 +18,6 @@ from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
-from ident.estimator.iteration import Iteration, IterationCallback
 from ident.estimator.model import Evaluation, Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import (
@@ -34,7 +33,7 @@ from ident.estimator.normal_equations import (
 )
 from ident.estimator.samples import Samples
 from ident.estimator.whitening import Whitening
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
 # Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves
@@ -91,15 +90,26 @@ class Fit:
                 gradient += gradient_of(self.model, k, block, residual)
         return normal, gradient
 
+    @property
+    def still(self) -> slice:
+        """The groups of still poses among the parts."""
+        return slice(len(self.model.recordings), None)
+
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
-        """(P, E, N) derivative of the whitened error of every part, robust weights included."""
-        linear = self.linear
+        """(P, E, N) derivative of the whitened error of every group of still poses, robust weights
+        included.
+        """
+        linear, parts = self.linear, range(*self.still.indices(len(self.model.parts)))
         return tuple(
-            whole_jacobian(self.model, self.x, k, point, weights.scaled(robust))
-            for k, (point, weights, robust) in enumerate(
-                zip(linear.evaluations, linear.weights, linear.robust, strict=True)
+            whole_jacobian(
+                self.model,
+                self.x,
+                k,
+                linear.evaluations[k],
+                linear.weights[k].scaled(linear.robust[k]),
             )
+            for k in parts
         )
 
     @property
@@ -179,25 +189,18 @@ def fit(
     negligible: float = NEGLIGIBLE,
     max_iterations: int = 50,
     reuse_below: float = 0.0,
-    freeze_after: int = FREEZE_AFTER,
+    freeze_after: int | None = FREEZE_AFTER,
     search: Search | None = None,
-    on_iteration: IterationCallback | None = None,
     robust: Sequence[Array] = (),
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
     negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
-    search : as in `minimise`.
-    on_iteration : called with each iteration. robust : as of NormalEquations.
+    search : as in `minimise`. robust : as of NormalEquations.
 
     Raises SingularError where the model has no finite linearisation.
     """
-
-    def report(equations: NormalEquations) -> None:
-        if on_iteration:
-            on_iteration(_iteration(model, equations))
-
     minimum = minimise(
         WhitenedLoopClosure(
             model=model,
@@ -212,7 +215,6 @@ def fit(
         max_iterations=max_iterations,
         reuse_below=reuse_below,
         search=search,
-        on_iteration=report,
     )
     linear = replace(minimum.equations, blocks=())
     covariance = inverse(linear.normal)
@@ -229,7 +231,6 @@ def fit_kinematics(
     prior_sigma: Array | None = None,
     negligible: float = NEGLIGIBLE,
     max_iterations: int = 50,
-    on_iteration: IterationCallback | None = None,
 ) -> Fit:
     """Fit kinematic parameters and the clock of one recording, without corrections.
 
@@ -241,7 +242,7 @@ def fit_kinematics(
     layout, x = kinematic_unknowns(start, seen, parameters, prior_sigma)
     model = Model(joints_as_logged(start.table.joints), None, (), layout, (samples,))
     ballbars = [samples.ballbar_angles(start, clock)]
-    step = partial(fit, max_iterations=max_iterations, on_iteration=on_iteration)
+    step = partial(fit, max_iterations=max_iterations)
     iterations = 0
     if (thin := thinned(model, ballbars, samples=COARSE_SAMPLES, times=COARSE_SHARE)) is not None:
         coarse = step(
@@ -275,14 +276,3 @@ def thinned(
     recordings, count = tuple(r.thinned(step) for r in model.recordings), len(model.recordings)
     thin = [b[::step] for b in ballbars[:count]]
     return replace(model, recordings=recordings), [*thin, *ballbars[count:]]
-
-
-def _iteration(model: Model, equations: NormalEquations) -> Iteration:
-    layout, x = model.unknowns, equations.x
-    return Iteration(
-        geometry=layout.geometry(x, 0),
-        clock=layout.clock(x, 0),
-        times=model.recordings[0].times,
-        error=equations.evaluations[0].closure.error,
-        chi2_per_sample=equations.cost / equations.equations,
-    )

@@ -12,7 +12,6 @@ the predicted decrease, a new one would hardly change the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -125,14 +124,12 @@ def minimise(
     max_iterations: int,
     reuse_below: float = 0.0,
     search: Search | None = None,
-    on_iteration: Callable[[EquationsT], None] | None = None,
 ) -> Minimum[EquationsT]:
     """Minimise from the problem's start.
 
     reuse_below : predicted decrease for each unknown, in units of the cost per degree of freedom,
         below which the Jacobian holds as far as its step goes; 0 for a new one at every step.
     search : what becomes of a step that does not lower the cost; by default `halved`.
-    on_iteration : called with the normal equations of each iteration, not with those of the start.
 
     Raises SingularError where the normal equations have no finite solution.
     """
@@ -142,8 +139,6 @@ def minimise(
     first = predicted  # of the present Jacobian
     settled = stuck = False
     while True:
-        if on_iteration and iterations:
-            on_iteration(current)
         enough = stop.enough(current)
         converged = settled or predicted < enough or bool(np.abs(step).max() < stop.step)
         if converged or iterations == max_iterations:

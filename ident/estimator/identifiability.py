@@ -138,7 +138,7 @@ def _columns_on_nominal(
     )
     if samples.has_clock:
         offset = nominally.time_column
-        skew = offset * nominally.samples.times
+        skew = offset * nominally.recording.times
         columns = np.concatenate((columns, offset[None], skew[None]))
     share = np.sqrt(total / chosen.size)  # as if all samples had been looked at
     return np.asarray(share * weights(columns).reshape(len(columns), -1))

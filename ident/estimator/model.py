@@ -31,8 +31,8 @@ from ident.corrections.base import (
 )
 from ident.estimator.closure import Closure, parameter_jacobian
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.observations import ArmMotion, Observations, StillPoses
-from ident.estimator.samples import Samples
+from ident.estimator.observations import StillPoses
+from ident.estimator.samples import ArmMotion, Samples
 from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import Whitening, covariance, whitening
@@ -46,8 +46,8 @@ UNMEASURED_STEPS = 2  # Gauss-Newton steps for the unmeasured joints; they conve
 MAX_UNMEASURED_STEP = 0.5  # [rad]
 LINEAR_STEP = 1e-4  # [rad] a smaller step moves the tool less than 1e-8 of its lever off its column
 
-
 Regressors = tuple[tuple[Array, ...], ...]  # (N,) each, of every correction
+Observations = Samples | StillPoses
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class Evaluation:
     @cached_property
     def channel_speed(self) -> Array:
         """(J, N) [rad/s] speed of the robot's channels."""
-        speed = self.samples.joint_speed(self.robot_time)
+        speed = self.recording.joint_speed(self.robot_time)
         return (speed @ self.gearing.to_gear).T
 
     @cached_property
@@ -160,7 +160,7 @@ class Evaluation:
     @property
     def unmeasured_columns(self) -> Array:
         """(m, 6, N) change of the loop-closure error for a unit of each unmeasured direction."""
-        return self.samples.free_columns(self.closure, self.columns)
+        return self.samples.free_columns(self)
 
     def noise_columns(self, excess: ExcessNoise, uncertain: Array | float = 0.0) -> Array:
         """(K, 6, N) change of the loop-closure error for one sigma of each source of noise.
@@ -172,7 +172,7 @@ class Evaluation:
     def with_ballbar_step(self, step: Array) -> Evaluation:
         """After a small step (m, N) [rad] of the unmeasured joints, to first order."""
         ballbar = self.ballbar.copy()
-        ballbar[:, self.samples.unmeasured] += step.T
+        ballbar[:, self.recording.unmeasured] += step.T
         error = self.closure.error + np.einsum("jcn,jn->cn", self.unmeasured_columns, step)
         return replace(self, ballbar=ballbar, closure=replace(self.closure, error=error))
 
@@ -225,7 +225,7 @@ class Model:
         """
         out = {}
         for k, part in enumerate(self.parts):
-            if part.at_rest:
+            if isinstance(part, StillPoses):
                 q = part.joint_angles(np.zeros(0))
                 state = state_at_rest(
                     self.masses,
@@ -243,7 +243,7 @@ class Model:
 
     def robot_times(self, x: Array, k: int) -> Array:
         """(N,) [s] on the robot's clock of the samples of recording k, clock steps included."""
-        return self.parts[k].robot_times(self.unknowns, x, k)
+        return self.parts[k].mechanism(self.unknowns, x, k)[2]
 
     def tension(self, x: Array, k: int) -> Array:
         """(N,) [N] of the rod at the samples of recording k: measured times gain, plus spline."""
@@ -270,15 +270,14 @@ class Model:
         step within one iteration does.
         """
         samples, layout = self.parts[k], self.unknowns
-        geometry, clock = samples.geometry(layout, x, k), samples.clock(layout, x, k)
-        at = samples.robot_times(layout, x, k)
+        geometry, clock, at = samples.mechanism(layout, x, k)
         q = samples.joint_angles(at)
         ballbar = samples.bar_angles(geometry, q, ballbar)
         if not self.corrections:
             closure = samples.close(layout, x, geometry, q, ballbar)
             return Evaluation(samples, closure, ballbar, self.gearing, clock, at)
         loads_at, regressors_at = None, None
-        if samples.at_rest:
+        if isinstance(samples, StillPoses):
             state, regressors = self.resting[k]
         else:
             same_clock = (
@@ -353,7 +352,9 @@ class Model:
         """
         point = self.evaluate(x, k, ballbar, previous)
         used = weights or self.weights(x, point, excess)
-        for _ in range(UNMEASURED_STEPS if self.parts[k].solved_joints else 0):
+        part = self.parts[k]
+        solved = isinstance(part, Samples) and part.solved_joints
+        for _ in range(UNMEASURED_STEPS if solved else 0):
             step = used.unmeasured_step(point.closure.error)
             step = np.clip(step, -MAX_UNMEASURED_STEP, MAX_UNMEASURED_STEP)
             stepped = point.with_ballbar_step(step)

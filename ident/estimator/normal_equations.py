@@ -20,6 +20,7 @@ from cell.geometry import Parameter
 from cell.poses import KnownDistance
 from ident.estimator.model import Evaluation, Model
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.samples import Samples
 from ident.estimator.whitening import Whitening
 
 BLOCK_SAMPLES = 1500
@@ -203,11 +204,16 @@ def _blocks(
 ) -> Iterator[JacobianBlock]:
     layout, part = model.unknowns, model.parts[k]
     parameters = layout.fixed.table.parameters
-    slope = None
-    if point.state is not None and part.tension_unknown(layout, k):
-        slope = weights(model.tension_column(x, point))
     own_parameters, own_geometry = part.own_geometry(layout, k)
-    own_columns = part.own_columns(layout, x, k, point, weights, slope)
+    own_columns, slope = part.own_columns(layout, x, k, point, weights), None
+    if isinstance(part, Samples) and (layout.gain is not None or layout.knots(k) is not None):
+        if point.state is not None:
+            slope = weights(model.tension_column(x, point))
+        if layout.gain is not None:
+            gain = np.zeros(point.closure.error.shape[1:]) if slope is None else slope
+            own_columns.insert(
+                0, (slice(layout.gain, layout.gain + 1), (gain * part.tension)[None])
+            )
     geometric = [parameters[i] for i in (*layout.shared, *own_parameters)]
     parts = [slice(0, layout.shared.size), own_geometry, layout.coefficients]
     parts += [place for place, _ in own_columns]

@@ -19,17 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from ident.estimator.fit import Fit, WhitenedLoopClosure
+from ident.estimator.fit import Fit, WhitenedLoopClosure, fit
 from ident.estimator.gauss_newton import Stop, inverse, minimise
 from ident.estimator.model import Model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import NormalEquations, normal_equations
+from ident.estimator.priors import with_tails
 from ident.estimator.unknowns import Unknowns
 
 HUBER = 3.0  # Huber's threshold, in root mean squares of a pose's whitened residual
 GROSS = 10.0  # in the same: a pose further off is left out (docs/real_robots)
 MEDIAN = 0.9  # of the root mean square of three normal numbers
-TAILS = 4.0  # degrees of freedom of the priors' Student distribution
 ROUNDS = 15  # of new variances and weights
 SETTLED = 0.01  # relative change of the variances' roots that ends them
 NEGLIGIBLE = 1e-3  # decrease of the cost that ends a search, per degree of freedom
@@ -51,14 +51,22 @@ def fit_robustly(
     declared = model.unknowns
     iterations, converged = 0, False
     for _ in range(ROUNDS):
-        minimum = minimise(_problem(model, x, excess, robust), _STOP, max_iterations=MAX_ITERATIONS)
+        problem = WhitenedLoopClosure(model, x, _no_bars(model), excess, robust=robust)
+        minimum = minimise(problem, Stop(decrease=NEGLIGIBLE), max_iterations=MAX_ITERATIONS)
         linear, x = minimum.equations, minimum.equations.x
         iterations += minimum.iterations
         before, excess = excess, unexplained(model, linear)
         robust = [r * c for r, c in zip(robust_weights(linear), counts, strict=True)]
         model = replace(model, unknowns=widened(declared, x))
         converged = minimum.converged or minimum.stuck
-        if converged and _settled(before, excess):
+        settled = all(
+            abs(after - old) <= SETTLED * old
+            for old, after in (
+                (before.position, excess.position),
+                (before.rotation, excess.rotation),
+            )
+        )
+        if converged and settled:
             break
     linear = equations_at(model, x, excess, robust)
     return Fit(model, linear, inverse(linear.normal), excess, iterations, converged)
@@ -67,10 +75,16 @@ def fit_robustly(
 def fit_unweighted(model: Model, x: Array, excess: ExcessNoise) -> Fit:
     """The minimum from x (P,), every pose in full, the unexplained part given."""
     robust = [np.ones(part.size) for part in model.parts]
-    minimum = minimise(_problem(model, x, excess, robust), _STOP, max_iterations=MAX_ITERATIONS)
-    linear = minimum.equations
-    covariance = inverse(linear.normal)
-    return Fit(model, linear, covariance, excess, minimum.iterations, minimum.converged)
+    return fit(
+        model,
+        x,
+        _no_bars(model),
+        excess,
+        negligible=NEGLIGIBLE,
+        max_iterations=MAX_ITERATIONS,
+        freeze_after=None,
+        robust=robust,
+    )
 
 
 def equations_at(
@@ -78,15 +92,6 @@ def equations_at(
 ) -> NormalEquations:
     """Normal equations of still poses at x (P,); robust : as of NormalEquations."""
     return normal_equations(model, x, _no_bars(model), excess, robust=robust)
-
-
-_STOP = Stop(decrease=NEGLIGIBLE)
-
-
-def _problem(
-    model: Model, x: Array, excess: ExcessNoise, robust: Sequence[Array]
-) -> WhitenedLoopClosure:
-    return WhitenedLoopClosure(model, x, _no_bars(model), excess, robust=robust)
 
 
 def _no_bars(model: Model) -> list[Array]:
@@ -134,8 +139,7 @@ def median_scale(lengths: Sequence[Array]) -> float:
 def widened(declared: Unknowns, x: Array) -> Unknowns:
     """The unknowns with the priors of parameters and coefficients in Student's distribution."""
     sigma, machine = declared.sigma.copy(), declared.machine
-    far = (x[machine] - declared.mean[machine]) / sigma[machine]
-    sigma[machine] *= np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
+    sigma[machine] = with_tails(sigma[machine], x[machine] - declared.mean[machine])
     return replace(declared, sigma=sigma)
 
 
@@ -162,10 +166,4 @@ def unexplained(model: Model, linear: NormalEquations) -> ExcessNoise:
     return ExcessNoise(
         position=float(np.sqrt(max(position / count, LEAST.position**2))),
         rotation=float(np.sqrt(max(rotation / turns, LEAST.rotation**2))) if turns else 0.0,
-    )
-
-
-def _settled(before: ExcessNoise, after: ExcessNoise) -> bool:
-    return abs(after.position - before.position) <= SETTLED * before.position and (
-        abs(after.rotation - before.rotation) <= SETTLED * before.rotation
     )

@@ -28,8 +28,6 @@ from ident.estimator.closure import (
     pointing_bar,
 )
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.observations import ArmMotion, Observations
-from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.signals.smooth_log import SmoothLog, smoothing
 
@@ -39,7 +37,17 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples(Observations):
+class ArmMotion:
+    """Motion of the robot's joints at N instants."""
+
+    q: Array  # (N, J) [rad]
+    logged_speed: Array  # (N, J) [rad/s] of the log
+    speed: Array  # (N, J) [rad/s] of the arm as a rigid body
+    acceleration: Array  # (N, J) [rad/s^2] of the arm as a rigid body
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
     """One recording of a ball-bar."""
 
     robot: SmoothLog
@@ -65,20 +73,16 @@ class Samples(Observations):
     def has_clock(self) -> bool:
         return self.ballbar is not None
 
-    def geometry(self, layout: Unknowns, x: Array, k: int) -> Geometry:
-        """The robot with the ball-bar's plate as its tool, and this recording's ball-bar."""
-        return layout.geometry(x, k)
+    def mechanism(self, layout: Unknowns, x: Array, k: int) -> tuple[Geometry, Clock, Array]:
+        """Robot, plate and ball-bar, the clock, and (N,) [s] the robot's time, steps included.
 
-    def clock(self, layout: Unknowns, x: Array, k: int) -> Clock:
-        """The clock of the recording."""
-        return layout.clock(x, k)
-
-    def robot_times(self, layout: Unknowns, x: Array, k: int) -> Array:
-        """(N,) [s] on the robot's clock, clock steps included."""
-        t, steps = layout.clock(x, k).robot_time(self.times), layout.own[k].steps
+        k : number of the recording.
+        """
+        clock, steps = layout.clock(x, k), layout.own[k].steps
+        t = clock.robot_time(self.times)
         if steps is not None:
             t = t + x[steps] @ self.after_clock_steps()
-        return np.clip(t, self.robot.start, self.robot.end)
+        return layout.geometry(x, k), clock, np.clip(t, self.robot.start, self.robot.end)
 
     def arm_motion(self, at: Array) -> ArmMotion:
         """Angles and speed of the log, and speed and acceleration of the arm, smoothed further."""
@@ -90,26 +94,12 @@ class Samples(Observations):
         """Encoder offsets and base pose of the ball-bar."""
         return layout.own[k].parameters, layout.own[k].geometry
 
-    def tension_unknown(self, layout: Unknowns, k: int) -> bool:
-        """Whether gain or knots of the tension are."""
-        return layout.gain is not None or layout.own[k].knots is not None
-
     def own_columns(
-        self,
-        layout: Unknowns,
-        x: Array,
-        k: int,
-        point: Evaluation,
-        weights: Whitening,
-        slope: Array | None,
+        self, layout: Unknowns, x: Array, k: int, point: Evaluation, weights: Whitening
     ) -> list[tuple[slice, Array]]:
-        """Columns of the gain of a measured tension, of the clock and of its steps."""
+        """Clock and clock steps, and (p, E, N) the weighted error's change per unit of each."""
         del x
         out, own = list[tuple[slice, Array]](), layout.own[k]
-        if layout.gain is not None:
-            gain = np.zeros((len(weights.matrix), self.size)) if slope is None else slope
-            place = slice(layout.gain, layout.gain + 1)
-            out.append((place, (gain * self.tension)[None]))
         if own.clock is not None:
             shift = weights(point.time_column)
             out.append((own.clock, np.stack((shift, shift * self.times))))
@@ -138,24 +128,23 @@ class Samples(Observations):
             bar = pointing_bar(geometry, q, self.extension)
         return close_loop(geometry, q, bar)
 
-    def free_columns(self, closure: Closure | TargetClosure, columns: Array) -> Array:
-        """Per radian of each unmeasured joint.
+    def free_columns(self, point: Evaluation) -> Array:
+        """(m, 6, N) change of the error per radian of each unmeasured joint.
 
         Where the length is measured: per metre or radian of what the joints can move together.
         """
-        assert isinstance(closure, Closure)
         if self.measures_length:
-            return beside_rod(closure)
-        return np.asarray(columns[BAR:ROD][self.unmeasured])
+            return beside_rod(point.bar_closure)
+        return np.asarray(point.columns[BAR:ROD][self.unmeasured])
 
     def noise_columns(
-        self, evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
+        self, point: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
     ) -> Array:
-        """(J + 7, 6, N) of the error channels.
+        """(J + 7, 6, N) of the error channels; uncertain : (J, N) [rad] of the gears besides.
 
         The last one is of the stamps, which displace all channels of a log at once.
         """
-        columns, logged = evaluation.columns, self.joint_noise[:, None]
+        columns, logged = point.columns, self.joint_noise[:, None]
         beyond = by_axis(len(logged), main=excess.gear, wrist=excess.wrist)[:, None]
         robot = np.sqrt(logged**2 + beyond**2 + np.square(uncertain))
         measured = np.array([j + 1 in self.encoders for j in range(BAR_ROWS)])
@@ -164,7 +153,7 @@ class Samples(Observations):
         np.multiply(columns[GEAR:BAR], robot[:, None, :], out=out[GEAR:BAR])
         np.multiply(columns[BAR:ROD], ballbar[:, None, None], out=out[BAR:ROD])
         np.multiply(columns[ROD], np.hypot(excess.rod, self.length_noise), out=out[ROD])
-        np.multiply(evaluation.time_column, self.stamp_noise, out=out[PLATE])
+        np.multiply(point.time_column, self.stamp_noise, out=out[PLATE])
         return out
 
     @property

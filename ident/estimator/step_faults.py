@@ -28,7 +28,7 @@ from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
 from ident.estimator.samples import Samples
 from ident.signals.smooth_log import SmoothLog
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 
 THRESHOLD = 250.0  # decrease of the cost, in units of chi-square per degree of freedom, of a fault
 MARGIN = 15  # samples at either end, where a step is little more than a different start

@@ -6,23 +6,61 @@ Newey & West 1987; left out, so that the residual of what only a block tells is 
 The ratio inflates each unknown's standard deviation, so the correlations stay those of the normal
 equations, which some tens of blocks could not give for a hundred unknowns. What the prior
 contributes is not inflated, unless the lengths that are known beforehand contradict each other.
+
+Rod, plate and axis offsets give the scale, and no log tells one of them from the other, only their
+sum: what the data take from the prior of each is less than all. With priors of covariance D and a
+posterior of C, the posterior mean is off the prior's by a normal deviate of covariance D - C, and
+what the inflation adds to C, where everything stated is true. Where it is off by more, the stated
+deviations are widened by as much (Birge 1932, as for constants that disagree).
+
+Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
+1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change `r_m` for one standard
+deviation of a direction of the masses, the estimate moves by
+
+    x_m = -C J' W r_m
+
+and its covariance grows by the sum of `x_m x_m'` over the directions. A parameter of the geometry
+that was held is a direction like them. The tool of the unloaded robot moves with the masses
+directly and through x; since heavier links under the same deflection mean stiffer gears, the two
+nearly cancel, so the x_m are kept, not their squares alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.estimator.considered import considered_shifts
+from cell.geometry import parameter_named
 from ident.estimator.fit import Fit
-from ident.estimator.known_lengths import KnownLengths, known_lengths
+from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
 from ident.estimator.time_blocks import BLOCK, each_block
+from ident.estimator.unknowns import Unknowns
+from ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
+KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
+ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
+SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
+SAMPLES = 300  # of each recording: four a second of a motion of 120 s, whose loads vary slowly
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLengths:
+    """The known lengths that share the scale, and how far they contradict each other."""
+
+    unknowns: NDArray[np.intp]  # indices
+    apart: float  # standard deviations
+    off: float = 0.0  # [m] sum of what these lengths would have to change by, to agree
+
+    @property
+    def widening(self) -> float:
+        """Factor on their standard deviations, at least 1."""
+        return max(1.0, self.apart)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +82,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     """Autocorrelation-robust covariance of a fit, misfit included.
 
     deviated : cells with masses beside those that the fit took as given, as in
-        ident.estimator.considered.
+        ident.estimator.uncertainty.
     """
     layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
     sigma = layout.sigma
@@ -164,3 +202,89 @@ def observability(normal: Array, sigma: Array, selected: Array, samples: int) ->
         "O4": float(values[0] ** 2 / values[-1]),
         "O5": float(1.0 / (1.0 / values).sum()),
     }
+
+
+def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -> KnownLengths:
+    """The known lengths of a fit with estimate x (P,) and white covariance (P, P).
+
+    added : (P, P) to the covariance, by the inflation of what the data contribute.
+    """
+    sigma, left = layout.sigma, np.diag(covariance) / layout.sigma**2
+    known = np.array(
+        [
+            i
+            for i in range(layout.shared.size)
+            if parameter_named(layout.names[i]).is_length
+            and sigma[i] < KNOWN
+            and left[i] > 1.0 - ALONE
+        ],
+        dtype=np.intp,
+    )
+    scale = sigma[known]
+    off = (x - layout.mean)[known] / scale
+    units = np.outer(scale, scale)
+    moved = np.eye(known.size) - covariance[np.ix_(known, known)] / units
+    size, directions = np.linalg.eigh(moved)
+    seen = directions[:, size > SEEN]
+    if not seen.size:
+        return KnownLengths(known, 0.0)
+    expected = seen.T @ (moved + added[np.ix_(known, known)] / units) @ seen
+    along = seen.T @ off
+    square = float(along @ np.linalg.solve(expected, along))
+    needed = float(np.abs(scale * (seen @ along)).sum())
+    return KnownLengths(known, float(np.sqrt(square / along.size)), needed)
+
+
+def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
+    """(P, K) shifts x_m of the estimate.
+
+    deviated : K cells whose masses deviate by one standard deviation, in independent directions
+    (ident.loads.mass_uncertainty).
+    """
+    shape = (fit.model.unknowns.count, len(deviated))
+    if fit.model.masses is None or not deviated:
+        return np.zeros(shape)
+    steps = [max(1, r.times.size // SAMPLES) for r in fit.model.recordings]
+    recordings = [r.thinned(n) for r, n in zip(fit.model.recordings, steps, strict=True)]
+    model = replace(fit.model, recordings=tuple(recordings), table=None)
+    ballbars = [b[::n] for b, n in zip(fit.ballbars, steps, strict=False)]
+    equations = normal_equations(model, fit.x, ballbars, fit.excess)
+    blocks = [list(jacobian(model, equations, k)) for k in range(len(steps))]
+    gradient = np.zeros(shape)
+    for m, cell in enumerate(deviated):
+        other = replace(model, masses=mass_model(cell))
+        for k, n in enumerate(steps):
+            point, weights = equations.evaluations[k], equations.weights[k]
+            with_own_loads = replace(point, loads_at=None)
+            moved = other.evaluate(fit.x, k, point.ballbar, with_own_loads)
+            change = weights(moved.closure.error - point.closure.error)
+            for block in blocks[k]:
+                own = gradient_of(model, k, block, change[:, block.samples])
+                gradient[:, m] += n * own
+    return np.asarray(-fit.covariance @ gradient)
+
+
+def held_shifts(fit: Fit, held: NDArray[np.intp], sigma: Array) -> tuple[Array, Array]:
+    """Errors of parameters that a fit held at their nominal values, and the shifts they cause.
+
+    Once freed under their priors, they would have the covariance D and go by the step h. Their
+    error in the fit has the mean square D + h h', so what the data say of them counts.
+
+    held : (H,) indices into the table, in its order. sigma : (H,) [m, rad] of their priors.
+    Returns (H, H) the errors' independent directions, one a column, and (P, H) the shifts of the
+    estimate for each of them.
+    """
+    model = fit.model
+    layout, x = model.unknowns.with_shared(held, fit.x)
+    linear = normal_equations(replace(model, unknowns=layout), x, fit.ballbars, fit.excess)
+    freed = np.flatnonzero(np.isin(layout.shared, held))
+    mixed = np.delete(linear.normal[:, freed], freed, axis=0)
+    shift = -fit.covariance @ mixed  # of the estimate, per unit of each
+    gradient = linear.gradient[freed] + shift.T @ np.delete(linear.gradient, freed)
+    reduced = linear.normal[np.ix_(freed, freed)] + mixed.T @ shift
+    scaled = np.outer(sigma, sigma) * reduced + np.eye(held.size)  # of order one and above
+    covariance = np.linalg.inv(scaled)
+    step = covariance @ (sigma * gradient)
+    values, vectors = np.linalg.eigh(covariance + np.outer(step, step))
+    root = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return root, shift @ root

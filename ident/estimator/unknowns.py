@@ -197,14 +197,11 @@ class Unknowns:
 
         means = [c.mean for c in coefficients]
         layout = replace(
-            self,
+            self._later(shift),
             names=(*self.names[:first], *(c.name for c in coefficients), *self.names[stop:]),
             mean=recast(self.mean, means),
             sigma=recast(self.sigma, [c.sigma for c in coefficients]),
             coefficients=slice(first, stop + shift),
-            gain=None if self.gain is None else self.gain + shift,
-            own=tuple(own.moved(shift) for own in self.own),
-            placed=self.placed.shifted(shift),
         )
         return layout, recast(x, means)
 
@@ -218,17 +215,23 @@ class Unknowns:
         names = [self.fixed.table.names[i] for i in parameters]
         values, old = self.fixed.values[parameters], self.coefficients
         layout = replace(
-            self,
+            self._later(shift),
             names=tuple(np.insert(np.array(self.names, dtype=object), places, names)),
             mean=np.insert(self.mean, places, values),
             sigma=np.insert(self.sigma, places, np.inf),
             shared=np.insert(self.shared, places, parameters),
-            coefficients=slice(old.start + shift, old.stop + shift),
+            coefficients=_further(old, shift),
+        )
+        return layout, np.insert(x, places, values)
+
+    def _later(self, shift: int) -> Unknowns:
+        """What stands behind the machine's unknowns, `shift` places further."""
+        return replace(
+            self,
             gain=None if self.gain is None else self.gain + shift,
             own=tuple(own.moved(shift) for own in self.own),
             placed=self.placed.shifted(shift),
         )
-        return layout, np.insert(x, places, values)
 
     def moved(self, x: Array, step: Array) -> Array:
         """(P,) x + step, the clocks kept where the logs' splines say anything."""

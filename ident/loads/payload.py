@@ -25,8 +25,7 @@ from cell.geometry import Geometry, robot_frames
 from cell.payload import TOOL, Masses, payload_of
 from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
-from ident.loads.mass_columns import ARM, mass_columns
-from ident.loads.mass_uncertainty import stated_covariance
+from ident.loads.mass_uncertainty import ARM, mass_columns, stated_covariance
 from ident.loads.rod_tension import (
     ROTOR_PRIOR,
     STRIBECK_PRIOR,
@@ -67,21 +66,14 @@ class PayloadEstimate:
         return self.payload.mass - self.stated
 
 
-def payload_from_torque(
+def payload_of_recordings(
     cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
 ) -> PayloadEstimate:
-    """The masses that the torques of some recordings ask for.
+    """The masses that the torques of recordings ask for; of the first where tools are not the same.
 
     geometries : of the recordings, from their `dh` fits. A tool that nobody declared is tried
     first; where it is none, tool and links are what the files say within their tolerance.
     """
-    return _estimate(cell, _of_recordings(cell, geometries, logs))
-
-
-def payload_of_recordings(
-    cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
-) -> PayloadEstimate:
-    """Masses from the torque logs of recordings; of the first where the tools are not the same."""
     recordings = _of_recordings(cell, geometries, logs)
     if len(recordings) > 1:
         single = [_estimate(cell, [recording]) for recording in recordings]

@@ -65,7 +65,7 @@ def correction_parts(robot: RobotEstimate, grid: Array) -> list[CorrectionPart]:
 
 def _midway(robot: RobotEstimate) -> IdentifiedRobot:
     """The robot between nominal and identified."""
-    identified = robot.identified_robot()
+    identified = robot.identified
     geometry = robot.nominal.with_values(0.5 * (robot.nominal.values + robot.geometry.values))
     return replace(identified, geometry=geometry, values=0.5 * identified.values)
 

@@ -29,7 +29,6 @@ from cell.geometry import Geometry, ParameterTable, parameter_named, robot_frame
 from cell.inverse import bar_roll
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.gauss_newton import SingularError
-from ident.estimator.iteration import IterationCallback
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.priors import fixed_names
 from ident.estimator.sample_times import overlap, sample_times
@@ -285,7 +284,6 @@ def fit_hypothesis(
     encoders: tuple[int, ...],
     excess: ExcessNoise,
     spacing: float,
-    on_iteration: IterationCallback | None = None,
 ) -> Candidate | None:
     """A hypothesis after a fit of a few samples; None where it leads nowhere.
 
@@ -307,7 +305,6 @@ def fit_hypothesis(
             prior_sigma=sigma,
             negligible=1e-2,
             max_iterations=ITERATIONS,
-            on_iteration=on_iteration,
         )
     except SingularError:  # a wrong hypothesis may run into a pose where nothing can be solved
         return None

@@ -1,10 +1,11 @@
 """Where seats and targets are, by the nominal robot: starting values for the fit.
 
-Points and poses are solved by one linear least-squares problem: with R the seat's rotation, o its
-origin and t the target on the flange, `O_i + R_i t = R m_i + o` is linear in the nine elements of
-R, in o and in t. Sockets are the same without R. Lengths are solved by trilateration,
-`2 p.o - |o|^2 = |p|^2 - L^2`, and refinement, from several trial targets. Poses that stand far off
-are left out and the solution repeated, so that a few wrong ones do not spoil the start.
+Where the whole position is sensed it is one linear least-squares problem: with R the seat's
+rotation, o its origin and t the target on the flange, `O_i + R_i t = R m_i + o` is linear in the
+nine elements of R, in o and in t. Sockets are the same without R. Poses that stand far off are left
+out and the solution repeated, so that a few wrong ones do not spoil the start. Other instruments
+say where their seat is about, by their values of known points (`Kind.seat_of`); several trial
+targets are refined from there.
 """
 
 from __future__ import annotations
@@ -29,7 +30,6 @@ from ident.estimator.robust_fit import fit_robustly
 from ident.estimator.unknowns import PlacedPoses
 from ident.signals.rounding import rounding_noise
 
-_LINEAR = ("length", "point", "pose", "socket")  # kinds with a linear problem of their own
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out
 _GROSS = 10.0  # medians of the distance beyond which a pose does not count in a fit of few poses
@@ -59,20 +59,16 @@ def start_of_poses(table: PoseTable, chain: Chain) -> PlacedPoses:
     for target in table.targets:
         groups = [g for g in table.groups if g.target == target]
         place: Placement | None = None
-        for kinds in (("pose", "point"), ("socket",), ("length",)):
-            if same := [g for g in groups if g.measured in kinds]:
-                poses = _gathered(same, chain)
-                if kinds[0] == "length":
-                    placed, place = _lengths(poses, place)
-                else:
-                    placed, place = (_sockets if kinds[0] == "socket" else _points)(poses)
+        for solve, turns in ((_points, True), (_sockets, False)):
+            if same := [g for g in groups if g.kind.directions == 3 and g.kind.seat_turns == turns]:
+                placed, place = solve(_gathered(same, chain))
                 seats = placed | seats
-        for kind in dict.fromkeys(g.kind for g in groups if g.kind.name not in _LINEAR):
+        for kind in dict.fromkeys(g.kind for g in groups if g.kind.directions < 3):
             own = [g for g in groups if g.kind == kind]
             placed, place = _sighted(own, _gathered(own, chain), place)
             seats = placed | seats
         assert place is not None  # every target stands in a group
-        whole = [g for g in groups if g.measured == "pose"]
+        whole = [g for g in groups if g.kind.target_turns]
         turn = _target_rotation(_gathered(whole, chain), seats) if whole else np.eye(3)
         targets[target] = Placement(turn, place.origin)
     return PlacedPoses(table, seats, targets)
@@ -138,46 +134,21 @@ def _placements_matrix(poses: _Poses) -> Array:
     return matrix
 
 
-def _lengths(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placement], Placement]:
-    """Placements from lengths: the best refinement from a trial target on the flange or near it."""
-    s, length = len(poses.names), poses.values[:, 0]
-    trials = np.vstack((np.zeros((1, 3)), _TRIAL * np.eye(3), -_TRIAL * np.eye(3)))
-    starts = trials if known is None else known.origin[None]
-
-    def residual(x: Array) -> Array:
-        point = poses.origin + poses.rotation @ x[3 * s :]
-        seats = x[: 3 * s].reshape(s, 3)[poses.seat]
-        return np.asarray(np.linalg.norm(point - seats, axis=1) - length)
-
-    best = None
-    for trial in starts:
-        point = poses.origin + poses.rotation @ trial
-        seats = [_trilaterated(point[poses.seat == j], length[poses.seat == j]) for j in range(s)]
-        begin = np.concatenate((*seats, trial))
-        fitted = least_squares(residual, begin, loss="soft_l1", f_scale=2e-3, max_nfev=60)
-        if best is None or fitted.cost < best.cost:
-            best = fitted
-    assert best is not None  # there is at least one trial
-    seats_placed = {
-        name: Placement(np.eye(3), best.x[3 * j : 3 * j + 3]) for j, name in enumerate(poses.names)
-    }
-    return seats_placed, Placement(np.eye(3), best.x[3 * s :])
-
-
 def _sighted(
     groups: Sequence[PoseGroup], poses: _Poses, known: Placement | None
 ) -> tuple[dict[str, Placement], Placement]:
     """Placements by kinds that find their seat from points, the best from several trial targets."""
     kind, s = groups[0].kind, len(poses.names)
+    free = 6 if kind.seat_turns else 3
     trials = np.vstack((np.zeros((1, 3)), _TRIAL * np.eye(3), -_TRIAL * np.eye(3)))
     chosen = [poses.seat == j for j in range(s)]
 
     def placed(x: Array, begun: Sequence[Placement]) -> list[Placement]:
-        parts = x[: 6 * s].reshape(s, 6)
+        parts = x[: free * s].reshape(s, free)
         return [b.moved(part, about_own_axes=False) for b, part in zip(begun, parts, strict=True)]
 
     def residual(x: Array, begun: Sequence[Placement]) -> Array:
-        points = poses.origin + poses.rotation @ x[6 * s :]
+        points = poses.origin + poses.rotation @ x[free * s :]
         out = []
         for seat, own in zip(placed(x, begun), chosen, strict=True):
             sight = kind.sight(poses.values[own], seat, points[own].T)
@@ -196,22 +167,15 @@ def _sighted(
             raise PoseStartError(f"instruments of kind {kind.name} state no start of their seats")
         fitted = least_squares(
             residual,
-            np.concatenate((np.zeros(6 * s), begin)),
+            np.concatenate((np.zeros(free * s), begin)),
             loss="soft_l1",
             f_scale=2e-3,
             max_nfev=60,
             args=(first,),
         )
         if fitted.cost < cost:
-            best, cost, target = placed(fitted.x, first), fitted.cost, fitted.x[6 * s :]
+            best, cost, target = placed(fitted.x, first), fitted.cost, fitted.x[free * s :]
     return dict(zip(poses.names, best, strict=True)), Placement(np.eye(3), target)
-
-
-def _trilaterated(point: Array, length: Array) -> Array:
-    """(3,) [m] the seat from which points (N, 3) are at distances (N,)."""
-    matrix = np.hstack((2.0 * point, -np.ones((len(point), 1))))
-    right = (point**2).sum(axis=1) - length**2
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-6)[0][:3])
 
 
 def _without_far(matrix: Array, right: Array) -> Array:

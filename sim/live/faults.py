@@ -26,85 +26,58 @@ def _behind(log: TextLog, at: float) -> NDArray[np.intp]:
     return np.flatnonzero(log.t >= at)
 
 
-def _some(names: list[str], rng: Rng) -> list[str]:
-    chosen = sorted(int(k) for k in rng.choice(len(names), 2, replace=False))
-    return [names[k] for k in chosen]
+def _frozen(source: str, *, whole: bool = False) -> Fault:
+    """Values that repeat: of one channel of a log, or of all."""
+
+    def fault(logs: Logs, at: float, rng: Rng) -> float:
+        log = logs[source]
+        names, rows = list(log.scales), _behind(log, at)
+        for name in names if whole else [str(rng.choice(names))]:
+            column = log.column(name)
+            log.cells[rows, column] = log.cells[rows[0] - 1, column]
+        return at
+
+    return fault
 
 
-def _freeze(log: TextLog, at: float, names: list[str]) -> None:
-    rows = _behind(log, at)
-    for name in names:
-        column = log.column(name)
-        log.cells[rows, column] = log.cells[rows[0] - 1, column]
+def _exchanged(source: str) -> Fault:
+    """Two channels of a log that change places."""
+
+    def fault(logs: Logs, at: float, rng: Rng) -> float:
+        log = logs[source]
+        names, rows = list(log.scales), _behind(log, at)
+        i, j = (log.column(names[int(k)]) for k in sorted(rng.choice(len(names), 2, replace=False)))
+        log.cells[rows[:, None], [i, j]] = log.cells[rows[:, None], [j, i]]
+        return at
+
+    return fault
 
 
-def _exchange(log: TextLog, at: float, rng: Rng) -> None:
-    rows = _behind(log, at)
-    i, j = (log.column(name) for name in _some(list(log.scales), rng))
-    log.cells[rows[:, None], [i, j]] = log.cells[rows[:, None], [j, i]]
+def _scaled(factor: float) -> Fault:
+    """An encoder that counts so many times as far."""
+
+    def fault(logs: Logs, at: float, rng: Rng) -> float:
+        log = logs["ballbar"]
+        rows, name = _behind(log, at), str(rng.choice(list(log.scales)))
+        counts = log.numbers(name)
+        first = counts[rows[0] - 1]
+        moved = (counts[rows] - first + 0.5 * WORD) % WORD - 0.5 * WORD
+        log.put(rows, name, first + factor * moved)
+        return at
+
+    return fault
 
 
-def encoder_frozen(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder's counter repeats its value."""
-    _freeze(logs["ballbar"], at, [str(rng.choice(list(logs["ballbar"].scales)))])
-    return at
-
-
-def motor_frozen(logs: Logs, at: float, rng: Rng) -> float:
-    """The angle of one of the robot's motors repeats its value."""
-    _freeze(logs["robot"], at, [str(rng.choice(list(logs["robot"].scales)))])
-    return at
-
-
-def robot_log_frozen(logs: Logs, at: float, rng: Rng) -> float:
-    """All angles of the robot's log repeat their values."""
-    del rng
-    _freeze(logs["robot"], at, list(logs["robot"].scales))
-    return at
-
-
-def encoders_exchanged(logs: Logs, at: float, rng: Rng) -> float:
-    """The counters of two encoders change places."""
-    _exchange(logs["ballbar"], at, rng)
-    return at
-
-
-def motors_exchanged(logs: Logs, at: float, rng: Rng) -> float:
-    """The angles of two of the robot's motors change places."""
-    _exchange(logs["robot"], at, rng)
-    return at
-
-
-def _scaled(logs: Logs, at: float, rng: Rng, factor: float) -> float:
-    log = logs["ballbar"]
-    rows, name = _behind(log, at), str(rng.choice(list(log.scales)))
-    counts = log.numbers(name)
-    first = counts[rows[0] - 1]
-    moved = (counts[rows] - first + 0.5 * WORD) % WORD - 0.5 * WORD
-    log.put(rows, name, first + factor * moved)
-    return at
-
-
-def encoder_reversed(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder counts in the other direction."""
-    return _scaled(logs, at, rng, -1.0)
-
-
-def line_count(logs: Logs, at: float, rng: Rng) -> float:
-    """An encoder counts twice as far."""
-    return _scaled(logs, at, rng, 2.0)
-
-
-def _shifted(log: TextLog, at: float, name: str, size: float) -> None:
-    rows = _behind(log, at)
+def _shifted(log: TextLog, at: float, name: str, sizes: tuple[float, float], rng: Rng) -> None:
+    """Moves a channel by a drawn size [rad], either way."""
+    rows, size = _behind(log, at), float(rng.uniform(*sizes)) * rng.choice([-1.0, 1.0])
     log.put(rows, name, log.numbers(name)[rows] + size * log.scales[name])
 
 
 def slip(logs: Logs, at: float, rng: Rng) -> float:
     """An encoder slips on its shaft by 1 to 5 mrad."""
     name = str(rng.choice(list(logs["ballbar"].scales)))
-    size = float(rng.uniform(1e-3, 5e-3)) * rng.choice([-1.0, 1.0])
-    _shifted(logs["ballbar"], at, name, size)
+    _shifted(logs["ballbar"], at, name, (1e-3, 5e-3), rng)
     return at
 
 
@@ -129,8 +102,7 @@ def tool_moved(logs: Logs, at: float, rng: Rng) -> float:
     """The zero of a wrist's motor moves by 2 to 5 mrad at the joint, as after a collision."""
     names = list(logs["robot"].scales)
     name = names[int(rng.integers(WRIST, len(names)))]
-    size = float(rng.uniform(2e-3, 5e-3)) * rng.choice([-1.0, 1.0])
-    _shifted(logs["robot"], at, name, size)
+    _shifted(logs["robot"], at, name, (2e-3, 5e-3), rng)
     return at
 
 
@@ -146,12 +118,15 @@ def robot_stands(logs: Logs, at: float, rng: Rng) -> float:
 
 
 FAULTS: dict[str, Fault] = {
-    fault.__name__: fault
-    for fault in (
-        encoder_frozen, motor_frozen, robot_log_frozen, encoders_exchanged, motors_exchanged,
-        encoder_reversed, line_count, slip, stamps_back, weak_signal, tool_moved, robot_stands,
-    )
-}  # fmt: skip
+    "encoder_frozen": _frozen("ballbar"),  # an encoder's counter repeats its value
+    "motor_frozen": _frozen("robot"),  # the angle of one motor does
+    "robot_log_frozen": _frozen("robot", whole=True),  # all angles of the robot's log do
+    "encoders_exchanged": _exchanged("ballbar"),  # two encoders change places
+    "motors_exchanged": _exchanged("robot"),  # two motors do
+    "encoder_reversed": _scaled(-1.0),  # an encoder counts in the other direction
+    "line_count": _scaled(2.0),  # an encoder counts twice as far
+    **{f.__name__: f for f in (slip, stamps_back, weak_signal, tool_moved, robot_stands)},
+}
 OF_ENCODERS = (
     "encoder_frozen", "encoders_exchanged", "encoder_reversed", "line_count", "slip",
     "stamps_back", "weak_signal",

@@ -27,12 +27,13 @@ from ballbar.scenario import load_scenario
 from ballbar.truth.compare import identification_against_truth
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
-from ident.held_out import HeldOut, LoopClosure, held_out
+from ident.held_machine import LoopClosure
+from ident.held_out import HeldOut, held_out
 from ident.options import FitOptions
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from sim.recording_files import write_recording
 from sim.simulate import simulate
 from sim.truth import load_truth
@@ -159,7 +160,7 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
     predicted = read.identified_robot(cell=cell).tool(grid)
-    fitted = machine.identification.robot.identified_robot().tool(grid)
+    fitted = machine.identification.robot.identified.tool(grid)
     assert np.abs(predicted - fitted).max() < 1e-12  # YAML holds every digit
 
 

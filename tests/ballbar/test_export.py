@@ -113,36 +113,25 @@ def rapid_data(text: str) -> dict[str, list[float]]:
     return {name: [float(v) for v in values.split(",")] for name, values in found}
 
 
-def read_rapid(text: str, q: Array) -> Array:
-    data = rapid_data(text)
+def along_rows(rows: dict[str, list[float]], q: Array) -> Array:
     pose: Array = np.eye(4)[None]
     for i in range(6):
-        pose = (
-            pose
-            @ turn("z", np.radians(data["dh_theta_deg"][i]) + q[:, i])
-            @ shift("z", data["dh_d_mm"][i] / 1e3)
-        )
-        pose = (
-            pose
-            @ shift("x", data["dh_a_mm"][i] / 1e3)
-            @ turn("x", np.radians(data["dh_alpha_deg"][i]))
-            @ turn("y", np.radians(data["dh_beta_deg"][i]))
-        )
-    return np.asarray(pose @ turn("y", np.radians(data["dh_tool_beta_deg"][0])))
+        pose = pose @ turn("z", rows["theta"][i] + q[:, i]) @ shift("z", rows["d"][i])
+        pose = pose @ shift("x", rows["a"][i]) @ turn("x", rows["alpha"][i])
+        pose = pose @ turn("y", rows["beta"][i])
+    return np.asarray(pose)
+
+
+def read_rapid(text: str, q: Array) -> Array:
+    data = rapid_data(text)
+    rows = {key: (np.array(data[f"dh_{key}_mm"]) / 1e3).tolist() for key in "ad"}
+    for key in ("alpha", "theta", "beta"):
+        rows[key] = np.radians(data[f"dh_{key}_deg"]).tolist()
+    return along_rows(rows, q) @ turn("y", np.radians(data["dh_tool_beta_deg"][0]))
 
 
 def read_json(text: str, q: Array) -> Array:
-    rows = json.loads(text)["rows"]
-    pose: Array = np.eye(4)[None]
-    for i in range(6):
-        pose = (
-            pose
-            @ turn("z", rows["theta"][i] + q[:, i])
-            @ shift("z", rows["d"][i])
-            @ shift("x", rows["a"][i])
-        )
-        pose = pose @ turn("x", rows["alpha"][i]) @ turn("y", rows["beta"][i])
-    return pose
+    return along_rows(json.loads(text)["rows"], q)
 
 
 def in_mujoco(

@@ -107,17 +107,6 @@ def test_tables_end_at_the_flange(to: str, order: str, result: Result) -> None:
     assert re.search(r"targets on it: big ball at \(.*\) m; frame at .* rotation vector", text)
 
 
-def test_an_angle_below_its_own_sigma_is_dropped_and_said(tmp_path: Path) -> None:
-    """A DH table would hold it as lengths of hundreds of metres that cancel."""
-    file = write_pose_result(tmp_path / "calibration.yaml", "irb2400", seed=1)
-    content = yaml.safe_load(file.read_text())
-    content["parameters"]["rbeta2"] |= {"value": 1e-5, "sigma": 2e-5, "identified": True}
-    file.write_text(yaml.safe_dump(content, sort_keys=False))
-    text = exported(load_result(tmp_path), "dh")
-    assert "DROPPED: rbeta2 = 1e-05 rad, below its sigma of 2e-05 rad; --to hayati has it." in text
-    assert max(abs(float(row["d_m"])) for row in table(text)) < 2.0
-
-
 def test_screws_and_rapid_data_are_of_every_axis(result: Result) -> None:
     screws = table(exported(result, "poe"))
     assert [row["row"] for row in screws][:-3] == [str(j + 1) for j in range(result.robot.joints)]
@@ -246,7 +235,7 @@ def test_a_file_of_another_robot_is_refused(tmp_path: Path) -> None:
         into_file(result, file)
     with pytest.raises(InputError, match=r"there is no joint elbow. Joints that turn: j1, j2"):
         into_file(result, file, ["elbow"])
-    with pytest.raises(InputError, match=r"joint j3 .* lies between j2 and j4|does not hang on"):
+    with pytest.raises(InputError, match=r"j7 are not all joints that move from l0 .* are j1"):
         into_file(result, file, ["j1", "j2", "j4", "j5", "j6", "j7"])
     file.write_text("<!DOCTYPE robot><robot/>")
     with pytest.raises(InputError, match="holds <!DOCTYPE>, which is refused"):

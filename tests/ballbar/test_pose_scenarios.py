@@ -16,11 +16,12 @@ from ballbar.truth.compare import poses_against_truth
 from ballbar.truth.limits import tcp_limits
 from cell.errors import DescriptionError
 from cell.poses import PoseTable
-from ident.identify_poses import identify_poses
-from ident.pose_result import PoseIdentification
+from ident.table_estimate import TableEstimate
+from ident.table_fit import fit_table
 from sim.recording_files import write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
+from tests.helpers.still_poses import verdict_of
 
 NAMES = (
     "ur10e_tracker",
@@ -44,11 +45,11 @@ def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) ->
 
 def identified(
     settings: PoseScenario, folder: Path
-) -> tuple[PoseSimulation, PoseTable, PoseIdentification]:
+) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
     simulation = simulate_poses(settings, relative_to=Path())
     write_poses(simulation, settings, folder, relative_to=Path())
     table = read_poses(folder)
-    return simulation, table, identify_poses(table)
+    return simulation, table, fit_table(table)
 
 
 @pytest.mark.slow
@@ -94,7 +95,7 @@ def test_the_identified_robot_is_better_than_the_nominal_one_by_far(tmp_path: Pa
     # measured 3 um of 2.1 mm; the reflectors' noise is 14 um and there are 360 of them
     assert comparison.tcp.mean < 1e-5
     assert comparison.tcp_nominal.mean > 1e-3
-    status, accept = result.verdict.status, scenario("ur10e_tracker").accept
+    status, accept = verdict_of(result).status, scenario("ur10e_tracker").accept
     limits = tcp_limits(status, result.tcp_sigma, comparison, accept)
     assert {"verdict", "TCP error, mean", "TCP error, largest"} <= {limit.what for limit in limits}
     assert all(limit.met for limit in limits)
@@ -127,7 +128,7 @@ def test_outliers_are_found_named_and_do_no_harm(name: str, share: float, tmp_pa
     found, true = lines_of(table, result.findings.outliers), set(simulation.truth.outliers)
     assert found <= true
     assert len(found) >= share * len(true)
-    warning = next(w for w in result.verdict.warnings if "far from the model" in w)
+    warning = next(w for w in verdict_of(result).warnings if "far from the model" in w)
     assert warning.startswith(f"{len(found)} poses")
     assert all(int(part.split(":")[1].split(" ")[0]) in true for part in warning.split(", ")[1:4])
     _, _, without = identified(scenario(name), tmp_path / "without")
@@ -144,7 +145,7 @@ def test_poses_read_too_early_are_told_from_outliers(name: str, tmp_path: Path) 
     simulation, table, result = identified(scenario(name, {"unsettled": {}}), tmp_path / "t")
     assert lines_of(table, result.findings.unsettled) == set(simulation.truth.unsettled)
     assert not result.findings.outliers.size
-    assert any("read before the robot stood still" in w for w in result.verdict.warnings)
+    assert any("read before the robot stood still" in w for w in verdict_of(result).warnings)
 
 
 @pytest.mark.slow
@@ -163,7 +164,7 @@ def test_lengths_read_too_early_are_outliers_since_one_number_has_no_direction(
 def test_rounded_angles_are_named_and_make_no_joint_errors(tmp_path: Path) -> None:
     """Three reflectors share the rounding of their pose: counted as three, chance made orders."""
     _, _, result = identified(scenario("ur10e_tracker", {"rounding": {}}), tmp_path / "t")
-    assert any("are rounded to 0.01 deg" in w for w in result.verdict.warnings)
+    assert any("are rounded to 0.01 deg" in w for w in verdict_of(result).warnings)
     assert result.search is not None
     assert set(result.search.pairs) <= {(0, 2), (2, 1)}
 
@@ -175,7 +176,7 @@ def test_a_drifting_tracker_is_named_with_its_size(tmp_path: Path) -> None:
     (drift,) = result.findings.drifts
     assert drift.shift == pytest.approx(2e-4, rel=0.1)
     assert any(
-        w.startswith("tracker drifts against the robot by 0.") for w in result.verdict.warnings
+        w.startswith("tracker drifts against the robot by 0.") for w in verdict_of(result).warnings
     )
 
 
@@ -214,7 +215,7 @@ def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:
     shifts = {drift.seat: drift.shift for drift in result.findings.drifts}
     assert set(shifts) == {"low", "high", "far"}
     assert list(shifts.values()) == pytest.approx([2e-4 / 3.0] * 3, rel=0.2)
-    assert not any("mrad over the" in w for w in result.verdict.warnings)
+    assert not any("mrad over the" in w for w in verdict_of(result).warnings)
 
 
 @pytest.mark.slow

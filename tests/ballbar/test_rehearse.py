@@ -34,7 +34,7 @@ from ident.robot.inverse_calibration import TargetError
 from planning.request import PlanRequest
 from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import device_logs
-from sim.live.faults import FAULTS, OF_ENCODERS
+from sim.live.faults import OF_ENCODERS
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import CLOCK, record
 
@@ -271,8 +271,3 @@ def test_a_day_of_short_paths_comes_out_as_required(tmp_path: Path) -> None:
     held = stages["hold them in the plant"]
     assert held["corrected_targets_m"]["mean"] < 0.01 * held["nominal_targets_m"]["mean"]
     assert (out / "result" / "report.html").exists()
-
-
-def test_every_fault_says_what_it_is() -> None:
-    assert all(fault.__doc__ for fault in FAULTS.values())
-    assert set(OF_ENCODERS) < set(FAULTS)

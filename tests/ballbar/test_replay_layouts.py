@@ -28,8 +28,6 @@ from ballbar.result.run_data import RunData
 from ballbar.sphere_coverage import PATCHES, coverage, even_directions
 from cell.errors import InputError
 from cell.logs import BallBarLog
-from ident.identify import identify
-from ident.options import FitOptions, Listener
 from tests.helpers.identified_run import simulated_run
 from tests.helpers.replay_files import chunks, entities, free_port, values, verified
 
@@ -54,22 +52,6 @@ def other(run, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("other") / "unknown.rrd"
     write_replay(path, replace(run, name="unknown", simulation=None, comparison=None, limits=()))
     return path
-
-
-def test_watching_changes_nothing(run):
-    """One recording identified with and without anybody who listens."""
-    (fitted,), result = run.recordings, run.identification
-    logs = fitted.recording.robot_log, fitted.recording.ballbar_log
-    seen = []
-    watched = identify(
-        result.robot.cell,
-        *logs,
-        options=FitOptions(samples=300),
-        listener=Listener(on_iteration=seen.append),
-    )
-    values = watched.recordings[0].geometry.values
-    np.testing.assert_array_equal(values, fitted.estimate.geometry.values)
-    assert len(seen) == watched.fit.iterations == result.fit.iterations
 
 
 def test_patches_lie_evenly_and_are_counted_once():

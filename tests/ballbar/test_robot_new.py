@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from ballbar.robot_file import new_robot
-from ballbar.robot_file.new_robot import PoseDifference
 from cell.chain import Chain, forward
 from cell.descriptions import Robot
 from cell.load import load_robot
@@ -149,24 +148,15 @@ def test_the_name_of_a_joint_cannot_end_the_comment_it_stands_in(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_table_of_standard_rows(tmp_path: Path) -> None:
-    table, file = tmp_path / "ur5.csv", tmp_path / "mine.yaml"
-    table.write_text(CSV)
-    code, _, err = ballbar("robot", "new", "mine", "--dh", table, "--out", file)
+@pytest.mark.parametrize(("text", "name"), [(CSV, "ur5"), (PANDA, "panda")])
+def test_a_table_of_standard_or_modified_rows(text: str, name: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    code, _, err = ballbar("robot", "new", "mine", *_table(tmp_path, text), "--out", file)
     assert code == 0, err
-    robot, shipped = load_robot(str(file)), load_robot("ur5")
-    for key in ("a", "d", "alpha", "theta", "axis_lower", "axis_upper", "axis_speed_max"):
-        np.testing.assert_allclose(getattr(robot, key), getattr(shipped, key), atol=1e-15)
-
-
-@pytest.mark.slow
-def test_a_table_of_modified_rows_with_its_flange(tmp_path: Path) -> None:
-    table, file = tmp_path / "panda.yaml", tmp_path / "mine.yaml"
-    table.write_text(PANDA)
-    code, _, err = ballbar("robot", "new", "mine", "--dh", table, "--out", file)
-    assert code == 0, err
-    robot, shipped = load_robot(str(file)), load_robot("panda")
+    robot, shipped = load_robot(str(file)), load_robot(name)
     for key in ("a", "d", "alpha", "theta"):
+        np.testing.assert_allclose(getattr(robot, key), getattr(shipped, key), atol=1e-15)
+    for key in ("axis_lower", "axis_upper", "axis_speed_max") if name == "ur5" else ():
         np.testing.assert_allclose(getattr(robot, key), getattr(shipped, key), atol=1e-15)
 
 
@@ -319,7 +309,7 @@ def test_a_file_that_exists_is_not_replaced(tmp_path: Path) -> None:
 def test_a_description_that_differs_from_its_source_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(new_robot, "difference", lambda *_: PoseDifference(2e-9, 0.0))
+    monkeypatch.setattr(new_robot, "difference", lambda *_: (2e-9, 0.0))
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(urdf_text(OFFSETS))
     code, _, err = ballbar("robot", "new", "arm", "--urdf", urdf, "--out", tmp_path / "arm.yaml")

@@ -125,70 +125,58 @@ def test_two_arms_of_the_same_length_need_a_tip() -> None:
 
 
 BOMB = '<!DOCTYPE robot [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]><robot name="x">&b;</robot>'
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="a"/></robot>'
+TWO = '<link name="a"/><link name="b"/>'
+
+
+def joined(name: str, parent: str, child: str, inner: str = "", kind: str = "fixed") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{inner}{ends}</joint>'
+
+
+@pytest.mark.parametrize(
+    ("inner", "message"),
+    [
+        ("", "holds no link"),
+        ('<link name="a"/><link name="a"/>', "link a stands here twice"),
+        (TWO, r"2 roots \(a, b\)"),
+        ("<link/>", "a link has no name"),
+        (TWO + joined("j", "a", "b", kind="hinge"), "joint j: type 'hinge' is none of revolute"),
+        ('<link name="a"/>' + joined("j", "a", "b"), "joint j: there is no link b"),
+        ('<link name="a"/>' + joined("j", "a", ""), "joint j: names no child"),
+        (TWO + joined("j", "a", "b") + joined("k", "a", "b"), "b is the child of joints j and k"),
+        (
+            '<link name="r"/>' + TWO + joined("j", "a", "b") + joined("k", "b", "a"),
+            "links a, b form a loop",
+        ),
+        (TWO + joined("j", "a", "b", '<origin xyz="0 0"/>'), "j: xyz = '0 0'. Write three numbers"),
+        (
+            TWO + joined("j", "a", "b", '<origin xyz="0 nan 0"/>'),
+            "joint j: xyz = 'nan' is no finite number",
+        ),
+        (
+            TWO + joined("j", "a", "b", '<axis xyz="0 0 0"/>', kind="revolute"),
+            "joint j: the axis is 0 0 0",
+        ),
+        (
+            '<link name="a"><inertial><mass value="1"/></inertial></link>',
+            "link a: its inertial lacks mass or inertia",
+        ),
+    ],
+)
+def test_a_tree_that_is_none_is_refused_with_what_and_where(inner: str, message: str) -> None:
+    with pytest.raises(DescriptionError, match=rf"^arm.urdf: .*{message}"):
+        parse_urdf(f"<robot>{inner}</robot>", "arm.urdf")
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "not valid XML"),
-        ("<robot", "not valid XML"),
         ("<robot><link></robot>", "not valid XML"),
         (BOMB, "holds <!DOCTYPE>, which is refused"),
         ("<sdf version='1.6'/>", "outermost element is <sdf>"),
-        (
-            '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="a"/></robot>',
-            "holds xacro macros. Expand them first",
-        ),
-        ("<robot/>", "holds no link"),
-        ('<robot><link name="a"/><link name="a"/></robot>', "link a stands here twice"),
-        ('<robot><link name="a"/><link name="b"/></robot>', r"2 roots \(a, b\)"),
-        ("<robot><link/></robot>", "a link has no name"),
-        (
-            '<robot><link name="a"/><link name="b"/><joint name="j" type="hinge">'
-            '<parent link="a"/><child link="b"/></joint></robot>',
-            "joint j: type 'hinge' is none of revolute",
-        ),
-        (
-            '<robot><link name="a"/><joint name="j" type="fixed"><parent link="a"/>'
-            '<child link="b"/></joint></robot>',
-            "joint j: there is no link b",
-        ),
-        (
-            '<robot><link name="a"/><joint name="j" type="fixed"><parent link="a"/></joint>'
-            "</robot>",
-            "joint j: names no child",
-        ),
-        (
-            '<robot><link name="a"/><link name="b"/>'
-            '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
-            '<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint></robot>',
-            "link b is the child of joints j and k",
-        ),
-        (
-            '<robot><link name="r"/><link name="a"/><link name="b"/>'
-            '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint>'
-            '<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint></robot>',
-            "links a, b form a loop",
-        ),
-        (
-            '<robot><link name="a"/><link name="b"/><joint name="j" type="fixed">'
-            '<origin xyz="0 0"/><parent link="a"/><child link="b"/></joint></robot>',
-            "joint j: xyz = '0 0'. Write three numbers",
-        ),
-        (
-            '<robot><link name="a"/><link name="b"/><joint name="j" type="fixed">'
-            '<origin xyz="0 nan 0"/><parent link="a"/><child link="b"/></joint></robot>',
-            "joint j: xyz = 'nan' is no finite number",
-        ),
-        (
-            '<robot><link name="a"/><link name="b"/><joint name="j" type="revolute">'
-            '<axis xyz="0 0 0"/><parent link="a"/><child link="b"/></joint></robot>',
-            "joint j: the axis is 0 0 0",
-        ),
-        (
-            '<robot><link name="a"><inertial><mass value="1"/></inertial></link></robot>',
-            "link a: its inertial lacks mass or inertia",
-        ),
+        (XACRO, "holds xacro macros. Expand them first"),
     ],
 )
 def test_a_malformed_urdf_is_refused_with_what_and_where(text: str, message: str) -> None:

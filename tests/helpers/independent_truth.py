@@ -33,7 +33,7 @@ KINDS = ("a", "d", "alpha", "theta", "beta")
 
 def bound_draws(found: Identification, q: Array, seed: int) -> Array:
     """(2, DRAWS) [m] mean and largest distance of the tool at q (N, J) [rad], draw by draw."""
-    robot, covariance = found.robot.identified_robot(), found.robot.covariance
+    robot, covariance = found.robot.identified, found.robot.covariance
     table = found.robot.geometry.table
     shared = np.array([table.index[name] for name in covariance.names if name in table.index])
     moves = robot.jacobian(q, shared)

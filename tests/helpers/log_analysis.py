@@ -235,17 +235,6 @@ def _link_centres(cell: Cell, frames: Frames) -> list[tuple[float, Array]]:
     return out
 
 
-def pull_push(motion: Motion) -> tuple[float, float]:
-    """Stretch at 150 N beyond the slack, and the slack's width [m], from force and stretch."""
-    force, stretch = motion.rod_force, motion.rod_stretch
-    slopes, zeros = [], []
-    for side in (force > 20.0, force < -20.0):
-        slope, zero = np.polyfit(force[side], stretch[side], 1)
-        slopes.append(slope)
-        zeros.append(zero)
-    return 150.0 * float(np.mean(slopes)), float(zeros[0] - zeros[1])
-
-
 def force_near_singularity(motion: Motion, bands: Sequence[tuple[float, float]]) -> list[Array]:
     """Rod force [N] while b4 is so far from a multiple of half a turn: largest, and rms above 2 Hz.
 

@@ -103,5 +103,5 @@ def robot_row(
     options = FitOptions(model="complete", force="torque", samples=samples)
     found = identify_together(made[0][0], [logs for _, logs, _ in made], options=options)
     return {"robot": robot, "seed": seed} | study(
-        true_machine(scenario, relative_to=SCENARIOS), found.robot.identified_robot(), poses
+        true_machine(scenario, relative_to=SCENARIOS), found.robot.identified, poses
     )

@@ -29,7 +29,7 @@ def stated_uncertainty(over_stated: Array, covered: dict[str, Array]) -> str:
 
 def white_tcp_sigma(found: Identification) -> Array:
     """(G,) [m] TCP sigma of priors and white noise alone, the Cramer-Rao bound of the model."""
-    robot, covariance = found.robot.identified_robot(), found.robot.covariance
+    robot, covariance = found.robot.identified, found.robot.covariance
     grid, table = accuracy_grid(found.robot.cell.robot), found.robot.geometry.table
     shared = np.array([table.index[n] for n in covariance.names if n in table.index])
     return position_sigma(robot.tool(grid), robot.jacobian(grid, shared), covariance.white)

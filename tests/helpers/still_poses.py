@@ -21,7 +21,11 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.build_unknowns import arm_parameters
+from ident.evidence import Evidence
 from ident.robot.identified import IdentifiedRobot
+from ident.rules import judge
+from ident.table_estimate import TableEstimate
+from ident.verdict import Verdict
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -179,3 +183,8 @@ def group(
         rows=np.arange(2, len(q) + 2),
         file="table.csv",
     )
+
+
+def verdict_of(poses: TableEstimate, *, elsewhere: bool = False) -> Verdict:
+    """The verdict on still poses alone."""
+    return judge([Evidence(table=poses, elsewhere=elsewhere)])

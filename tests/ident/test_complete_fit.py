@@ -31,7 +31,7 @@ from ident.estimator.noise import ExcessNoise
 from ident.model_choice import coefficients_of, lasting, unsupported
 from ident.options import FitOptions, Listener
 from ident.recording_fit import RecordingFit, fit_recording
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from tests.helpers.known_loads import tension_at
 from tests.helpers.minute_logs import LATE, minute_logs
 from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
@@ -235,11 +235,9 @@ def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
     told: list[str] = []
     stages: list[tuple[float, ExcessNoise]] = []
 
-    def followed(
-        pose: Pose, excess: ExcessNoise, listener: Listener, *, max_iterations: int
-    ) -> Fit:
+    def followed(pose: Pose, excess: ExcessNoise, *, max_iterations: int) -> Fit:
         stages.append((pose.model.sharpness, excess))
-        return fit_pose(pose, excess, listener, max_iterations=max_iterations)
+        return fit_pose(pose, excess, max_iterations=max_iterations)
 
     monkeypatch.setattr(complete_fit, "fit_pose", followed)
     options = replace(OPTIONS, force="none")

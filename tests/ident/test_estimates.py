@@ -8,17 +8,18 @@ from typing import cast
 import numpy as np
 import pytest
 
+from cell.geometry import parameter_named
 from cell.load import load_robot
 from ident.corrections.joint_compliance import gear_compliance
 from ident.estimates import pulled
 from ident.estimator.fit import Fit
+from ident.estimator.priors import LENGTH_PRIOR
 from ident.fitted_robot import softer_gears
-from ident.table_estimate import TableEstimate, table_estimate
-from tests.helpers.still_poses import table_of, true_robot
+from ident.table_fit import added_table
 
 
 def fit_of(changes: dict[str, float], sigma: float = 1e-6) -> Fit:
-    """A fit whose parameters of the robot stand off the means of priors of one size."""
+    """A fit whose parameters stand off the means; those of the instrument have this prior."""
     names, count = tuple(changes), len(changes)
     layout = SimpleNamespace(
         names=names,
@@ -26,6 +27,8 @@ def fit_of(changes: dict[str, float], sigma: float = 1e-6) -> Fit:
         mean=np.full(count, 0.2),
         sigma=np.full(count, sigma),
         shared=np.arange(count),
+        parameters=[parameter_named(name) for name in names],
+        fixed=SimpleNamespace(table=SimpleNamespace(plate="ra6")),
         gain=None,
     )
     return cast("Fit", SimpleNamespace(x=0.2 + np.array([*changes.values()]), model=_model(layout)))
@@ -37,9 +40,15 @@ def _model(layout: SimpleNamespace) -> SimpleNamespace:
 
 def test_an_unknown_far_from_its_prior_is_named_if_the_distance_matters() -> None:
     """3.5 deviations, and 5 um of a length or 25 urad of an angle; the furthest comes first."""
-    fit = fit_of({"ra2": 6e-6, "rd4": 4e-6, "ralpha2": 2e-5, "rtheta3": -3e-5, "ra3": 1e-6})
+    fit = fit_of({"ba2": 6e-6, "bd4": 4e-6, "balpha2": 2e-5, "balpha3": -3e-5, "ra6": 1e-6})
+    assert pulled(fit) == ("balpha3", "ba2")
+    assert pulled(fit_of({"ba2": 6e-6}, sigma=2e-6)) == ()
+
+
+def test_a_robots_parameter_is_far_from_the_catalogue_after_five_deviations_of_its_prior() -> None:
+    """Whatever the tail of its prior has come to."""
+    fit = fit_of({"rd4": 4.9 * LENGTH_PRIOR, "ra2": 5.1 * LENGTH_PRIOR, "rtheta3": 0.02}, 1.0)
     assert pulled(fit) == ("rtheta3", "ra2")
-    assert pulled(fit_of({"ra2": 6e-6}, sigma=2e-6)) == ()
 
 
 def test_gears_without_a_fitted_compliance_are_as_the_catalogue_has_them() -> None:
@@ -58,25 +67,6 @@ def test_softness_is_the_mean_factor_over_the_gears(factor: float) -> None:
     assert softer_gears(fit) == pytest.approx(factor, rel=1e-12)
 
 
-@pytest.mark.parametrize(("ignored", "lost"), [(0, ""), (2, ", 2 of them too far off to count")])
-def test_the_sentence_of_a_table_has_its_errors_and_the_poses_left_out(
-    ignored: int, lost: str
-) -> None:
-    estimate = TableEstimate(
-        table=table_of(true_robot("ur5")),
-        seats={},
-        targets={},
-        errors=(np.array([1e-5, 3e-5]), np.array([8e-5])),
-        ignored=ignored,
-        unexplained=0.0,
-        declared=1e-5,
-    )
-    name = estimate.table.name
-    assert estimate.sentence == (
-        f"3 still poses of {name}{lost}: mean error 0.040 mm, largest 0.080 mm"
-    )
-
-
 def test_a_fit_of_recordings_alone_has_no_table() -> None:
     model = SimpleNamespace(unknowns=SimpleNamespace(), recordings=(), table=None)
-    assert table_estimate(cast("Fit", SimpleNamespace(model=model)), np.eye(1)) is None
+    assert added_table(cast("Fit", SimpleNamespace(model=model)), np.eye(1)) is None

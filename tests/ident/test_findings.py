@@ -9,9 +9,10 @@ import pytest
 
 from cell.poses import PoseGroup, PoseTable
 from ident.findings import LEAST_SCALE, last_moves
-from ident.identify_poses import PoseOptions, identify_poses
-from ident.pose_result import PoseIdentification
-from tests.helpers.still_poses import angles, table_of, true_robot
+from ident.options import FitOptions
+from ident.table_estimate import TableEstimate
+from ident.table_fit import fit_table
+from tests.helpers.still_poses import angles, table_of, true_robot, verdict_of
 
 Q = np.array([[0.0, 0.0], [0.1, 0.2], [0.4, 0.1]])  # three poses [rad]
 
@@ -48,7 +49,7 @@ def test_another_file_is_another_measurement() -> None:
     assert moves[1] == pytest.approx(np.array([[0.0, 0.0], [0.3, -0.1]]), abs=1e-12)
 
 
-def large(*, scale: float = 1.0, missing: float = 0.0, drift: float = 0.0) -> PoseIdentification:
+def large(*, scale: float = 1.0, missing: float = 0.0, drift: float = 0.0) -> TableEstimate:
     """A table of 1500 points, errors that the model has not, and one fault.
 
     scale : of the measured values. missing : share of the last move. drift : [m] along x.
@@ -63,7 +64,7 @@ def large(*, scale: float = 1.0, missing: float = 0.0, drift: float = 0.0) -> Po
     moved = np.diff(q, axis=0, prepend=q[:1])
     changed = replace(own, values=values, q=q - missing * moved, time=1e4 * share)
     table = PoseTable("large", table.robot, (changed,))
-    return identify_poses(table, PoseOptions(search=False))
+    return fit_table(table, FitOptions(joint_errors="none"))
 
 
 @pytest.mark.slow
@@ -82,7 +83,7 @@ def test_what_is_significant_and_small_is_not_named() -> None:
     small = large(missing=1e-5, drift=2e-5)
     assert small.findings.unfinished == 0.0
     assert small.findings.drifts == ()
-    assert not any("last move" in w or "drifts" in w for w in small.verdict.warnings)
+    assert not any("last move" in w or "drifts" in w for w in verdict_of(small).warnings)
     assert large(missing=1e-3).findings.unfinished == pytest.approx(1e-3, rel=0.3)
     (drift,) = large(drift=4e-4).findings.drifts
     assert drift.shift == pytest.approx(4e-4, rel=0.5)
@@ -94,5 +95,5 @@ def test_rows_within_the_declared_noise_are_no_outliers() -> None:
     values = own.values.copy()
     values[40] += 3e-5  # thirty times the noise that is there, and half of what is declared
     wide = replace(own, values=values, sigma=np.full(values.shape, 6e-5))
-    result = identify_poses(replace(table, groups=(wide,)), PoseOptions(search=False))
+    result = fit_table(replace(table, groups=(wide,)), FitOptions(joint_errors="none"))
     assert result.findings.outliers.size == 0

@@ -381,21 +381,18 @@ def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
 
 
 @pytest.mark.slow
-def test_stages_and_iterations_are_told_to_the_listener(recorded: Recorded) -> None:
+def test_stages_are_told_to_the_listener(recorded: Recorded) -> None:
     recording = read_recording(recorded.folder)
     stages: list[str] = []
-    steps: list[float] = []
-    result = identify(
+    identify(
         recorded.simulation.cell,
         recording.robot_log,
         recording.ballbar_log,
         options=FitOptions(samples=300, model="dh"),
-        listener=Listener(stages.append, lambda step: steps.append(step.chi2_per_sample)),
+        listener=Listener(stages.append),
     )
     assert stages[0] == "smoothing both logs"
     assert "fitting" in stages
-    assert len(steps) == result.fit.iterations
-    assert steps[-1] < 2.0
 
 
 @pytest.mark.slow

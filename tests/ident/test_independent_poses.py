@@ -15,7 +15,7 @@ from acquisition.pose_tables import read_poses
 from cell.chain import Chain, forward
 from cell.load import load_robot
 from cell.poses import PoseTable
-from ident.identify_poses import identify_poses
+from ident.table_fit import fit_table
 from tests.helpers.own_poses import OwnArm, irb120, length_poses, panda, socket_poses, written
 
 SIGMA = 5e-5  # [m] of lengths, and of the play of sockets
@@ -50,10 +50,10 @@ def tables(kind: str, seed: int, folder: Path) -> list[PoseTable]:
 @pytest.mark.parametrize("kind", ["sockets", "lengths"])
 def test_a_robot_of_another_generator_is_predicted_to_the_noise(kind: str, tmp_path: Path) -> None:
     fitted, held = tables(kind, 0, tmp_path)
-    result = identify_poses(fitted)
+    result = fit_table(fitted)
     assert result.search is not None
     assert not result.search.orders
-    error = np.linalg.norm(result.errors(held), axis=1).mean()
+    error = np.linalg.norm(result.deviations(held), axis=1).mean()
     nominal = result.residual_means[1]
     # mean length of the noise is 0.8 sigma of one axis, 1.6 of three; the fit adds a tenth
     assert error < (2.0 if kind == "sockets" else 1.1) * SIGMA < 0.3 * nominal
@@ -68,6 +68,6 @@ def test_the_stated_regions_hold_held_out_poses_about_as_often_as_they_claim(
     shares = []
     for seed in range(SEEDS):
         fitted, held = tables(kind, seed, tmp_path)
-        shares.append(float(identify_poses(fitted).within(held).mean()))
+        shares.append(float(fit_table(fitted).within(held).mean()))
     assert 0.91 < np.mean(shares) < 0.98
     assert min(shares) > 0.8

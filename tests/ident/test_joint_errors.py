@@ -45,7 +45,7 @@ def tcp_error(result: Identification, order: int, size: float = SIZE) -> float:
     gears = q @ CELL.robot.joint_to_gear
     gears[:, JOINT] += size * np.sin(order * gears[:, JOINT])
     true = robot_frames(NOMINAL, gears @ CELL.robot.gear_to_joint).tip.T
-    return position_error(result.robot.identified_robot().tool(q), true).mean
+    return position_error(result.robot.identified.tool(q), true).mean
 
 
 def amplitudes(result: Identification) -> dict[str, float]:

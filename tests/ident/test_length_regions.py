@@ -12,12 +12,13 @@ from acquisition.pose_tables import read_poses
 from cell.arrays import Array
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
-from ident.identify_poses import PoseOptions, identify_poses
-from ident.pose_result import PoseIdentification
+from ident.options import FitOptions
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.pose_covariance import PoseCovariance
+from ident.table_estimate import TableEstimate
+from ident.table_fit import fit_table
 from tests.helpers import real_robots
-from tests.helpers.still_poses import TrueRobot, angles, group, table_of, true_robot
+from tests.helpers.still_poses import TrueRobot, angles, group, table_of, true_robot, verdict_of
 
 ROBOTS = ("ur5", "irb120", "panda", "irb2400")
 SEATS = np.array([[0.8, 0.5, 0.0], [0.8, -0.9, 0.3], [-0.6, 0.7, 0.1]])  # [m]
@@ -36,12 +37,12 @@ def lengths(q: Array, points: Array, seats: Array, rng: np.random.Generator) -> 
     return PoseTable("lengths", true_robot("ur5").robot, tuple(groups))
 
 
-def drawn(name: str, seed: int, seats: int) -> tuple[TrueRobot, PoseIdentification]:
+def drawn(name: str, seed: int, seats: int) -> tuple[TrueRobot, TableEstimate]:
     """A robot with errors that the model does not have, and what lengths tell of it."""
     true = true_robot(name, seed=seed, orders=LOW, amplitude=1e-4)
     q, rng = angles(name, 150, seed), np.random.default_rng([seed, 7])
     table = replace(lengths(q, true.positions(q), SEATS[:seats], rng), robot=true.robot)
-    return true, identify_poses(table, PoseOptions(search=False))
+    return true, fit_table(table, FitOptions(joint_errors="none"))
 
 
 def from_seat(arm: IdentifiedRobot, q: Array) -> Array:
@@ -84,15 +85,15 @@ def test_regions_of_points_hold_where_rods_judge_one_direction(seats: int) -> No
 def test_clean_lengths_are_not_widened_and_points_never() -> None:
     true = true_robot("ur5")
     q, rng = angles("ur5", 300, 1), np.random.default_rng(2)
-    result = identify_poses(
-        lengths(q, true.positions(q), SEATS[:1], rng), PoseOptions(search=False)
+    result = fit_table(
+        lengths(q, true.positions(q), SEATS[:1], rng), FitOptions(joint_errors="none")
     )
     arm = result.identified_robot()
     assert isinstance(arm.stated, PoseCovariance)
     bare = replace(arm, stated=replace(arm.stated, joint_sigma=0.0))
     assert arm.sigma(q).mean() < 1.2 * bare.sigma(q).mean()
     assert (
-        identify_poses(table_of(true), PoseOptions(search=False)).cross_validation.joint_sigma == 0
+        fit_table(table_of(true), FitOptions(joint_errors="none")).cross_validation.joint_sigma == 0
     )
 
 
@@ -100,7 +101,7 @@ def test_clean_lengths_are_not_widened_and_points_never() -> None:
 def test_lengths_of_fewer_than_three_seats_are_said_to_judge_along_the_rods() -> None:
     for seats, said in ((1, True), (2, True), (3, False)):
         _, result = drawn("ur5", 0, seats)
-        sentences = [w for w in result.verdict.warnings if "along the rods alone" in w]
+        sentences = [w for w in verdict_of(result).warnings if "along the rods alone" in w]
         assert bool(sentences) == said
     # four joints of six have errors of 1e-4 / sqrt(2); from one direction a factor of two at best
     assert 0.5 < result.cross_validation.joint_sigma / (1e-4 / np.sqrt(3.0)) < 2.0
@@ -116,7 +117,7 @@ def test_points_of_a_measured_ur10_lie_in_the_regions_of_its_lengths(tmp_path: P
     seat = np.median(points, axis=0) + np.array([0.3, -0.4, -0.8])
     table = lengths(q[:300], points[:300], seat[None], np.random.default_rng(3))
     table = replace(table, robot=read_poses(real_robots.ur10_a(tmp_path / "again")).robot)
-    result = identify_poses(table)
+    result = fit_table(table)
     arm = result.identified_robot()
     inside = arm.covered(q[300:])
     assert within(arm, q[300:][inside], points[300:][inside] - seat) > 0.93
@@ -131,7 +132,7 @@ def test_a_turn_of_the_frame_is_taken_out_by_the_helper() -> None:
     assert within(arm, q, model @ turn.T) == 1.0
 
 
-def stated_over_true(result: PoseIdentification, q: Array, seen: Array) -> float:
+def stated_over_true(result: TableEstimate, q: Array, seen: Array) -> float:
     """Stated over true root mean square of points seen (N, 3) [m], after a rigid alignment."""
     arm = result.identified_robot()
     inside = arm.covered(q)
@@ -167,5 +168,5 @@ def test_lengths_of_a_measured_ur5_state_the_error_of_its_points(tmp_path: Path)
     q, points = full.q[order[:300]], full.values[order[:300]]
     part = replace(lengths(q, points, seats, np.random.default_rng(1)), robot=table.robot)
     judged = order[300:]
-    result = identify_poses(part)
+    result = fit_table(part)
     assert 0.8 < stated_over_true(result, full.q[judged], full.values[judged]) < 1.25

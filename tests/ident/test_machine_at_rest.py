@@ -16,10 +16,11 @@ from cell.poses import PoseGroup, PoseTable
 from ident.corrections import CORRECTIONS
 from ident.identify import identify_together
 from ident.machine_at_rest import arm_at_rest, table_at_rest
-from ident.pose_verification import Verification, verify
 from ident.recording_fit import Logs
 from ident.result import Machine
 from ident.robot.identified import IdentifiedRobot
+from ident.verification import Verification
+from ident.verify_table import verify
 from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.tracker_points import still_points
@@ -92,11 +93,11 @@ def test_still_poses_are_held_against_a_robot_that_recordings_identified(
 ) -> None:
     for seed in range(301, 307):
         outcome = checked(alone, run, {}, seed=seed)
-        assert outcome.causes == (), outcome.sentence
-        assert outcome.outside == 0
+        assert outcome.explanations == (), outcome.sentence
+        assert outcome.notes == ()
     for axis in (2, 3, 4, 5):
         (named,) = checked(alone, run, {}, turned=axis).named
-        assert (named.kind, named.name) == ("axis", str(axis))
+        assert (named.cause.kind, named.cause.name) == ("axis", str(axis))
         assert named.size[0] == pytest.approx(1e-3, abs=4.0 * named.sigma[0])
 
 
@@ -106,8 +107,8 @@ def test_a_target_that_was_identified_with_recordings_and_moved_is_named(run: Ru
     result = identify_together(cell, [logs], still_points(cell, truth, SEED))
     assert result.poses is not None
     targets = {name: entry.placement for name, entry in result.poses.targets.items()}
-    assert checked(result.machine, run, targets).causes == ()
+    assert checked(result.machine, run, targets).explanations == ()
     (named,) = checked(result.machine, run, targets, moved=3e-4).named
-    assert (named.kind, named.name) == ("target", "reflector")
+    assert (named.cause.kind, named.cause.name) == ("target", "reflector")
     assert named.size == pytest.approx([0.0, 0.0, 3e-4], abs=4.0 * named.sigma.max())
-    assert checked(result.machine, run, targets, turned=3).named[0].name == "3"
+    assert checked(result.machine, run, targets, turned=3).named[0].cause.name == "3"

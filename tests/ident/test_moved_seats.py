@@ -14,13 +14,14 @@ from cell.errors import InputError
 from cell.placement import Placement
 from cell.poses import Measured, PoseTable
 from ident.estimator.fit import Fit
-from ident.held_out_poses import held_out_poses
-from ident.identify_poses import PoseOptions, identify_poses
+from ident.held_out import held_out_poses
 from ident.moved_seats import confirms
+from ident.options import FitOptions
+from ident.table_fit import fit_table
 from ident.table_steps import Step, instants, renamed
-from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot
+from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot, verdict_of
 
-PLAIN = PoseOptions(search=False)
+PLAIN = FitOptions(joint_errors="none")
 NOISE = 2e-5  # [m]
 COUNT = 150
 
@@ -45,7 +46,7 @@ def stepped(measured: Measured, kind: str, shift: Array, at: int, seed: int = 0)
 @pytest.mark.parametrize("size", [2e-4, 4e-3])
 def test_a_step_is_found_with_its_row_and_size(measured: Measured, kind: str, size: float) -> None:
     shift = size * np.array([0.6, -0.64, 0.48])
-    result = identify_poses(stepped(measured, kind, shift, at=60), PLAIN)
+    result = fit_table(stepped(measured, kind, shift, at=60), PLAIN)
     (step,) = result.findings.steps
     assert (step.kind, step.file) == (kind, "table.csv")
     assert abs(step.row - 62) <= 1
@@ -54,15 +55,15 @@ def test_a_step_is_found_with_its_row_and_size(measured: Measured, kind: str, si
     placed = result.table.seats if kind == "seat" else result.table.targets
     assert set(placed) == {name, f"{name} before row {step.row}"}
     assert result.cross_validation.mean < 4.0 * NOISE
-    (said,) = [w for w in result.verdict.warnings if w.startswith(f"{kind} {name} moved by")]
+    (said,) = [w for w in verdict_of(result).warnings if w.startswith(f"{kind} {name} moved by")]
     assert f"before table.csv:{step.row}" in said
 
 
 def test_held_out_rows_of_the_same_file_belong_to_the_right_side() -> None:
     whole = stepped("point", "seat", np.array([0.0, 5e-3, 0.0]), at=60)
     fitted = np.random.default_rng(0).permutation(COUNT) < 110
-    result = identify_poses(whole.part(fitted), PLAIN)
-    assert np.linalg.norm(result.errors(whole.part(~fitted)), axis=1).max() < 1e-3
+    result = fit_table(whole.part(fitted), PLAIN)
+    assert np.linalg.norm(result.deviations(whole.part(~fitted)), axis=1).max() < 1e-3
     assert result.within(whole.part(~fitted)).mean() > 0.8
 
 
@@ -76,7 +77,7 @@ def test_a_step_of_more_than_5_mm_is_another_seat_or_target(
     """A reflector 150 mm away in a third file was called a target that moved, and the fit good."""
     shift = size * np.array([0.6, -0.64, 0.48])
     with pytest.raises(InputError, match=rf"table.csv:6[123] on: that is another {kind}, not"):
-        identify_poses(stepped(measured, kind, shift, at=60), PLAIN)
+        fit_table(stepped(measured, kind, shift, at=60), PLAIN)
 
 
 def three_targets(files: bool) -> PoseTable:
@@ -96,7 +97,7 @@ def three_targets(files: bool) -> PoseTable:
 
 def test_three_targets_in_three_files_are_what_they_are_in_one() -> None:
     """Three passes over the same poses looked like three sessions, with five false steps."""
-    results = [identify_poses(three_targets(files), PLAIN) for files in (True, False)]
+    results = [fit_table(three_targets(files), PLAIN) for files in (True, False)]
     assert [r.findings.steps for r in results] == [(), ()]
     assert results[0].fit.x == pytest.approx(results[1].fit.x, rel=1e-9, abs=1e-12)
 
@@ -105,9 +106,9 @@ def test_equal_poses_of_one_seat_and_target_far_apart_are_refused() -> None:
     table = three_targets(files=True)
     merged = replace(table, groups=tuple(replace(g, target="ball") for g in table.groups))
     with pytest.raises(InputError, match=r"0.csv and 1.csv and 2.csv: rows .* lie 1\d\d.\d mm"):
-        identify_poses(merged, PLAIN)
+        fit_table(merged, PLAIN)
     same = [replace(table.groups[0], file=name) for name in ("a.csv", "b.csv")]
-    assert identify_poses(replace(table, groups=tuple(same)), PLAIN).findings.steps == ()
+    assert fit_table(replace(table, groups=tuple(same)), PLAIN).findings.steps == ()
 
 
 def test_instants_follow_time_or_rows_of_equal_poses() -> None:
@@ -126,7 +127,7 @@ def test_a_held_out_table_is_judged_with_the_target_as_it_stood() -> None:
     whole = stepped("point", "target", np.array([0.0, 1e-3, 0.0]), at=60)
     (group,) = whole.groups
     held = np.arange(COUNT) % 5 == 0
-    result = identify_poses(whole.part(~held), PLAIN)
+    result = fit_table(whole.part(~held), PLAIN)
     (step,) = result.findings.steps
     for early in (True, False):
         chosen = held & ((np.arange(COUNT) < 60) == early)
@@ -145,11 +146,11 @@ def test_a_seat_may_move_between_two_files() -> None:
         replace(group.part(np.arange(COUNT) < 70), file="a.csv"),
         replace(group.part(np.arange(COUNT) >= 70), file="b.csv"),
     ]
-    result = identify_poses(replace(whole, groups=tuple(parts)), PLAIN)
+    result = fit_table(replace(whole, groups=tuple(parts)), PLAIN)
     (step,) = result.findings.steps
     assert step.other == "hall before b.csv row 72"
     later = stepped("point", "seat", np.array([0.0, 5e-3, 0.0]), at=100)
-    (step,) = identify_poses(later, PLAIN).findings.steps
+    (step,) = fit_table(later, PLAIN).findings.steps
     assert step.other == f"hall from row {step.row}"
 
 
@@ -160,11 +161,11 @@ def test_clean_and_drifting_tables_have_no_steps(measured: Measured) -> None:
         for seed in range(3):
             true = true_robot(name, seed=seed, orders=[(1, 3), (2, 2)], amplitude=8e-5)
             table = table_of(true, measured, count=100, seed=seed)
-            assert identify_poses(table, PLAIN).findings.steps == ()
+            assert fit_table(table, PLAIN).findings.steps == ()
     drift = np.linspace(0.0, 2e-4, COUNT)[:, None]
     (group,) = stepped("point", "seat", np.zeros(3), at=60).groups
     table = PoseTable("t", true_robot("ur5").robot, (replace(group, values=group.values + drift),))
-    assert identify_poses(table, PLAIN).findings.steps == ()
+    assert fit_table(table, PLAIN).findings.steps == ()
 
 
 def test_a_few_outliers_and_another_robot_are_no_steps() -> None:
@@ -172,14 +173,14 @@ def test_a_few_outliers_and_another_robot_are_no_steps() -> None:
     values = group.values.copy()
     values[[20, 21, 22, 90]] += 5e-3
     table = PoseTable("t", true_robot("ur5").robot, (replace(group, values=values),))
-    assert identify_poses(table, PLAIN).findings.steps == ()
+    assert fit_table(table, PLAIN).findings.steps == ()
     wrong = replace(table, groups=(replace(group, q=group.q[:, [0, 2, 1, 3, 4, 5]]),))
-    assert identify_poses(wrong, PLAIN).findings.steps == ()
+    assert fit_table(wrong, PLAIN).findings.steps == ()
 
 
 def test_the_steps_of_a_result_rename_the_rows_behind_them_alone() -> None:
     whole = stepped("point", "seat", np.array([0.0, 5e-3, 0.0]), at=60)
-    found = identify_poses(whole, PLAIN).findings.steps
+    found = fit_table(whole, PLAIN).findings.steps
     assert renamed(whole, ()) is whole
     table = renamed(whole, found)
     assert sum(len(group.q) for group in table.groups) == COUNT

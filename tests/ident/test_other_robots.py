@@ -132,7 +132,7 @@ def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Pa
     def identified(**options: object) -> tuple[Identification, float]:
         chosen = FitOptions(samples=600, **options)  # type: ignore[arg-type]
         result = identify(run.cell, RobotLog(robot.t, logged), bar, options=chosen)
-        return result, position_error(result.robot.identified_robot().tool(grid), true).mean
+        return result, position_error(result.robot.identified.tool(grid), true).mean
 
     result, error = identified()
     assert [c.name for c in result.robot.corrections] == ["unit_weights"]

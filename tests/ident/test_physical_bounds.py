@@ -14,7 +14,7 @@ from ident.loads.payload import PayloadEstimate
 from ident.options import FitOptions
 from ident.physical_bounds import FORCE, impossible
 from ident.recording_fit import fit_recording
-from ident.signals.step_fault import StepFault
+from ident.signals.steps import StepFault
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL
 

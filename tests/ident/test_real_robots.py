@@ -11,9 +11,11 @@ import pytest
 from acquisition.pose_tables import read_poses
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
-from ident.identify_poses import PoseOptions, identify_poses
+from ident.options import FitOptions
+from ident.table_fit import fit_table
 from ident.verdict import Status
 from tests.helpers import real_robots
+from tests.helpers.still_poses import verdict_of
 
 pytestmark = pytest.mark.skipif(
     not real_robots.DATA.is_dir(), reason=f"{real_robots.DATA.name}: measured robots are not there"
@@ -29,9 +31,9 @@ def random_split(table: PoseTable, count: int) -> tuple[PoseTable, PoseTable]:
 def test_a_measured_ur5_is_predicted_where_it_was_not_fitted(tmp_path: Path) -> None:
     """0.056 mm in benchmarks/real_robots; 0.094 without the orders that are found."""
     fitted, judged = random_split(read_poses(real_robots.ur5_grid(tmp_path)), 600)
-    result = identify_poses(fitted)
-    error = np.linalg.norm(result.errors(judged), axis=1)
-    assert result.verdict.status is Status.GOOD
+    result = fit_table(fitted)
+    error = np.linalg.norm(result.deviations(judged), axis=1)
+    assert verdict_of(result).status is Status.GOOD
     assert error.mean() < 0.058e-3
     assert 0.93 < result.within(judged).mean() < 0.98
     assert result.cross_validation.mean == pytest.approx(error.mean(), rel=0.1)
@@ -44,8 +46,8 @@ def test_the_seventeen_cycles_of_a_measured_ur10_are_found(tmp_path: Path) -> No
     """0.10 mm in benchmarks/real_robots; 0.38 without."""
     table = read_poses(real_robots.ur10_a(tmp_path))
     fitted, judged = random_split(table, 1500)
-    result = identify_poses(fitted)
-    assert np.linalg.norm(result.errors(judged), axis=1).mean() < 0.13e-3
+    result = fit_table(fitted)
+    assert np.linalg.norm(result.deviations(judged), axis=1).mean() < 0.13e-3
     assert result.search is not None
     assert {(0, 17), (1, 17), (2, 17)} <= set(result.search.pairs)
 
@@ -53,13 +55,13 @@ def test_the_seventeen_cycles_of_a_measured_ur10_are_found(tmp_path: Path) -> No
 @pytest.mark.slow
 def test_a_measured_panda_is_identified_from_sockets_alone(tmp_path: Path) -> None:
     """8.5 mm with the catalogue's geometry: joint zeros are 13 and 14 mrad off."""
-    result = identify_poses(
-        read_poses(real_robots.panda(tmp_path, "panda_6")), PoseOptions(search=False)
+    result = fit_table(
+        read_poses(real_robots.panda(tmp_path, "panda_6")), FitOptions(joint_errors="none")
     )
-    assert result.verdict.acceptable
+    assert verdict_of(result).acceptable
     assert result.residual_nominal.mean() > 5e-3
     assert result.cross_validation.mean < 0.25e-3
-    assert any("rtheta3" in warning for warning in result.verdict.warnings)
+    assert any("rtheta3" in warning for warning in verdict_of(result).warnings)
 
 
 @pytest.mark.slow
@@ -78,7 +80,7 @@ def test_three_targets_of_a_measured_ur10_in_three_files_are_those_of_one(tmp_pa
             name = f"{k}.csv" if files else "all.csv"
             lines = np.arange(500) + 2 if files else 3 * np.arange(500) + k + 2
             groups.append(replace(part, target=f"t{k}", file=name, rows=lines))
-        results.append(identify_poses(replace(full, groups=tuple(groups))))
+        results.append(fit_table(replace(full, groups=tuple(groups))))
     assert [result.findings.steps for result in results] == [(), ()]
     assert results[0].cross_validation.mean == pytest.approx(
         results[1].cross_validation.mean, rel=0.02

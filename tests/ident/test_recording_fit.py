@@ -10,7 +10,6 @@ import pytest
 from cell.arrays import Array
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
-from ident.estimator.iteration import Iteration
 from ident.estimator.noise import ExcessNoise
 from ident.options import FitOptions, ForceSource, Listener
 from ident.recording_fit import (
@@ -108,17 +107,14 @@ def test_a_known_reading_of_the_logs_leads_to_the_same_fit_without_a_search(
 
 
 @pytest.mark.slow
-def test_stages_are_told_and_the_chosen_start_is_followed_alone() -> None:
+def test_stages_are_told() -> None:
     stages: list[str] = []
-    steps: list[Iteration] = []
-    found = fit_recording(CELL, minute_logs(), OPTIONS, Listener(stages.append, steps.append))
+    fit_recording(CELL, minute_logs(), OPTIONS, Listener(stages.append))
     assert stages == [
         "smoothing both logs",
         "aligning the logs and finding the ball-bar",
         "fitting",
     ]
-    # those of rival hypotheses are not reported, and the replay counts as the result does
-    assert len(steps) == found.iterations
 
 
 def test_requested_parameters_are_judged_and_no_others(fitted: RecordingFit) -> None:

@@ -13,11 +13,10 @@ from ident.corrections.link_growth import UNIT
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
-from ident.remarks import joint_error_remark, log_remarks, recording_remarks, wrong_ratios
+from ident.remarks import change_remarks, joint_error_remark, log_remarks, wrong_ratios
 from ident.result import CoefficientEstimate, CorrectionEstimate
 from ident.signals.smooth_log import LogOutliers
-from ident.signals.step_fault import StepFault
-from ident.signals.steps import LogStep
+from ident.signals.steps import LogStep, StepFault
 from tests.helpers.synthetic_recording import recording
 
 
@@ -125,19 +124,19 @@ def test_a_link_that_grew_is_named_with_its_recording() -> None:
     """From the line and the square of time, at the end of that recording."""
     growth = {"growth_ra2_line@2": 3e-5, "growth_ra2_square@2": -1e-5}
     fit = fit_of(growth, 0.5 * UNIT, 2.0 * UNIT)
-    assert recording_remarks(fit, np.diag([1e-6, 1e-6]) ** 2) == [
+    assert change_remarks(fit, np.diag([1e-6, 1e-6]) ** 2) == [
         "a2 grew by +20 um during recording 2: it warmed up. The result is the robot at the start "
         "of the first one; warm it up before"
     ]
-    assert recording_remarks(fit, np.diag([1e-5, 1e-5]) ** 2) == []  # 20 um known to 45 um
+    assert change_remarks(fit, np.diag([1e-5, 1e-5]) ** 2) == []  # 20 um known to 45 um
 
 
 def test_growth_below_the_least_size_is_not_named_however_certain() -> None:
     growth = {"growth_ra2_line@1": 4e-6, "growth_ra2_square@1": 0.0}
     certain = np.diag([1e-9, 1e-9]) ** 2
-    assert recording_remarks(fit_of(growth, UNIT), certain) == []
+    assert change_remarks(fit_of(growth, UNIT), certain) == []
     growth["growth_ra2_line@1"] = 6e-6
-    assert "a2 grew by +6 um" in recording_remarks(fit_of(growth, UNIT), certain)[0]
+    assert "a2 grew by +6 um" in change_remarks(fit_of(growth, UNIT), certain)[0]
 
 
 @pytest.mark.parametrize(
@@ -147,7 +146,7 @@ def test_a_remounted_tool_is_named_by_its_size_and_beyond_chance(
     shift: float, sigma: float, named: bool
 ) -> None:
     values = {"remount_ra6@2": shift, "remount_rtheta6@2": 0.0}
-    remarks = recording_remarks(fit_of(values, 60.0, 60.0), np.eye(2) * sigma**2)
+    remarks = change_remarks(fit_of(values, 60.0, 60.0), np.eye(2) * sigma**2)
     assert bool(remarks) == named
     if named:
         assert "in recording 2 than in the first, by 50 um and 0 urad" in remarks[0]

@@ -26,13 +26,13 @@ from ident.result import (
 )
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.robot.tool_covariance import ToolCovariance
 from ident.start.automatic import Start
 from ident.verdict import Status, Verdict
 from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording
 
 ENCODERS = (1, 2, 4, 5)
+GEOMETRY = NOMINAL.replaced({"ra2": NOMINAL["ra2"] + 1e-3})
 
 
 def estimate_of(name: str, value: float) -> CorrectionEstimate:
@@ -53,20 +53,13 @@ def estimate_from(correction: Correction, value: float) -> CorrectionEstimate:
 
 def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
     return RobotEstimate(
-        cell=CELL,
-        encoders=ENCODERS,
+        identified=IdentifiedRobot(CELL, GEOMETRY),
         nominal=NOMINAL,
-        geometry=NOMINAL.replaced({"ra2": NOMINAL["ra2"] + 1e-3}),
         sigma={"ra2": 1e-5},
         covariance=NamedCovariance(("ra2",), np.array([[1e-10]]), np.array([[1e-11]])),
         corrections=corrections,
         tcp=TcpUncertainty(np.full(10, 1e-5), np.full(10, 9e-6), ()),
-        tcp_white=5e-6,
-        tcp_widened=5e-6,
-        dropped=(),
-        tool=ToolCovariance(("ra2",), np.zeros((0, 28)), np.array([[1e-10]])),
-        lower=np.full(6, -1.0),
-        upper=np.full(6, 1.0),
+        encoders=ENCODERS,
     )
 
 
@@ -88,7 +81,7 @@ def identification(robot: RobotEstimate) -> Identification:
         whitened=np.zeros((5, 286)),
         start=Start(candidate(0.0), (), 1),
     )
-    statistics = FitStatistics(True, 4, 30, 1.0, 0.0, ExcessNoise(), 31, 50.0)
+    statistics = FitStatistics(True, 4, 30, 1.0, ExcessNoise())
     return Identification(robot, (recorded,), statistics, Verdict(Status.GOOD, "Good fit.", ()))
 
 
@@ -103,7 +96,7 @@ def test_the_identified_robot_has_the_fitted_geometry_and_corrections_in_their_o
     """Also those that act elsewhere than in the gears: their coefficients stand in between."""
     names = ("rod_strain", "encoder_harmonics", "joint_compliance", "gear_ripple")
     estimates = tuple(estimate_of(name, 0.3) for name in names)
-    robot = robot_of(*estimates).identified_robot()
+    robot = identified_robot(CELL, GEOMETRY, ENCODERS, estimates)
     makers = [CORRECTIONS[name](CELL, ENCODERS) for name in names]
     values = [c.mean + 0.3 * c.sigma for m in makers for c in m.coefficients]
     assert robot.values == pytest.approx(values)
@@ -129,14 +122,15 @@ def test_joint_errors_are_formed_again_from_the_names_of_their_coefficients(q: A
     ratio = 1.0 / abs(float(CELL.robot.transmission[1, 1]))  # 129.99
     made = joint_harmonics([(1, 17), (0, 3), (1, ratio)])
     estimate = estimate_from(made, 0.4)
-    robot = robot_of(estimate_of("joint_compliance", 0.1), estimate).identified_robot()
+    estimates = [estimate_of("joint_compliance", 0.1), estimate]
+    robot = identified_robot(CELL, NOMINAL, ENCODERS, estimates)
     compliance = CORRECTIONS["joint_compliance"](CELL, ENCODERS)
     expected = IdentifiedRobot(CELL, robot.geometry, (compliance, made), robot.values)
     assert robot.tool(q) == pytest.approx(expected.tool(q), abs=1e-12)
     assert robot.corrections[1].coefficients == made.coefficients
     strange = replace(estimate.coefficients[0], name="joint2_17_tan")
     with pytest.raises(InputError, match=r"joint_harmonics.joint2_17_tan: expected joint2_17_cos"):
-        robot_of(replace(estimate, coefficients=(strange,))).identified_robot()
+        identified_robot(CELL, NOMINAL, ENCODERS, [replace(estimate, coefficients=(strange,))])
 
 
 def test_a_correction_that_the_program_does_not_know_is_refused_by_name() -> None:

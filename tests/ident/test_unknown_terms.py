@@ -21,7 +21,7 @@ from ident.estimator.fit import Fit
 from ident.model_choice import lasting, unsupported
 from ident.options import SILENT, FitOptions
 from ident.recording_fit import Logs, fit_recording
-from ident.remarks import recording_remarks, wrong_ratios
+from ident.remarks import change_remarks, wrong_ratios
 from ident.softening import fit_softening, moved_knees, search_knees
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.minute_logs import minute_logs
@@ -157,7 +157,7 @@ def test_a_remounted_tool_and_links_that_grow_are_found_and_named() -> None:
     assert {"link_growth", "remounted_tool"} <= names(fit)
     values = found(fit)
     assert values["remount_ra6@2"] == pytest.approx(shift, abs=3e-6)
-    remarks = " ".join(recording_remarks(fit, fit.covariance))
+    remarks = " ".join(change_remarks(fit, fit.covariance))
     assert "a2 grew by +4" in remarks or "a2 grew by +3" in remarks
     assert "the tool sits elsewhere in recording 2 than in the first, by 5" in remarks
 

@@ -6,31 +6,18 @@ from dataclasses import replace
 
 import pytest
 
+from ident.evidence import FEW_BLOCKS, ClosureEvidence, Evidence, RecordingEvidence
 from ident.least_sizes import LITTLE_SHIFT
+from ident.remarks import CORRELATED, FEW_SAMPLES
+from ident.rules import AUTOCORRELATED, AUTOCORRELATED_MISFIT, CONTRADICTION, UNLIKE_OTHERS, judge
 from ident.start.automatic import Start
-from ident.verdict import (
-    AUTOCORRELATED,
-    AUTOCORRELATED_MISFIT,
-    CONTRADICTION,
-    CORRELATED,
-    FEW_BLOCKS,
-    FEW_SAMPLES,
-    MISFIT,
-    PLAUSIBLE,
-    SUSPECT,
-    UNLIKE_OTHERS,
-    WELL_UNDER,
-    Evidence,
-    RecordingEvidence,
-    Status,
-    Verdict,
-    judge,
-    noise_status,
-)
+from ident.verdict import MISFIT, PLAUSIBLE, SUSPECT, WELL_UNDER, Status, Verdict, noise_status
 from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
-GOOD = Evidence(
+GOOD = ClosureEvidence(
+    cell=CELL,
+    nominal=NOMINAL,
     converged=True,
     iterations=5,
     chi2_per_dof=1.0,
@@ -48,8 +35,8 @@ STRANGE = replace(GOOD, geometry=NOMINAL.replaced({"ra2": NOMINAL["ra2"] + 0.05}
 COMPLETE = replace(GOOD, complete=True)
 
 
-def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
-    return judge(evidence, recordings or [RECORDING], CELL, NOMINAL)
+def judged(closure: ClosureEvidence, *recordings: RecordingEvidence) -> Verdict:
+    return judge([Evidence(closure, recording) for recording in recordings or [RECORDING]])
 
 
 @pytest.mark.parametrize(
@@ -145,7 +132,7 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
     ],
 )
 def test_each_rule_has_its_evidence_and_its_first_words(
-    evidence: Evidence, status: Status, words: str
+    evidence: ClosureEvidence, status: Status, words: str
 ) -> None:
     verdict = judged(evidence)
     assert verdict.status is status
@@ -170,15 +157,8 @@ def test_logs_that_can_be_aligned_in_several_ways_are_ambiguous_and_the_offsets_
     assert not verdict.acceptable
 
 
-ALL_AT_ONCE = Evidence(
-    converged=False,
-    iterations=5,
-    chi2_per_dof=9.0,
-    autocorrelation=0.9,
-    geometry=STRANGE.geometry,
-    identified=GOOD.identified,
-    complete=True,
-    pulled=("bd3",),
+ALL_AT_ONCE = replace(
+    STRANGE, converged=False, chi2_per_dof=9.0, autocorrelation=0.9, complete=True, pulled=("bd3",)
 )
 
 

@@ -8,19 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cell.arrays import Array
 from cell.geometry import Geometry
-from ident.held_out import LoopClosure
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.result import Machine
-from ident.single_causes import LENGTH, ZERO, Cause, covariance_of_wander
-from ident.verification import (
-    FALSE_ALARMS,
-    Explanation,
-    RecordingVerification,
-    _Difference,
-    verify_recording,
-)
+from ident.single_causes import LENGTH, ZERO, Cause, Explanation, covariance_of_wander
+from ident.verification import FALSE_ALARMS, Score, Verification
+from ident.verify_recording import is_explained, verify_recording
 from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.synthetic_recording import CELL
 
@@ -32,7 +27,7 @@ def machine() -> Machine:
     return identify_together(CELL, [minute_logs(seed=1, true=TRUE)], options=OPTIONS).machine
 
 
-def verified(machine: Machine, true: Geometry, seed: int = 2) -> RecordingVerification:
+def verified(machine: Machine, true: Geometry, seed: int = 2) -> Verification:
     """With the encoders mounted again."""
     mounted = true.replaced({"btheta2": 0.3, "btheta5": -0.2})
     return verify_recording(machine, minute_logs(true=mounted, seed=seed), options=OPTIONS)
@@ -90,50 +85,73 @@ def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Ma
     assert verified(doubted, moved(rtheta4=1e-4)).holds
 
 
-def outcome_of(**changes: Any) -> RecordingVerification:
-    """An unchanged robot on a quick path, whose residual is more than the noise explains."""
-    cause = Cause("axis", 4, (), np.ones((1, 1)), np.array([ZERO]))
-    outcome = RecordingVerification(
+def outcome_of(**changes: Any) -> Verification:
+    """A robot after a change of one zero that explains all."""
+    cause = Cause("axis", "4", np.ones((1, 1)), np.array([ZERO]))
+    best = Explanation(cause, np.array([3.1e-4]), np.array([1e-5]), 250.0, 500.0)
+    outcome = Verification(
         name="quick",
-        identified=LoopClosure(3.4e-5, 1.6e-4, 1.2e-4, 1.5),
-        innovation=0.78,
-        innovation_left=0.78,
-        misfit=2.06,
-        limit=1.94,
-        explanations=(Explanation(cause, np.array([1e-6]), np.array([1e-5]), -2.6),),
+        error=np.full(3, 3.4e-5),
+        numbers="the loop closes",
+        figures={},
+        unchanged=False,
+        explanations=(best,),
         single=True,
+        tried="zero of an axis, tool",
+        square=501.0,
+        limit=1.94,
         blind={},
     )
     return replace(outcome, **changes)
 
 
-def test_a_residual_beyond_the_noise_alone_does_not_make_a_changed_machine() -> None:
+@pytest.mark.parametrize(
+    ("misfit", "innovation", "explained"),
+    [(2.06, 0.78, True), (1.0, 3.0, True), (2.06, 3.0, False)],
+)
+def test_a_residual_beyond_the_noise_alone_makes_no_other_kind_of_machine(
+    misfit: float, innovation: float, explained: bool
+) -> None:
     """It was called changed in 3 of 3 recordings that the stated uncertainty explained."""
-    assert outcome_of().holds
-    assert not outcome_of(suspect="its logs can be aligned in more than one way").comparable
+    assert is_explained(misfit, innovation) == explained
 
 
-def test_a_recording_that_no_machine_explains_is_not_comparable() -> None:
-    outcome = outcome_of(innovation=3.0, innovation_left=3.0)
-    assert (outcome.holds, outcome.comparable, outcome.named) == (False, False, ())
-    assert outcome.sentence.startswith("Not comparable: the loop closes to 0.034 mm rms")
-    changed_since = Explanation(outcome.explanations[0].cause, np.ones(1), np.ones(1), 250.0)
-    named = outcome_of(innovation=3.0, explanations=(changed_since,)).named
-    assert named == (changed_since,), "a change that leaves what is explained is named"
+@pytest.mark.parametrize(
+    ("changes", "holds", "comparable", "said"),
+    [
+        ({"unchanged": True}, True, True, "Holds: the loop closes."),
+        ({}, False, True, "Changed since: zero of axis 4 by +0.31 mrad (sigma 0.01 mrad; resolver"),
+        ({"single": False}, False, True, "Changed: the loop closes. No single cause (zero of an"),
+        ({"doubt": "perhaps b1"}, False, False, "Not comparable: perhaps b1; the loop closes."),
+    ],
+)
+def test_it_holds_has_changed_or_cannot_be_compared(
+    changes: dict[str, Any], holds: bool, comparable: bool, said: str
+) -> None:
+    outcome = outcome_of(**changes)
+    assert (outcome.holds, outcome.comparable) == (holds, comparable)
+    assert bool(outcome.named) == said.startswith("Changed since")
+    assert outcome.sentence.startswith(said)
+
+
+def score_of(x: Array, covariance: Array) -> Score:
+    """The score of an estimate x (U,) that shows every change in full."""
+    root = np.linalg.cholesky(covariance)
+    return Score(np.linalg.solve(root, x), lambda columns: np.linalg.solve(root, columns))
 
 
 def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() -> None:
     """20 urad of an axis, 10 um of a rod were called changed at stated sigmas of 3 urad, 2 um."""
     causes = [
-        Cause("axis", 4, (), np.array([[1.0], [0.0]]), np.array([ZERO])),
-        Cause("rod", 0, (), np.array([[0.0], [1.0]]), np.array([LENGTH])),
+        Cause("axis", "4", np.array([[1.0], [0.0]]), np.array([ZERO])),
+        Cause("rod", "", np.array([[0.0], [1.0]]), np.array([LENGTH])),
     ]
     stated = np.diag([3e-6, 2e-6]) ** 2
     for x in (np.array([2e-5, 0.0]), np.array([0.0, 1e-5])):
-        sure = _Difference(x, np.eye(2), stated, blocks=20)
-        assert sure.ranked(causes)[0].evidence > sure.limit(causes)
-        honest = replace(sure, covariance=stated + covariance_of_wander(causes, 2))
-        assert honest.ranked(causes)[0].evidence < honest.limit(causes)
+        sure = score_of(x, stated)
+        assert sure.ranked(causes)[0].evidence > sure.limit(causes, 19)
+        honest = score_of(x, stated + covariance_of_wander(causes, 2))
+        assert honest.ranked(causes)[0].evidence < honest.limit(causes, 19)
 
 
 @pytest.mark.slow
@@ -142,10 +160,9 @@ def test_the_limit_is_exceeded_in_as_many_draws_as_it_says() -> None:
     root = rng.standard_normal((6, 6))
     covariance = root @ root.T
     causes = [
-        Cause("axis", k + 1, (), np.eye(6)[:, [k]], np.array([3.0 * (k + 1)])) for k in range(4)
+        Cause("axis", str(k + 1), np.eye(6)[:, [k]], np.array([3.0 * (k + 1)])) for k in range(4)
     ]
-    made = _Difference(np.zeros(6), np.eye(6), covariance, blocks=1000)
-    limit = made.limit(causes)
+    limit = score_of(np.zeros(6), covariance).limit(causes, 999)
     drawn = rng.standard_normal((2000, 6)) @ root.T
-    largest = [replace(made, x=x).ranked(causes)[0].evidence for x in drawn]
+    largest = [score_of(x, covariance).ranked(causes)[0].evidence for x in drawn]
     assert np.mean(np.array(largest) > limit) == pytest.approx(FALSE_ALARMS, abs=0.01)

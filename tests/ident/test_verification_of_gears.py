@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ident.result import Machine
-from ident.verification import RecordingVerification, verify_recording
+from ident.verification import Verification
+from ident.verify_recording import verify_recording
 from tests.helpers.drawn_machines import OPTIONS, Truth, drawn, identified, recorded
 
 
@@ -18,7 +19,7 @@ def stored() -> tuple[Truth, Machine]:
     return truth, identified(truth)
 
 
-def verified(machine: Machine, true: Truth, duration: float, seed: int) -> RecordingVerification:
+def verified(machine: Machine, true: Truth, duration: float, seed: int) -> Verification:
     logs = recorded(true, "b", duration, np.random.default_rng([77, seed]))
     return verify_recording(machine, logs, options=OPTIONS)
 

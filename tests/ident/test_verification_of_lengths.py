@@ -13,7 +13,8 @@ from cell.logs import LengthLog
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.result import Machine
-from ident.verification import RecordingVerification, verify_recording
+from ident.verification import Verification
+from ident.verify_recording import verify_recording
 from sim.true_robot import TrueMachine
 from tests.helpers.drawn_lengths import bar_scenario, drawn_machine, identified, moved, recorded
 from tests.helpers.drawn_robots import SCENARIOS
@@ -36,14 +37,14 @@ def machine(truth: TrueMachine) -> Machine:
 
 def verified(
     machine: Machine, truth: TrueMachine, recording: int = 3, **moves: float
-) -> RecordingVerification:
+) -> Verification:
     """A recording of today, the parameters of the robot or the bar moved by so much."""
     rng = np.random.default_rng([SEED, recording])
     logs = recorded(moved(truth, moves), bar_scenario(SEED, recording), rng)
     return verify_recording(machine, logs)
 
 
-def kinds(outcome: RecordingVerification) -> list[tuple[str, int]]:
+def kinds(outcome: Verification) -> list[tuple[str, int]]:
     return [(e.cause.kind, e.cause.axis) for e in outcome.named]
 
 
@@ -93,7 +94,7 @@ def test_a_short_stroke_does_not_tell_zero_and_scale_apart(
     assert sizes["length"] == pytest.approx(4e-5, abs=5e-6)
     assert sizes["scale"] == pytest.approx(4e-5 / 0.3, rel=0.15)
     assert "zero of the measured length by +4" in outcome.sentence
-    assert "; this path does not tell which" in outcome.sentence
+    assert "; what was measured does not tell which" in outcome.sentence
 
 
 def test_two_changes_have_no_single_cause(machine: Machine, truth: TrueMachine) -> None:

@@ -114,6 +114,6 @@ def test_a_machine_with_every_ordinary_error_is_identified_as_well_as_stated(
     truth = record(Plan(1, duration=SHORT), tmp_path)[0]
     found = identify_recordings([tmp_path / "1", tmp_path / "2"]).identification
     q = accuracy_box(files())
-    error = aligned_distance(found.robot.identified_robot().tool(q), truth.tool(q))
+    error = aligned_distance(found.robot.identified.tool(q), truth.tool(q))
     assert found.verdict.acceptable
     assert error.mean() < 3.0 * found.robot.tcp_sigma.mean()

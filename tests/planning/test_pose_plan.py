@@ -27,7 +27,8 @@ from cell.poses import PoseTable
 from ident.estimator.model import still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.robust_fit import equations_at
-from ident.identify_poses import PoseOptions, identify_poses
+from ident.options import FitOptions
+from ident.table_fit import fit_table
 from planning.capsules import smallest_distance
 from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
 from planning.pose_information import expected_group, information_of
@@ -280,7 +281,7 @@ def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
     candidates, count = random_candidates(setup, 250, rng), plan.poses.size
 
     def error(robot: DrawnRobot, poses: Candidates, noise: np.random.Generator) -> float:
-        result = identify_poses(robot.measured(poses, noise), PoseOptions(search=False))
+        result = fit_table(robot.measured(poses, noise), FitOptions(joint_errors="none"))
         return robot.error_of(result.identified_robot()).mean
 
     out = []

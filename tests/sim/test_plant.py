@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from ballbar.scenario import load_scenario
 from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.errors import InputError
@@ -29,7 +28,6 @@ from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, 
 from sim.plant.statics import equilibrium, gravity_torque
 from sim.simulate import simulate
 from tests.helpers.drawn_robots import scenario_of
-from tests.helpers.log_analysis import pull_push
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed
 
@@ -314,17 +312,6 @@ def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(
         PlantError, match=r"axis 2 at t = \d+\.\d\d s: \d+\.\d deg outside -100\.\.22 deg"
     ):
         check_motion(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
-
-
-@pytest.mark.slow
-def test_pull_and_push_strains_the_rod_by_8_um_at_150_n_and_shows_the_backlash_asked_for() -> None:
-    scenario = load_scenario(SCENARIOS / "irb2400_push_pull.yaml")
-    motion = simulate(scenario, relative_to=SCENARIOS).motion
-    assert motion.rod_force.max() > 140.0
-    assert motion.rod_force.min() < -140.0
-    strain, backlash = pull_push(motion)
-    assert strain == pytest.approx(8.3e-6, rel=0.01)
-    assert backlash == pytest.approx(5e-6, rel=0.01)
 
 
 def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:

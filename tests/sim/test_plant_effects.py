@@ -489,18 +489,6 @@ def test_the_base_of_the_ball_bar_is_equally_compliant_in_all_directions(tmp_pat
         assert constant == pytest.approx(weight[axis] / 3e7, abs=2e-8)
 
 
-def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) -> None:
-    path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
-    logs = run(tmp_path, duration=120.0, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})
-    friction, speed = (
-        there_and_back(logs.t, values, 120.0) for values in (logs.bar_load, rate(logs.t, logs.b))
-    )
-    for j in range(5):
-        slides = np.abs(speed[:, j]) > 0.2 * np.abs(speed[:, j]).max()
-        coulomb, _ = fit([np.sign(speed[slides, j]), speed[slides, j]], friction[slides, j])
-        assert coulomb == pytest.approx(0.08, rel=WITHIN), f"joint b{j + 1}"
-
-
 # --- load logs
 
 

@@ -23,60 +23,48 @@ from sim.still_poses import PoseSimulation, simulate_poses
 from sim.true_robot import TrueArm, true_arm
 from sim.truth import TruePlace, load_pose_truth
 
+
+def cell(
+    robot: str, instrument: str, count: int, seats: list[Any], targets: list[Any], **poses: Any
+) -> dict[str, Any]:
+    """Sections of a scenario; a place is its name, position and, where it matters, rotation."""
+    keys = ("name", "position_m", "rotvec_rad")
+    placed = {
+        key: [dict(zip(keys, place, strict=False)) for place in places]
+        for key, places in (("seats", seats), ("targets", targets))
+    }
+    machines = {"robot": robot, "instrument": instrument}
+    return {"cell": machines, "poses": {"count": count, **placed, **poses}}
+
+
 CELLS: dict[str, dict[str, Any]] = {
-    "tracker_point": {
-        "cell": {"robot": "ur10e", "instrument": "tracker_point"},
-        "poses": {
-            "count": 40,
-            "seats": [{"name": "hall", "position_m": [3.0, -1.0, 0.5], "rotvec_rad": [0, 0, 2.8]}],
-            "targets": [
-                {"name": "r1", "position_m": [0.1, 0, 0.05]},
-                {"name": "r2", "position_m": [0, 0.1, 0.05]},
-            ],
-        },
-    },
-    "tracker_pose": {
-        "cell": {"robot": "panda", "instrument": "tracker_pose"},
-        "poses": {
-            "count": 40,
-            "seats": [
-                {"name": "hall", "position_m": [2.0, 1.0, 0.5], "rotvec_rad": [0.1, -0.2, 2.8]}
-            ],
-            "targets": [{"name": "mac", "position_m": [0, 0, 0.1], "rotvec_rad": [0.3, 0.2, -0.1]}],
-        },
-    },
-    "socket_pair_50": {
-        "cell": {"robot": "panda", "instrument": "socket_pair_50"},
-        "poses": {
-            "count": 20,
-            "seats": [
-                {"name": "left", "position_m": [0.45, -0.025, 0.05]},
-                {"name": "right", "position_m": [0.45, 0.025, 0.05]},
-            ],
-            "targets": [{"name": "ball", "position_m": [0, 0, 0.1]}],
-            "tilt_max_deg": 60,
-        },
-    },
-    "drawwire_2m": {
-        "cell": {"robot": "irb120", "instrument": "drawwire_2m"},
-        "poses": {
-            "count": 30,
-            "seats": [
-                {"name": "a", "position_m": [0.8, 0.5, 0]},
-                {"name": "b", "position_m": [0.8, -0.5, 0]},
-            ],
-            "targets": [{"name": "hook", "position_m": [0.05, 0, 0.08]}],
-        },
-    },
-    "qc20w_300": {
-        "cell": {"robot": "irb2400", "instrument": "qc20w_300"},
-        "poses": {
-            "count": 12,
-            "seats": [{"name": "low", "position_m": [0.9, 0.1, 0.8]}],
-            "targets": [{"name": "cup", "position_m": [0.05, 0, 0.12]}],
-            "elevation_min_deg": -20,
-        },
-    },
+    "tracker_point": cell(
+        *("ur10e", "tracker_point", 40),
+        seats=[("hall", [3.0, -1.0, 0.5], [0, 0, 2.8])],
+        targets=[("r1", [0.1, 0, 0.05]), ("r2", [0, 0.1, 0.05])],
+    ),
+    "tracker_pose": cell(
+        *("panda", "tracker_pose", 40),
+        seats=[("hall", [2.0, 1.0, 0.5], [0.1, -0.2, 2.8])],
+        targets=[("mac", [0, 0, 0.1], [0.3, 0.2, -0.1])],
+    ),
+    "socket_pair_50": cell(
+        *("panda", "socket_pair_50", 20),
+        seats=[("left", [0.45, -0.025, 0.05]), ("right", [0.45, 0.025, 0.05])],
+        targets=[("ball", [0, 0, 0.1])],
+        tilt_max_deg=60,
+    ),
+    "drawwire_2m": cell(
+        *("irb120", "drawwire_2m", 30),
+        seats=[("a", [0.8, 0.5, 0]), ("b", [0.8, -0.5, 0])],
+        targets=[("hook", [0.05, 0, 0.08])],
+    ),
+    "qc20w_300": cell(
+        *("irb2400", "qc20w_300", 12),
+        seats=[("low", [0.9, 0.1, 0.8])],
+        targets=[("cup", [0.05, 0, 0.12])],
+        elevation_min_deg=-20,
+    ),
 }
 SOURCES: dict[str, Any] = {
     "geometry": {},
@@ -314,6 +302,18 @@ def test_mujoco_sags_as_the_arm_does_where_the_rod_weighs_nothing(elastic: TrueA
     assert joints == pytest.approx(elastic.joints(HELD_Q), abs=1e-8)
 
 
+def yielded(arm: TrueArm, force: np.ndarray) -> np.ndarray:
+    """(2, 6) [rad] to first order, of the joints under forces (2, 3) [N] at the target."""
+    robot, frames = arm.robot, arm.flange(HELD_Q)
+    place = frames.tip + np.einsum("ijn,j->in", frames.rotation(), CUP.position)
+    columns = np.cross(frames.z[:-1], place[None] - frames.origin[:-1], axis=1)  # (J, 3, N)
+    torque = np.einsum("jcn,nc->nj", columns, force)
+    assert arm.effects.gear_stiffness is not None
+    out = torque @ robot.gear_to_joint.T / arm.effects.gear_stiffness @ robot.gear_to_joint
+    assert np.abs(out).max() > 1e-5
+    return np.asarray(out)
+
+
 @pytest.mark.parametrize("name", ["qc20w_300", "drawwire_2m"])
 def test_the_arm_yields_under_rod_and_wire_by_the_gears_that_the_force_loads(
     elastic: TrueArm, name: str
@@ -323,16 +323,7 @@ def test_the_arm_yields_under_rod_and_wire_by_the_gears_that_the_force_loads(
     friction = 20.0 if name == "qc20w_300" else 0.0
     joints, force, sight = held(elastic, load_instrument(name), plant, friction)
     assert force == pytest.approx([20.0, 20.0], rel=1e-6)
-    robot = elastic.robot
-    frames = elastic.flange(HELD_Q)
-    place = frames.tip + np.einsum("ijn,j->in", frames.rotation(), CUP.position)
-    arm = place[None] - frames.origin[:-1]
-    columns = np.cross(frames.z[:-1], arm, axis=1)  # (J, 3, N)
-    torque = -np.einsum("jcn,nc->nj", columns, force[:, None] * sight)  # tension pulls back
-    assert elastic.effects.gear_stiffness is not None
-    gears = torque @ robot.gear_to_joint.T / elastic.effects.gear_stiffness
-    expected = gears @ robot.gear_to_joint
-    assert np.abs(expected).max() > 1e-5
+    expected = yielded(elastic, -force[:, None] * sight)  # tension pulls back
     assert joints - elastic.joints(HELD_Q) == pytest.approx(expected, abs=5e-8)
 
 
@@ -343,14 +334,7 @@ def test_half_of_a_rods_weight_hangs_on_the_arm(elastic: TrueArm) -> None:
         held(elastic, rod, {"rod_mass_kg": mass, "rod_spring_N_per_m": 0.0})[0]
         for mass in (1e-6, 2.0)
     )
-    frames = elastic.flange(HELD_Q)
-    place = frames.tip + np.einsum("ijn,j->in", frames.rotation(), CUP.position)
-    columns = np.cross(frames.z[:-1], place[None] - frames.origin[:-1], axis=1)
-    assert elastic.effects.gear_stiffness is not None
-    robot = elastic.robot
-    torque = np.einsum("jcn,c->nj", columns, [0.0, 0.0, -1.0 * 9.81])
-    expected = torque @ robot.gear_to_joint.T / elastic.effects.gear_stiffness @ robot.gear_to_joint
-    assert np.abs(expected).max() > 1e-5
+    expected = yielded(elastic, np.tile([0.0, 0.0, -1.0 * 9.81], (2, 1)))
     # first order of a yield of 1e-4 rad
     assert heavy - light == pytest.approx(expected, abs=5e-8)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cell.arrays import Array
 from cell.clock import Clock
-from ident.estimator.clock_fit import fit_clock
+from ident.estimator.clock_fit import ClockFit, fit_clock
 from ident.estimator.sample_times import MARGIN
 from ident.signals.smooth_log import interpolating_log
 from tests.helpers.two_recorders import wandering
@@ -14,40 +15,42 @@ from tests.helpers.two_recorders import wandering
 NONE = np.zeros(2)
 
 
-def test_exact_logs_give_the_clock_to_a_nanosecond_and_their_gains() -> None:
-    motion, clock = wandering(np.random.default_rng(1)), Clock(3.0, 1e-4)
-    t = np.arange(0.0, 60.0, 0.01)
+def fitted(t: Array, clock: Clock, start: float, *, zero: float = 0.0) -> ClockFit | None:
+    """Two exact logs of a motion at t (N,) [s], channels of B twice those of A and 1 more.
+
+    zero : [s] that B's clock shows at its first row.
+    """
+    motion = wandering(np.random.default_rng(1))
     a = interpolating_log(t, motion(t), NONE)
-    b = interpolating_log(t, 2.0 * motion(np.asarray(clock.robot_time(t))) + 1.0, NONE)
-    fit = fit_clock(a, b, 3.1)
+    b = interpolating_log(t + zero, 2.0 * motion(np.asarray(clock.robot_time(t))) + 1.0, NONE)
+    return fit_clock(a, b, start)
+
+
+MINUTE = np.arange(0.0, 60.0, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("clock", "start"), [(Clock(3.0, 1e-4), 3.1), (Clock(0.0, 0.0), 0.5)], ids=["near", "half a s"]
+)
+def test_exact_logs_give_the_clock_to_a_nanosecond_and_their_gains(
+    clock: Clock, start: float
+) -> None:
+    fit = fitted(MINUTE, clock, start)
     assert fit is not None
-    assert fit.clock.offset == pytest.approx(3.0, abs=1e-9)
-    assert fit.clock.skew == pytest.approx(1e-4, abs=1e-10)
+    assert fit.clock.offset == pytest.approx(clock.offset, abs=1e-9)
+    assert fit.clock.skew == pytest.approx(clock.skew, abs=1e-10)
     np.testing.assert_allclose(fit.gain, 0.5, rtol=1e-8)
     np.testing.assert_allclose(fit.zero, -0.5, rtol=1e-8)
 
 
 def test_no_clock_without_overlap() -> None:
-    motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 20.0, 0.01)
-    log = interpolating_log(t, motion(t), NONE)
-    assert fit_clock(log, log, 19.0) is None
-
-
-def test_a_start_that_is_half_a_second_off_leads_to_the_clock_all_the_same() -> None:
-    motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 60.0, 0.01)
-    log = interpolating_log(t, motion(t), NONE)
-    fit = fit_clock(log, log, 0.5)
-    assert fit is not None
-    assert fit.clock.offset == pytest.approx(0.0, abs=1e-9)
+    assert fitted(np.arange(0.0, 20.0, 0.01), Clock(0.0, 0.0), 19.0) is None
 
 
 @pytest.mark.parametrize("zero", [-30.0, -MARGIN - 0.01, -MARGIN, 5000.0])
 def test_the_zero_of_a_clock_does_not_matter(zero: float) -> None:
     """Also where the first instant that is compared is that of zero, or hardly before it."""
-    motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 60.0, 0.01)
-    a = interpolating_log(t, motion(t), NONE)
-    b = interpolating_log(t + zero, motion(t + 0.1), NONE)
-    fit = fit_clock(a, b, -zero)
+    fit = fitted(MINUTE, Clock(0.1, 0.0), -zero, zero=zero)
     assert fit is not None
     assert fit.clock.offset + (1.0 + fit.clock.skew) * zero == pytest.approx(0.1, abs=1e-9)
 

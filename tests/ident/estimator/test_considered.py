@@ -12,13 +12,20 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.payload import with_deviations
 from ident.corrections import correction_named
-from ident.estimator import considered
+from ident.estimator import uncertainty as stated_uncertainty
 from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
-from ident.estimator.considered import considered_shifts, held_shifts
 from ident.estimator.fit import Fit, fit, fit_kinematics
 from ident.estimator.model import Model, gearing
 from ident.estimator.samples import Samples, samples_of
-from ident.estimator.uncertainty import uncertainty
+from ident.estimator.uncertainty import (
+    KNOWN,
+    KnownLengths,
+    considered_shifts,
+    held_shifts,
+    known_lengths,
+    uncertainty,
+)
+from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import loads, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
@@ -112,7 +119,7 @@ def test_few_samples_of_a_recording_give_the_same_shifts(
 ) -> None:
     machine = elastic_fit.model.unknowns.machine
     every = considered_shifts(elastic_fit, deviated)[machine]
-    monkeypatch.setattr(considered, "SAMPLES", 100)  # of 200
+    monkeypatch.setattr(stated_uncertainty, "SAMPLES", 100)  # of 200
     half = considered_shifts(elastic_fit, deviated)[machine]
     sigma = np.sqrt(np.diag(elastic_fit.covariance))[machine, None]
     assert np.abs((half - every) / sigma).max() < 0.2
@@ -218,3 +225,75 @@ def test_a_held_angle_that_the_data_show_counts_as_far_as_they_leave_it_open(
     bent = NOMINAL.replaced({"balpha2": NOMINAL["balpha2"] + 5e-5})
     off, _ = held_shifts(of_lengths(kinematic_samples, bent), held, sigma)
     assert np.abs(off) == pytest.approx(5e-5, rel=0.1)  # and its error in this fit counts whole
+
+
+ROD = 5e-6  # [m]
+
+
+def layout() -> Unknowns:
+    out, _ = complete_unknowns(CELL, NOMINAL, [], (), measured_force=False, rod_sigma=ROD)
+    return out
+
+
+def posterior(unknowns: Unknowns, error: float) -> tuple[Array, Array]:
+    """Estimate and covariance after a measurement of ra6 + bd3 that is off by `error` [m]."""
+    row = np.array([float(name in ("ra6", "bd3")) for name in unknowns.names])
+    normal = np.diag(unknowns.sigma**-2.0) + np.outer(row, row) / 1e-7**2
+    covariance = np.linalg.inv(normal)
+    return unknowns.mean + covariance @ row * error / 1e-7**2, covariance
+
+
+def judged(error: float, noise: float = 1.0) -> tuple[Unknowns, KnownLengths]:
+    """noise : of the measurement over what its weight says, as the blocks of time show it."""
+    unknowns = layout()
+    x, covariance = posterior(unknowns, error)
+    data = covariance - covariance @ (covariance / unknowns.sigma[:, None] ** 2)
+    return unknowns, known_lengths(unknowns, x, covariance, (noise**2 - 1.0) * data)
+
+
+def test_noise_that_is_worse_than_white_contradicts_no_length() -> None:
+    """The estimate is then off by what the data are off, of which the prior knows nothing."""
+    unknowns, lengths = judged(30e-6, noise=200.0)
+    plate = unknowns.sigma[unknowns.names.index("ra6")]
+    expected = np.sqrt(plate**2 + ROD**2 + 200.0**2 * 1e-7**2)
+    assert lengths.apart == pytest.approx(30e-6 / expected, rel=0.01)
+
+
+def test_a_contradiction_is_in_standard_deviations_of_the_sum() -> None:
+    unknowns, lengths = judged(30e-6)
+    plate = unknowns.sigma[unknowns.names.index("ra6")]
+    assert {"ra6", "bd3"} <= {unknowns.names[i] for i in lengths.unknowns}
+    assert lengths.apart == pytest.approx(30e-6 / np.hypot(plate, ROD), rel=0.01)
+    assert lengths.widening == lengths.apart
+    assert lengths.off == pytest.approx(30e-6, rel=0.01)  # together, whichever of them is wrong
+
+
+def test_lengths_that_agree_are_not_made_surer() -> None:
+    assert judged(0.0)[1].apart == pytest.approx(0.0, abs=1e-6)
+    assert judged(1e-6)[1].widening == 1.0
+
+
+def test_what_the_data_tell_alone_contradicts_nothing() -> None:
+    """A length that the data determine by itself may be anywhere in its prior."""
+    unknowns = layout()
+    index = unknowns.names.index("bd3")
+    normal = np.diag(unknowns.sigma**-2.0)
+    normal[index, index] += 1e-7**-2.0
+    covariance = np.linalg.inv(normal)
+    x = unknowns.mean.copy()
+    x[index] += 4.0 * ROD
+    lengths = known_lengths(unknowns, x, covariance, np.zeros_like(covariance))
+    assert index not in lengths.unknowns
+    assert lengths.apart == 0.0
+
+
+def test_a_length_that_is_only_roughly_known_contradicts_nothing() -> None:
+    """The nominal lengths of the links are priors too, of a millimetre."""
+    unknowns = layout()
+    x = unknowns.mean + np.where(unknowns.sigma > KNOWN, 0.5 * unknowns.sigma, 0.0)
+    rough = [n for n, s in zip(unknowns.names, unknowns.sigma, strict=True) if s > KNOWN]
+    assert {"ra2", "rd4"} <= set(rough)
+    _, covariance = posterior(unknowns, 0.0)
+    lengths = known_lengths(unknowns, x, covariance, np.zeros_like(covariance))
+    assert not {unknowns.names[i] for i in lengths.unknowns} & set(rough)
+    assert lengths.apart == pytest.approx(0.0, abs=1e-6)

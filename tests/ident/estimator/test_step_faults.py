@@ -27,8 +27,7 @@ from ident.estimator.step_faults import (
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import no_loads
 from ident.signals.smooth_log import SmoothLog
-from ident.signals.step_fault import StepFault
-from ident.signals.steps import LogStep
+from ident.signals.steps import LogStep, StepFault
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     CELL,

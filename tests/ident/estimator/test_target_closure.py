@@ -111,15 +111,10 @@ def test_a_still_pose_has_no_speed_no_clock_and_no_ball_bar() -> None:
     robot = true_robot("ur5")
     model = model_of(table_of(robot))
     poses, x = StillPoses(model.poses.groups[0], np.zeros(6)), model.unknowns.mean
-    assert poses.clock(model.unknowns, x, 0) == Clock(0.0, 0.0)
-    at = poses.robot_times(model.unknowns, x, 0)
+    geometry, clock, at = poses.mechanism(model.unknowns, x, 0)
+    assert clock == Clock(0.0, 0.0)
     assert not at.any()
-    assert not poses.joint_speed(at).any()
-    motion = poses.arm_motion(at)
-    assert (motion.q == poses.group.q).all()
-    for rate in (motion.speed, motion.acceleration, motion.logged_speed):
-        assert not rate.any()
-    assert not poses.bar_angles(robot_geometry(robot.robot), poses.group.q, motion.q).any()
+    assert not poses.bar_angles(geometry, poses.joint_angles(at), poses.group.q).any()
 
 
 def test_rounded_angles_count_less() -> None:

@@ -140,8 +140,8 @@ def test_priors_are_of_physical_size_and_centred_on_the_catalogue() -> None:
     mean = dict(zip(layout.names, layout.mean, strict=True))
     assert np.array_equal(x, layout.mean)
     assert x is not layout.mean
-    assert sigma["ra3"] == 5e-3
-    assert sigma["ralpha3"] == sigma["rbeta2"] == 5e-3
+    assert sigma["ra3"] == 7e-4
+    assert sigma["ralpha3"] == sigma["rbeta2"] == 2e-3
     axes = BallbarAxes()
     assert {sigma[name] for name in AXIS_OFFSETS} == {axes.sigma_m} == {5e-6}
     assert {sigma[name] for name in AXIS_ANGLES} == {axes.sigma_rad} == {5e-5}

@@ -13,7 +13,6 @@ from ident.estimator.closure import (
     close_loop,
     parameter_jacobian,
     robot_joint_jacobian,
-    rod_jacobian,
 )
 from ident.estimator.whitening import FLOOR_SIGMA, cholesky, covariance, solve_lower, whitening
 from tests.helpers.six_axes import INDEX, PARAMETERS
@@ -28,7 +27,7 @@ def noise_columns(closure: Closure, joint: Array, encoder: Array, rod: float) ->
         (
             joint[:, None, None] * robot_joint_jacobian(closure),
             encoder[:, None, None] * bar_joint_jacobian(closure),
-            rod * rod_jacobian(closure)[None],
+            rod * closure.rod_column[None],
         )
     )
 
@@ -166,7 +165,7 @@ def test_noise_propagates_to_the_covariance_that_samples_of_the_error_show(
         many_q + rng.normal(0, joint, many_q.shape),
         many_b + rng.normal(0, encoder, many_b.shape),
     )
-    stretched = closure.error + rod_jacobian(close_loop(nominal, many_q, many_b)) * rng.normal(
+    stretched = closure.error + close_loop(nominal, many_q, many_b).rod_column * rng.normal(
         0, rod, n
     )
     exact = close_loop(nominal, loop.q[:1], loop.b[:1])

@@ -11,15 +11,17 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.errors import InputError
 from cell.logs import ForceLog, RobotLog
-from ident.estimator.samples import Samples
+from ident.estimator.samples import Samples, samples_of
 from ident.loads.logged_tension import (
     KNOTS_PER_SECOND,
     LEAST_KNOTS,
+    instrument_forces,
     sensor_tension,
     tension_splines,
     torque_tension,
 )
 from ident.loads.rod_tension import SENSOR_NOISE
+from ident.signals.smooth_log import interpolating_log
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL, exact_log, minute, recording
 
@@ -125,3 +127,16 @@ def test_a_signal_that_was_not_logged_is_refused_with_the_choices(samples: Sampl
         torque_tension(CELL, samples, NOMINAL, CLOCK, log_of(samples.robot.stamps, None))
     with pytest.raises(InputError, match="no log of a force sensor; choose force auto, torque"):
         sensor_tension(CELL, samples, NOMINAL, CLOCK, None)
+
+
+def test_the_spring_follows_the_extension_and_friction_the_sign_of_its_rate() -> None:
+    t = np.arange(0.0, 20.0, 0.05)
+    still = interpolating_log(t, np.zeros((t.size, 6)), np.zeros(6))
+    extension = interpolating_log(t, 2e-3 * np.sin(t)[:, None], np.zeros(1))
+    at = np.linspace(1.0, 19.0, 200)
+    samples = samples_of(still, extension, (), (), at)
+    constant, spring, friction = instrument_forces(samples, (0.995, 1.005)).toarray()
+    assert (constant == 1.0).all()
+    assert spring == pytest.approx(0.4 * np.sin(at), abs=1e-6)  # 1 N at the end of the stroke
+    fast = np.abs(np.cos(at)) > 0.1
+    assert friction[fast] == pytest.approx(np.sign(np.cos(at))[fast], abs=0.02)

@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
+from cell.chain import forward
 from cell.descriptions import Cell
+from cell.geometry import nominal_chain
 from cell.payload import with_deviations
 from ident.loads.gear_loads import mass_model, own_weight
 from ident.loads.mass_uncertainty import (
+    ARM,
     CENTRE_PRIOR,
     LINK_PRIOR,
     TOOL_CENTRE_PRIOR,
     TOOL_PRIOR,
     deviated_cells,
+    mass_columns,
     stated_covariance,
 )
 from tests.helpers.synthetic_recording import CELL, NOMINAL, minute
@@ -67,3 +71,22 @@ def test_few_directions_hold_the_variance_of_the_loads() -> None:
 def test_a_robot_without_stated_masses_has_none_to_deviate() -> None:
     bare = replace(CELL, robot=replace(CELL.robot, links=None))
     assert deviated_cells(bare, stated_covariance(CELL)) == ()
+
+
+PATH = minute().q[::40]
+STEP = 1e-4  # [kg], [kg m], [-], [m]
+
+
+def test_columns_are_what_the_weight_changes_by() -> None:
+    columns = mass_columns(CELL, forward(nominal_chain(CELL.robot), PATH), PATH)
+    here = own_weight(mass_model(CELL), NOMINAL, PATH).gear
+    each = np.delete(columns, ARM, axis=0)
+    for number, step in enumerate(STEP * np.eye(len(each))):
+        there = own_weight(mass_model(with_deviations(CELL, step)), NOMINAL, PATH).gear
+        change = (there - here) / STEP
+        np.testing.assert_allclose(each[number], change, rtol=1e-5, atol=1e-5)
+
+
+def test_the_arm_is_its_links_together() -> None:
+    columns = mass_columns(CELL, forward(nominal_chain(CELL.robot), PATH), PATH)
+    np.testing.assert_allclose(columns[ARM], columns[ARM + 1 :: 4].sum(axis=0), atol=1e-9)

@@ -13,7 +13,7 @@ from cell.payload import LinkDeviation, Payload, with_deviations, with_payload
 from ident.loads.gear_loads import loads, mass_model, own_weight
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
-from ident.loads.payload import SURE, PayloadEstimate, payload_from_torque, payload_of_recordings
+from ident.loads.payload import SURE, PayloadEstimate, payload_of_recordings
 from ident.remarks import unlike_tools
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
@@ -44,7 +44,7 @@ def logged(true: Cell, *, seed: int = 1) -> LoggedTorque:
 
 
 def found(true: Cell) -> PayloadEstimate:
-    return payload_from_torque(CELL, [NOMINAL], [logged(true)])
+    return payload_of_recordings(CELL, [NOMINAL], [logged(true)])
 
 
 def test_a_tool_twice_as_heavy_is_found_within_its_sigma() -> None:

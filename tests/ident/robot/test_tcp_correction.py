@@ -11,12 +11,17 @@ from cell.arrays import Array
 from cell.geometry import Geometry
 from cell.statistics import rms
 from ident.corrections import CORRECTIONS
-from ident.result import CoefficientEstimate, CorrectionEstimate, NamedCovariance, RobotEstimate
+from ident.result import (
+    CoefficientEstimate,
+    CorrectionEstimate,
+    NamedCovariance,
+    RobotEstimate,
+    identified_robot,
+)
 from ident.robot.accuracy import accuracy_grid, position_error, rigid_basis
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_correction import correction_parts
 from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.robot.tool_covariance import ToolCovariance
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 CHANGED = {"ra2": 1.5e-3, "rd4": -0.8e-3, "ralpha3": 1e-3, "rtheta5": -1.2e-3, "ra5": 2e-3}
@@ -29,20 +34,12 @@ def robot_of(geometry: Geometry, *corrections: CorrectionEstimate) -> RobotEstim
     sigmas = np.arange(1.0, len(CHANGED) + 1.0) * 1e-6
     nothing = np.zeros(len(GRID))
     return RobotEstimate(
-        cell=CELL,
-        encoders=(1, 2, 4, 5),
+        identified=identified_robot(CELL, geometry, (1, 2, 4, 5), corrections),
         nominal=NOMINAL,
-        geometry=geometry,
         sigma={},
         covariance=NamedCovariance(tuple(CHANGED), np.diag(sigmas**2), np.diag(sigmas**2)),
         corrections=corrections,
         tcp=TcpUncertainty(nothing, nothing, ()),
-        tcp_white=0.0,
-        tcp_widened=0.0,
-        dropped=(),
-        tool=ToolCovariance(tuple(CHANGED), np.zeros((0, 28)), np.diag(sigmas**2)),
-        lower=np.full(6, -1.0),
-        upper=np.full(6, 1.0),
     )
 
 
@@ -110,7 +107,7 @@ def test_soft_gears_are_a_part_for_each_gear() -> None:
     robot = robot_of(NOMINAL, CorrectionEstimate(correction.name, correction.sentence, gears))
     parts = {p.name: p for p in correction_parts(robot, GRID) if p.source == "joint_compliance"}
     assert set(COMPLIANCES) <= set(parts)
-    identified, rigid = robot.identified_robot(), IdentifiedRobot(CELL, robot.geometry).tool(GRID)
+    identified, rigid = robot.identified, IdentifiedRobot(CELL, robot.geometry).tool(GRID)
     for k, name in enumerate(f"compliance{i}" for i in range(1, 7)):
         single = replace(identified, values=np.where(np.arange(6) == k, identified.values, 0.0))
         alone = rms(position_error(rigid, single.tool(GRID)).error)

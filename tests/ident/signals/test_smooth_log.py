@@ -112,21 +112,16 @@ def test_a_clock_step_beside_rows_that_were_left_out_is_measured(missing: int) -
     assert steps[0].size == pytest.approx(0.05, abs=5e-4)
 
 
-def test_a_damaged_value_beside_a_clock_step_does_not_change_its_size() -> None:
+@pytest.mark.parametrize(("size", "damage"), [(0.05, 5e-3), (180.0, 0.0)])
+def test_a_clock_step_has_its_size_beside_a_damaged_value_and_over_minutes(
+    size: float, damage: float
+) -> None:
     t = np.arange(0.0, 20.0, 0.01)
     values = motion(t) + np.random.default_rng(3).normal(0, 1e-6, (t.size, 2))
-    values[1003, 0] += 5e-3
-    (step,) = find_steps(t + 0.05 * (t >= 10.0 - 1e-9), values, checked=True)
+    values[1003, 0] += damage
+    (step,) = find_steps(t + size * (t >= 10.0 - 1e-9), values, checked=damage > 0.0)
     assert (step.row, step.channel) == (1000, None)
-    assert step.size == pytest.approx(0.05, abs=1e-4)
-
-
-def test_a_clock_set_on_by_minutes_is_a_step_where_the_motion_goes_on_as_before() -> None:
-    t = np.arange(0.0, 20.0, 0.01)
-    values = motion(t) + np.random.default_rng(4).normal(0, 1e-6, (t.size, 2))
-    (step,) = find_steps(t + 180.0 * (t >= 10.0 - 1e-9), values)
-    assert (step.row, step.channel) == (1000, None)
-    assert step.size == pytest.approx(180.0, abs=1e-4)
+    assert step.size == pytest.approx(size, abs=1e-4)
 
 
 def test_a_pause_of_seconds_in_which_the_arm_moved_on_is_no_step() -> None:

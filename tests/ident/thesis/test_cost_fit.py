@@ -10,7 +10,7 @@ import pytest
 from cell.arrays import Array
 from cell.geometry import Geometry
 from ident.thesis.cost_fit import fit_cost, identifiable_by
-from ident.thesis.costs import cost_named
+from ident.thesis.costs import Form, cost_named
 from ident.thesis.names import ENCODERS_NEEDED, CostName
 from sim.path import ReferencePath
 from tests.helpers.six_axes import INDEX, NAMES
@@ -50,12 +50,18 @@ def test_what_a_cost_identifies_is_the_thesis_s_choice(
     ]
 
 
-@pytest.mark.parametrize("name", COSTS)
-def test_vector_forms_find_the_exact_parameters_in_a_few_steps(
-    path: ReferencePath, exact: Angles, nominal: Geometry, true: Geometry, name: CostName
+@pytest.mark.parametrize(("name", "form"), [*((c, "vector") for c in COSTS), ("length", "thesis")])
+def test_signed_forms_find_the_exact_parameters_in_a_few_steps(
+    path: ReferencePath,
+    exact: Angles,
+    nominal: Geometry,
+    true: Geometry,
+    name: CostName,
+    form: Form,
 ) -> None:
+    """The vector forms, and the printed length, which is signed as well."""
     chosen = identifiable_by(name, nominal, path.q[::50], path.b[::50])
-    fit = fit_cost(cost_named(name, "vector"), nominal, **exact, parameters=chosen)
+    fit = fit_cost(cost_named(name, form), nominal, **exact, parameters=chosen)
     assert fit.converged
     assert fit.iterations <= 6
     assert np.abs((fit.geometry.values - true.values)[chosen]).max() <= EXACT
@@ -84,16 +90,6 @@ def test_printed_scalars_halve_the_error_in_each_step(
     assert whole.converged
     assert 15 < whole.iterations < 40
     assert np.abs((whole.geometry.values - true.values)[chosen]).max() <= EXACT
-
-
-def test_the_printed_length_is_signed_and_converges_like_the_vector_form(
-    path: ReferencePath, exact: Angles, nominal: Geometry, true: Geometry
-) -> None:
-    chosen = identifiable_by("length", nominal, path.q[::50], path.b[::50])
-    fit = fit_cost(cost_named("length", "thesis"), nominal, **exact, parameters=chosen)
-    assert fit.converged
-    assert fit.iterations <= 6
-    assert np.abs((fit.geometry.values - true.values)[chosen]).max() <= EXACT
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from cell.arrays import Array
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, RobotLog
 from ident.thesis.costs import cost_named
+from ident.thesis.moving_average import PERIOD, moving_average
 from ident.thesis.pairing import is_standing, pair_logs, rough_offset
 from sim.path import ReferencePath
 from tests.helpers.synthetic_recording import exact_log
@@ -94,3 +95,22 @@ def test_of_few_rows_each_is_paired_once(path: ReferencePath, nominal: Geometry)
     few = RobotLog(robot.t[::20], robot.q[::20])
     paired = pair_logs(cost_named("length", "thesis"), nominal, few, bar, count=1000)
     assert len(np.unique(paired.q, axis=0)) == len(paired.q) > 200
+
+
+def test_each_row_is_the_mean_of_its_neighbours_within_the_period() -> None:
+    t = np.arange(200) * 0.01
+    angles = np.random.default_rng(5).normal(size=(200, 2))
+    averaged = moving_average(t, angles)
+    for row in (5, 77, 194):
+        assert np.abs(averaged[row] - angles[row - 5 : row + 6].mean(axis=0)).max() < 1e-12
+    assert np.abs(averaged[[0, -1]] - angles[[0, -1]]).max() < 1e-12
+
+
+def test_a_straight_motion_is_kept_and_a_bent_one_loses_what_the_formula_says() -> None:
+    """The mean of t^2 / 2 over +-T/2 in steps h is (T^2 + 2 T h) / 24 more."""
+    t = np.arange(401) * 0.002
+    straight, bent = t[:, None], 0.5 * t[:, None] ** 2
+    assert np.abs(moving_average(t, straight) - straight).max() < 1e-12
+    inside = slice(30, -30)
+    expected = (PERIOD**2 + 2.0 * PERIOD * 0.002) / 24.0
+    assert np.abs((moving_average(t, bent) - bent)[inside] - expected).max() < 1e-12

@@ -1,18 +1,18 @@
-"""From a table of still poses to the robot's parameters, joint errors, uncertainty and verdict.
+"""From a table of still poses to the robot's parameters, joint errors and their uncertainty.
 
 Start by the nominal robot -> geometry and sag -> search for joint errors by evidence -> everything
-once more together -> cross-validation by regions of joint space -> verdict. Where a seat or target
-moved within the table, once more with two in its place.
+once more together -> cross-validation by regions of joint space. Where a seat or target moved
+within the table, once more with two in its place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain, robot_geometry
@@ -32,86 +32,88 @@ from ident.estimator.robust_fit import fit_robustly, stacked
 from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ident.findings import Findings, findings_of
 from ident.moved_seats import MOST, confirms, step_of
-from ident.pose_result import PoseIdentification
+from ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
 from ident.signals.rounding import rounding_noise
 from ident.start.placements import start_of_poses
+from ident.table_estimate import TableEstimate
 from ident.table_steps import Step, refuse_large, refuse_merged, sized, split
-from ident.verdict import Status
 
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 
 
-@dataclass(frozen=True)
-class JointErrors:
-    """Joint errors learned elsewhere: their amplitudes are kept."""
-
-    orders: tuple[tuple[int, float], ...]  # joint, from 0, and order
-    values: tuple[float, ...]  # [rad] cosine and sine amplitude of each
-
-
-@dataclass(frozen=True)
-class PoseOptions:
-    """Options of an identification from still poses."""
-
-    search: bool = True  # for joint errors
-    learned: JointErrors | None = None
-
-
-Progress = Callable[[str], None]
-
-
-def identify_poses(
-    table: PoseTable, options: PoseOptions = PoseOptions(), progress: Progress = lambda _: None
-) -> PoseIdentification:
-    """Identify a robot from still poses.
-
-    A seat or target that moved between two rows has two names in the result's table.
+def fit_table(
+    table: PoseTable, options: FitOptions = DEFAULTS, listener: Listener = SILENT
+) -> TableEstimate:
+    """A robot from still poses; a seat or target that moved has two names in the fit.
 
     Raises InputError where the table holds fewer equations than the robot has parameters, or where
     two seats or targets go by one name, and PoseStartError where measurements and robot cannot be
     brought together.
     """
     refuse_merged(table)
-    progress("finding seats and targets")
+    listener.progress("finding seats and targets")
     start = start_of_poses(table, nominal_chain(table.robot))
-    result = first = _identified(start, options, progress)
+    result = first = _estimated(start, options, listener)
     steps: tuple[Step, ...] = ()
     while len(steps) < MOST and (step := step_of(result.fit)) is not None:
-        progress(f"{step.kind} {step.name} moved: fitting once more")
-        trial = _identified(split(result.fit, step), options, progress)
+        listener.progress(f"{step.kind} {step.name} moved: fitting once more")
+        trial = _estimated(split(result.fit, step), options, listener)
         after = sized(trial.fit, (*steps, step))
         if not confirms(result.fit, trial.fit, step, after[-1]):
             break
         refuse_large(table, after[-1])
         result, steps = trial, after
-    if not steps or result.verdict.status is Status.IMPLAUSIBLE:
+    if not steps or result.cross_validation.strange:
         return first
     return replace(result, findings=replace(result.findings, steps=sized(result.fit, steps)))
 
 
-def _identified(still: PlacedPoses, options: PoseOptions, progress: Progress) -> PoseIdentification:
+def added_table(fit: Fit, covariance: Array) -> TableEstimate | None:
+    """The still poses of a fit of recordings; None where there are none.
+
+    covariance : (P, P) stated, of the unknowns.
+    """
+    if fit.model.table is None:
+        return None
+    fit = replace(fit, covariance=covariance)
+    layout, table = fit.model.unknowns, fit.model.poses
+    seats = {name: layout.seat(fit.x, name) for name in layout.seats}
+    targets = {name: layout.target(fit.x, name) for name in layout.targets}
+    nominal = _nominal(PlacedPoses(table, seats, targets))
+    return TableEstimate(fit, nominal, cross_validated(fit), findings_of(fit))
+
+
+def _nominal(still: PlacedPoses) -> Fit:
+    """Seats and targets fitted to the robot as its file has it."""
+    table, noise = still.table, rounding_noise(still.table.q)
+    layout = still_unknowns(robot_geometry(table.robot), still, ()).held()
+    return fit_robustly(still_model(table, layout, (), noise), layout.mean.copy())
+
+
+def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> TableEstimate:
     """A robot from a table whose seats and targets stay where they are."""
     table = still.table
     noise = rounding_noise(table.q)
-    fixed = [*sag(table.robot), *_learned(options)]
+    learned = options.joint_errors
+    fixed = [*sag(table.robot), *(_held(learned) if isinstance(learned, JointErrors) else [])]
     layout = still_unknowns(robot_geometry(table.robot), still, fixed)
     _check_enough(table, layout)
     model = still_model(table, layout, fixed, noise)
     nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
-    progress("fitting geometry and sag")
+    listener.progress("fitting geometry and sag")
     fit = fit_robustly(model, nominal.x, nominal.excess)
     fit, findings = _without_unsettled(fit)
     search = None
-    if options.search:
-        progress("searching joint errors")
+    if options.joint_errors == "auto":
+        listener.progress("searching joint errors")
         search = search_orders(linearised(fit), PRIOR)
         if search.orders:
-            progress("fitting everything together")
+            listener.progress("fitting everything together")
             fit = _with_orders(fit, search)
             fit, findings = _without_unsettled(fit)
-    progress("cross-validating")
+    listener.progress("cross-validating")
     fit = replace(fit, covariance=robust_covariance(fit))
-    return PoseIdentification(table, fit, nominal, search, cross_validated(fit), findings)
+    return TableEstimate(fit, nominal, cross_validated(fit), findings, search)
 
 
 def sag(robot: Robot) -> list[Correction]:
@@ -145,14 +147,12 @@ def linearised(fit: Fit) -> LinearModel:
     )
 
 
-def _learned(options: PoseOptions) -> list[Correction]:
+def _held(learned: JointErrors) -> list[Correction]:
     """Joint errors learned elsewhere, as a correction whose coefficients are held."""
-    if options.learned is None:
-        return []
-    correction = joint_harmonics(options.learned.orders)
+    correction = joint_harmonics(learned.orders)
     held = tuple(
         Coefficient(c.name, c.unit, value, c.sigma * HELD, c.channel)
-        for c, value in zip(correction.coefficients, options.learned.values, strict=True)
+        for c, value in zip(correction.coefficients, learned.values, strict=True)
     )
     return [replace(correction, name="learned_harmonics", coefficients=held)]
 
