@@ -377,7 +377,7 @@ def test_a_time_in_two_halves_is_put_together(tmp_path: Path) -> None:
             "filetime",
             "is an empty cell",
         ),
-        ([f"DT#{text[:19]}" for text in DATES], None, "The clock is too coarse for the rows"),
+        ([f"DT#{text[:19]}" for text in DATES], None, "The clock is too coarse"),
     ],
 )
 def test_stamps_that_are_ambiguous_are_refused(
