@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ballbar.outputs import Progress, write_outputs
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_pose_folders, identify_recordings
+from ballbar.result.run_recordings import identify_files, identify_recordings
 from ballbar.scenario import (
     SCENARIOS,
     PoseScenario,
@@ -54,19 +54,13 @@ def simulate_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or a
     real recording.
     """
-    with _claimed(folder, still=False):
-        progress("simulating the cell")
-        files = scenario_file.parent
-        on_motion = live.moved if live else None
-        try:
-            simulation = simulate(
-                scenario,
-                relative_to=files,
-                recorded=recorded_log(scenario.path, files),
-                on_motion=on_motion,
-            )
-        except InputError as error:
-            raise InputError(f"{scenario_file}: {error}") from None
+    with _simulating(scenario_file, folder, progress, still=False) as files:
+        simulation = simulate(
+            scenario,
+            relative_to=files,
+            recorded=recorded_log(scenario.path, files),
+            on_motion=live.moved if live else None,
+        )
         progress("writing the device logs")
         write_scenario(scenario, files, folder)
         write_recording(simulation, with_copied_descriptions(scenario, files, folder), folder)
@@ -81,13 +75,8 @@ def simulate_pose_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
     poses.
     """
-    with _claimed(folder, still=True):
-        progress("simulating the poses")
-        files = scenario_file.parent
-        try:
-            simulation = simulate_poses(scenario, relative_to=files)
-        except InputError as error:
-            raise InputError(f"{scenario_file}: {error}") from None
+    with _simulating(scenario_file, folder, progress, still=True) as files:
+        simulation = simulate_poses(scenario, relative_to=files)
         progress("writing the table")
         write_scenario(scenario, files, folder)
         write_poses(simulation, scenario, folder, relative_to=files)
@@ -95,11 +84,13 @@ def simulate_pose_scenario(
 
 
 @contextmanager
-def _claimed(folder: Path, *, still: bool) -> Iterator[None]:
-    """A folder that a simulated recording or table of still poses may be written to.
+def _simulating(
+    scenario_file: Path, folder: Path, progress: Progress, *, still: bool
+) -> Iterator[Path]:
+    """A folder that a simulated recording or table is written to; yields that of the scenario.
 
     Raises InputError where it holds something else, or what was really measured, which is never
-    replaced.
+    replaced. Errors of the simulation are those of the scenario's file.
     """
     marker, data, what = "recording.yaml", "raw", "a recording"
     if still:
@@ -113,7 +104,11 @@ def _claimed(folder: Path, *, still: bool) -> Iterator[None]:
                     f"{folder}: holds {real}; nothing was written. Choose another folder with "
                     "--out."
                 )
-        yield
+        progress("simulating the poses" if still else "simulating the cell")
+        try:
+            yield scenario_file.parent
+        except InputError as error:
+            raise InputError(f"{scenario_file}: {error}") from None
 
 
 def run_scenario(
@@ -191,7 +186,7 @@ def run_pose_scenario(
     beside = {truth_path(folder).name, scenario_path(folder).name}
     with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
-        run = identify_pose_folders([folder], listener=Listener(progress))
+        run = identify_files([folder], listener=Listener(progress))
         result = run.identification
         assert result.poses is not None, "tables of still poses were identified"
         comparison = poses_against_truth(result.poses, simulation.truth)

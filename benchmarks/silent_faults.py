@@ -38,8 +38,7 @@ import numpy as np
 from acquisition.recording import Recording, read_recording
 from ballbar import identify_recordings
 from ballbar.identify_settings import IdentifySettings
-from ballbar.truth.compare import reference_of
-from ballbar.truth.true_robot import true_tool
+from ballbar.truth.compare import reference_of, true_tool
 from benchmarks.study import STUDIES, study_parser, write_table
 from cell.errors import FailureError, InputError
 from ident.result import Identification

@@ -29,8 +29,7 @@ from ballbar.scenario import Scenario
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task, Trial
 from ballbar.sweep.plan import run_of
-from ballbar.sweep.run import run_sweep
-from ballbar.sweep.workers import Workers, dask_cluster, processes
+from ballbar.sweep.run import Workers, dask_cluster, processes, run_sweep
 from cell.threads import one_thread_each
 
 T = TypeVar("T")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.identifiability.study import (
+from ballbar.identifiability import (
     NOISE,
     SAMPLES,
     Influences,
@@ -25,8 +25,9 @@ from ballbar.identifiability.study import (
     nominal_loop,
     reidentified,
     study,
+    unit_of,
+    vector_text,
 )
-from ballbar.identifiability.tables import unit_of, vector_text
 from ballbar.scenario import load_scenario
 from cell.files import write_whole
 from cell.geometry import bar_frames, parameter_named

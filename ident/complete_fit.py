@@ -21,6 +21,7 @@ from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, comple
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.observations import rounding_noise
 from ident.estimator.priors import declared_sigma, robot_unknowns, with_tails
 from ident.estimator.robust_fit import robust_weights
 from ident.estimator.sample_times import close_times
@@ -48,7 +49,6 @@ from ident.loads.logged_tension import (
 from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
-from ident.signals.rounding import rounding_noise
 from ident.signals.steps import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
@@ -68,9 +68,8 @@ MAX_ITERATIONS = 100
 NEW_WEIGHTS = 12
 # A fit of so many of each recording comes first, where there are so many times more.
 COARSE_SAMPLES, COARSE_SHARE = 1500, 3
-PER_UNKNOWN = (
-    1e-4  # predicted decrease for each unknown that ends a fit, as `fit.NEGLIGIBLE` for one
-)
+# predicted decrease for each unknown that ends a fit, as `fit.NEGLIGIBLE` for one
+PER_UNKNOWN = 1e-4
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,9 +59,8 @@ class CrossValidation:
     sigma: float  # [m] discrepancy along each axis, the instrument's noise included
     factor: float  # squared Mahalanobis distance that holds LEVEL, over that of chi-square
     of_points: float  # [m] the same of points: 0 where nothing but lengths were measured
-    joint_sigma: (
-        float  # [rad] of each joint, in place of it; 0 where more than lengths was measured
-    )
+    # [rad] of each joint, in place of it; 0 where more than lengths was measured
+    joint_sigma: float
 
     @property
     def strange(self) -> bool:

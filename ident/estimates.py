@@ -17,12 +17,11 @@ from ident.consistency import AGREED, consistency
 from ident.corrections import SUBSTITUTES, corrections_without_data
 from ident.estimator.build_unknowns import GAIN_PRIOR
 from ident.estimator.fit import Fit
-from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
 from ident.estimator.priors import FAR, declared_sigma, robot_unknowns
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.evidence import ClosureEvidence, Evidence, RecordingEvidence
+from ident.evidence import ClosureEvidence, Evidence
 from ident.fitted_robot import (
     MOSTLY_PRIOR,
     deviated_masses,
@@ -97,43 +96,28 @@ def result_of(
         condition=first.subset.condition,
     )
     closure = ClosureEvidence(
-        cell=cell,
-        nominal=robot.nominal,
-        converged=fit.converged,
-        iterations=statistics.iterations,
-        chi2_per_dof=fit.chi2_per_dof,
-        autocorrelation=stated.autocorrelation,
-        geometry=robot.geometry,
-        identified=tuple(robot.sigma),
-        complete=complete,
-        blocks=stated.blocks,
+        robot,
+        statistics,
+        complete,
         pulled=pulled(fit),
-        lengths_apart=stated.lengths.apart,
-        lengths_off=stated.lengths.off,
-        rod_sigma=robot.sigma.get("bd3", 0.0),
         unphysical=unphysical(fit, stated.covariance, payload),
         impossible=impossible(fit) if fit.converged else (),
         disagreement=unlike_tools(payload) or agreement.sentence,
         ratios=wrong_ratios(fit, np.sqrt(np.diag(stated.covariance))),
         softer=softer,
-        tcp_sigma=rms(robot.tcp_sigma),
         nominal_error=_nominal_error(robot),
         accuracy=options.accuracy,
+        blocks=stated.blocks,
+        lengths_apart=stated.lengths.apart,
+        lengths_off=stated.lengths.off,
     )
+    remarks = [
+        log_remarks(r.samples, e.step_faults) for r, e in zip(single, estimates, strict=True)
+    ]
+    held_out = agreement.held_out or [None] * len(single)
     parts = [
-        Evidence(
-            closure,
-            RecordingEvidence(
-                name=estimate.name,
-                start=estimate.start,
-                encoders=estimate.encoders,
-                samples=estimate.samples,
-                clock_sigma=estimate.clock_sigma[0],
-                held_out=agreement.held_out[k] if agreement.held_out else None,
-                remarks=log_remarks(r.samples, estimate.step_faults),
-            ),
-        )
-        for k, (r, estimate) in enumerate(zip(single, estimates, strict=True))
+        Evidence(closure, estimate, remarks=on_logs, held_out=ratio)
+        for estimate, on_logs, ratio in zip(estimates, remarks, held_out, strict=True)
     ]
     poses = added_table(fit, stated.covariance)
     verdict = judge(parts if poses is None else [*parts, Evidence(table=poses, elsewhere=True)])
@@ -247,7 +231,7 @@ def _recording(
         clock_sigma=(0.0, 0.0)
         if own.clock is None
         else (float(deviations[own.clock.start]), float(deviations[own.clock.start + 1])),
-        noise=log_noise(samples.robot, samples.ballbar, samples.encoders),
+        noise=samples.log_noise,
         before=_residuals(nominal, 0),
         after=_residuals(fit, k),
         whitened=fit.linear.residuals[k],

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from ident.start.automatic import Start
+from ident.result import FitStatistics, RecordingEstimate, RobotEstimate
 from ident.table_estimate import TableEstimate
 
 # A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
@@ -21,14 +19,8 @@ FEW_BLOCKS = 12  # of time: the spread of fewer tells little of the uncertainty
 class ClosureEvidence:
     """Evidence from the loop closure of all recordings of a fit."""
 
-    cell: Cell
-    nominal: Geometry  # catalogue geometry of the cell
-    converged: bool
-    iterations: int
-    chi2_per_dof: float
-    autocorrelation: float  # of neighbours in the whitened residual
-    geometry: Geometry
-    identified: tuple[str, ...]
+    robot: RobotEstimate
+    fit: FitStatistics
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
@@ -37,13 +29,11 @@ class ClosureEvidence:
     ratios: str = ""  # gears that turn otherwise than logged
     # compliance of all gears over the catalogue's, where no torque tells masses
     softer: float = 1.0
-    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace, with the scale
     nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
     accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
     blocks: int = FEW_BLOCKS  # of time, that the uncertainty of a complete model rests on
     lengths_apart: float = 0.0  # standard deviations by which known lengths contradict each other
     lengths_off: float = 0.0  # [m] by which they do
-    rod_sigma: float = 0.0  # [m] stated, of the identified rod
 
     @property
     def tells(self) -> bool:
@@ -51,16 +41,16 @@ class ClosureEvidence:
 
         The noise of a sensed length, the one residual, takes up what kinematics leaves over.
         """
-        return self.complete or self.cell.ballbar.stroke is not None
+        return self.complete or self.robot.cell.ballbar.stroke is not None
 
     @property
     def ratio(self) -> float:
         """Residual over what the noise in the logs explains."""
-        return float(np.sqrt(self.chi2_per_dof))
+        return float(np.sqrt(self.fit.chi2_per_dof))
 
     @property
     def neighbours(self) -> str:
-        return f"autocorrelation {self.autocorrelation:.2f}"
+        return f"autocorrelation {self.fit.autocorrelation:.2f}"
 
     @property
     def largest_sigma(self) -> float:
@@ -71,30 +61,20 @@ class ClosureEvidence:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordingEvidence:
-    """Evidence from one recording."""
-
-    name: str
-    start: Start
-    encoders: tuple[int, ...]
-    samples: int
-    remarks: tuple[str, ...] = ()
-    clock_sigma: float = 0.0  # [s] of the clock offset
-    held_out: float | None = None  # its residual by the machine of the others (ident.consistency)
-
-
-@dataclass(frozen=True, eq=False)
 class Evidence:
     """Evidence on one part of a fit: a recording, or the still poses."""
 
     closure: ClosureEvidence | None = None
-    recording: RecordingEvidence | None = None
+    recording: RecordingEstimate | None = None
     table: TableEstimate | None = None
+    remarks: tuple[str, ...] = ()  # on the logs of the recording
+    # residual of the recording by the machine of the others (ident.consistency)
+    held_out: float | None = None
     elsewhere: bool = False  # whether the robot was judged elsewhere than where still poses are
 
     @property
     def ended(self) -> tuple[bool, int]:
         """Whether the fit converged, and after how many iterations."""
-        fit = self.closure or (self.table.fit if self.table else None)
-        assert fit is not None, "evidence is of a recording or of still poses"
-        return fit.converged, fit.iterations
+        of = self.closure or self.table
+        assert of is not None, "evidence is of a recording or of still poses"
+        return of.fit.converged, of.fit.iterations

@@ -138,31 +138,38 @@ def _unfinished(fit: Fit) -> float:
 
     A score test of one unknown that turns every pose by that share, as the orders are tested.
     """
-    equations, moves, still = fit.linear, _last_moves(fit), fit.still
-    columns = [
-        weights(move) * robust
-        for move, weights, robust in zip(
-            moves, equations.weights[still], equations.robust[still], strict=True
-        )
-    ]
-    parts = list(zip(fit.jacobians, equations.residuals[still], columns, strict=True))
-    gram = sum(
-        jacobian.reshape(len(jacobian), -1) @ column.reshape(-1) for jacobian, _, column in parts
-    )
-    solved = np.linalg.solve(equations.normal, gram)
-    score = variance = information = 0.0
-    for jacobian, residual, column in parts:
-        rest = column - np.einsum("pen,p->en", jacobian, solved)
-        each = (rest * residual).sum(axis=0)
-        score += float(each.sum())
-        variance += float((each * each).sum())
-        information += float((rest * rest).sum())
-    if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
+    moves, linear = _last_moves(fit), fit.linear
+    weighted = zip(moves, linear.weights[fit.still], linear.robust[fit.still], strict=True)
+    columns = [(weights(move) * robust)[None] for move, weights, robust in weighted]
+    score, variance, information = _score(fit, range(len(columns)), columns)
+    if variance[0, 0] == 0.0 or score[0] ** 2 <= SHARE_OF_MOVE * variance[0, 0]:
         return 0.0
-    share = -score / information
+    share = -float(score[0] / information[0, 0])
     moved = np.concatenate([move[:3] for move in moves], axis=1)
     effect = abs(share) * float(np.sqrt((moved**2).mean()))
     return share if effect > LEAST_EFFECT * _error_of_one(fit) else 0.0
+
+
+def _score(fit: Fit, groups: Sequence[int], columns: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Score (K,) of K more unknowns, its variance by poses (K, K), and their information (K, K).
+
+    columns : (K, E, N) whitened, of the groups that they move. The unknowns of the fit are
+    eliminated.
+    """
+    count, size = fit.model.unknowns.count, len(columns[0])
+    residuals = fit.linear.residuals[fit.still]
+    gram = np.zeros((count, size))
+    for k, column in zip(groups, columns, strict=True):
+        gram += fit.jacobians[k].reshape(count, -1) @ column.reshape(size, -1).T
+    solved = np.linalg.solve(fit.linear.normal, gram)
+    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    for k, column in zip(groups, columns, strict=True):
+        rest = column - np.einsum("pen,pk->ken", fit.jacobians[k], solved)
+        each = (rest * residuals[k]).sum(axis=1)
+        score += each.sum(axis=1)
+        variance += each @ each.T
+        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    return score, variance, information
 
 
 def _error_of_one(fit: Fit) -> float:
@@ -223,36 +230,24 @@ def _drift(fit: Fit, seat: str) -> SeatDrift | None:
     """The drift of a seat if the score of its shifts, and of its turns where they are seen, is
     beyond chance, and the drift large enough to matter.
     """
-    equations, layout = fit.linear, fit.model.unknowns
-    part = layout.seats[seat]
+    part, points = fit.model.unknowns.seats[seat], fit.linear.evaluations[fit.still]
     size = part.stop - part.start
-    points, residuals = equations.evaluations[fit.still], equations.residuals[fit.still]
-    every = zip(points, fit.jacobians, residuals, strict=True)
-    own = [each for each in every if each[0].still.seat == seat and each[0].still.time is not None]
-    times = [np.asarray(point.still.time) for point, _, _ in own]
+    own = [k for k, p in enumerate(points) if p.still.seat == seat and p.still.time is not None]
+    times = [np.asarray(points[k].still.time) for k in own]
     first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
     if span <= 0.0:
         return None
-    columns = [each[1][part] * ((t - first) / span) for each, t in zip(own, times, strict=True)]
-    gram = np.zeros((layout.count, size))
-    for (_, jacobian, _), column in zip(own, columns, strict=True):
-        gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
-    solved = np.linalg.solve(equations.normal, gram)
-    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
-    for (_, jacobian, residual), column in zip(own, columns, strict=True):
-        rest = column - np.einsum("pen,pk->ken", jacobian, solved)
-        each = (rest * residual).sum(axis=1)
-        score += each.sum(axis=1)
-        variance += each @ each.T
-        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    columns = [
+        fit.jacobians[k][part] * ((t - first) / span) for k, t in zip(own, times, strict=True)
+    ]
+    score, variance, information = _score(fit, own, columns)
     test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
     if test <= DRIFT * float(chdtri(size, CHANCE)):  # chi-square, upper tail
         return None
     change = np.zeros(6)
     change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-    arm = np.concatenate(
-        [p.target_closure.sight.point.T - p.target_closure.seat.origin for p, _, _ in own]
-    )
+    closures = [points[k].target_closure for k in own]
+    arm = np.concatenate([c.sight.point.T - c.seat.origin for c in closures])
     moved = float(np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1).mean())
     if moved <= np.sqrt(3.0) * LEAST_EFFECT * _error_of_one(fit):
         return None

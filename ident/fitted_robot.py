@@ -94,21 +94,21 @@ def robot_at_rest(poses: TableEstimate) -> RobotEstimate:
     """The robot that was identified from still poses alone."""
     fit, layout = poses.fit, poses.fit.model.unknowns
     gain, deviations = poses.information_gain, np.sqrt(np.diag(fit.covariance))
+    known = gain[: layout.shared.size] > MOSTLY_PRIOR
     machine = np.ix_(layout.machine, layout.machine)
     return RobotEstimate(
         identified=poses.identified_robot(),
         nominal=layout.fixed,
-        sigma={
-            layout.names[i]: float(deviations[i])
-            for i in range(layout.shared.size)
-            if gain[i] > MOSTLY_PRIOR
-        },
+        sigma={layout.names[i]: float(deviations[i]) for i in np.flatnonzero(known)},
         covariance=NamedCovariance(
             tuple(layout.names[i] for i in layout.machine),
             fit.covariance[machine],
             inverse(fit.linear.normal)[machine],
         ),
         corrections=correction_estimates(fit, fit.model.corrections, fit.covariance, gain),
+        dropped=tuple(
+            DroppedParameter(layout.names[i], "prior", ()) for i in np.flatnonzero(~known)
+        ),
         # the scale of the instrument is in neither
         tcp=TcpUncertainty(poses.tcp_sigma, poses.tcp_sigma, ()),
     )

@@ -28,6 +28,7 @@ from ident.estimator.order_search import (
     whole_orders,
 )
 from ident.estimator.regions import joint_regions
+from ident.estimator.robust_fit import stacked
 from ident.estimator.time_blocks import block_numbers
 from ident.options import Listener
 from ident.result import Identification
@@ -107,28 +108,20 @@ def thinning(fit: Fit) -> int:
 def linearised(fit: Fit) -> LinearModel:
     """A complete fit at its estimate, the samples of all recordings beside each other."""
     step, (normal, gradient) = thinning(fit), fit.by_poses
-    rows = max(len(residual) for _, _, residual in fit.recorded)
-    columns, residuals, joints, angles, q, blocks = [], [], [], [], [], []
-    count = 0
-    for k, (point, weights, residual) in enumerate(fit.recorded):
-        logged = np.asarray(point.recording.robot.spline(point.robot_time))[::step]
-        number = count + block_numbers(point.recording.times[::step])
-        count = int(number[-1]) + 1
-        columns.append(_padded(_columns(fit, k)[..., ::step], rows))
-        residuals.append(_padded(residual[:, ::step], rows))
-        joints.append(_padded(weights(point.columns[GEAR:BAR])[..., ::step], rows))
-        angles.append((logged @ point.gearing.to_gear).T)
-        q.append(logged)
-        blocks.append(number)
+    points = [point for point, _, _ in fit.recorded]
+    logged = [np.asarray(p.recording.robot.spline(p.robot_time))[::step] for p in points]
+    blocks = [block_numbers(point.recording.times[::step]) for point in points]
+    firsts = np.cumsum([0, *(int(block[-1]) + 1 for block in blocks)])
+    whitened = [weights(point.columns[GEAR:BAR]) for point, weights, _ in fit.recorded]
     return LinearModel(
-        jacobian=np.concatenate(columns, axis=-1),
-        residual=np.concatenate(residuals, axis=-1),
-        joints=np.concatenate(joints, axis=-1),
-        angles=np.concatenate(angles, axis=-1),
+        jacobian=stacked([_columns(fit, k)[..., ::step] for k in range(len(points))]),
+        residual=stacked([residual[:, ::step] for _, _, residual in fit.recorded]),
+        joints=stacked([part[..., ::step] for part in whitened]),
+        angles=np.concatenate([q @ fit.model.gearing.to_gear for q in logged]).T,
         prior_gradient=gradient,
         prior_normal=normal,
-        regions=joint_regions(np.concatenate(q)),
-        groups=np.concatenate(blocks),
+        regions=joint_regions(np.concatenate(logged)),
+        groups=np.concatenate([k + block for k, block in zip(firsts, blocks, strict=False)]),
         few=True,
     )
 
@@ -143,9 +136,3 @@ def _columns(fit: Fit, k: int) -> Array:
             splines = model.recordings[k].splines[:, block.samples].toarray()
             out[knots, :, block.samples] = splines[:, None] * block.slope
     return out
-
-
-def _padded(part: Array, rows: int) -> Array:
-    """Equations (..., E, N) of a recording with zeros for those that only another one has."""
-    missing = [(0, 0)] * (part.ndim - 2) + [(0, rows - part.shape[-2]), (0, 0)]
-    return np.pad(part, missing)

@@ -29,9 +29,8 @@ class FitOptions:
     # `dh`: the parameters of thesis Table 3.1; `complete`: with corrections; `auto`: complete where
     # the kinematics alone leave something
     model: ModelName = "auto"
-    corrections: tuple[str, ...] | None = (
-        None  # of ident.corrections; None: those that data support
-    )
+    # of ident.corrections; None: those that data support
+    corrections: tuple[str, ...] | None = None
     force: ForceSource = "auto"  # where the rod's force comes from; auto: the best logged signal
     rod_sigma: float | None = None  # [m] of a measured rod length (bd3 is then that length)
     samples: int = DEFAULT_SAMPLES  # of each recording

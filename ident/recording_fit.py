@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
@@ -162,32 +163,23 @@ def smoothed(
 
     A sensed length is given as the rod's extension [m] beyond its nominal `rod_length` [m].
     """
-    robot = smooth_log(
-        logs.robot.t,
-        logs.robot.q,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(logs.robot.segment),
-        checked=logs.robot.flags is not None,
-    )
+    robot = _spline(logs.robot, logs.robot.q)
     if logs.length is not None:
-        extension = smooth_log(
-            logs.length.t,
-            logs.length.length[:, None] - rod_length,
-            widest_knot_spacing=WIDEST_KNOT_SPACING,
-            starts=segment_starts(logs.length.segment),
-            checked=logs.length.flags is not None,
-        )
-        return robot, extension, ()
+        return robot, _spline(logs.length, logs.length.length[:, None] - rod_length), ()
     if logs.ballbar is None:
         return robot, None, ()
-    ballbar = smooth_log(
-        logs.ballbar.t,
-        logs.ballbar.angles,
+    return robot, _spline(logs.ballbar, logs.ballbar.angles), logs.ballbar.joints
+
+
+def _spline(log: RobotLog | BallBarLog | LengthLog, values: Array) -> SmoothLog:
+    """Values (N, C) of a log, smoothed."""
+    return smooth_log(
+        log.t,
+        values,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(logs.ballbar.segment),
-        checked=logs.ballbar.flags is not None,
+        starts=segment_starts(log.segment),
+        checked=log.flags is not None,
     )
-    return robot, ballbar, logs.ballbar.joints
 
 
 def nominal_robot_fit(recording: RecordingFit, samples: Samples) -> Fit:

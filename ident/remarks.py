@@ -33,10 +33,12 @@ CORRELATED, CORRELATED_SIGMAS = 0.05, 2.0
 
 def rod_remark(evidence: ClosureEvidence) -> list[str]:
     """A rigid rod whose length differs from its file; the fit is no worse for it."""
-    ballbar, stated = evidence.cell.ballbar, evidence.nominal["bd3"]
-    length, sensed = evidence.geometry["bd3"], ballbar.stroke is not None
-    least = max(ROD, ballbar.length_tolerance, ROD_SIGMAS * evidence.rod_sigma)
-    if sensed or "bd3" not in evidence.identified or not least < abs(length - stated) <= PLAUSIBLE:
+    robot, ballbar = evidence.robot, evidence.robot.cell.ballbar
+    length, stated, sigma = robot.geometry["bd3"], robot.nominal["bd3"], robot.sigma.get("bd3")
+    if sigma is None or ballbar.stroke is not None:
+        return []
+    least = max(ROD, ballbar.length_tolerance, ROD_SIGMAS * sigma)
+    if not least < abs(length - stated) <= PLAUSIBLE:
         return []  # beyond it the verdict's sentence says so
     return [
         f"the rod comes out {length * 1e3:.2f} mm long, and the file of {ballbar.name} states "
@@ -62,7 +64,7 @@ def recording_remarks(evidence: Evidence) -> Iterator[str]:
             "3.5 wants 750). Record longer, or raise --samples"
         )
     chance = CORRELATED_SIGMAS / np.sqrt(max(1, recording.samples))
-    if closure.autocorrelation > max(CORRELATED, chance) and not closure.complete:
+    if closure.fit.autocorrelation > max(CORRELATED, chance) and not closure.complete:
         left_out = "elastic gears, backlash, ripple"
         if recording.encoders:
             left_out += ", rod strain, eccentric encoders"
@@ -70,7 +72,7 @@ def recording_remarks(evidence: Evidence) -> Iterator[str]:
             f"neighbouring residuals are correlated ({closure.neighbours}): something is not in "
             f"this model, which is of kinematics alone ({left_out}; --model complete fits them)"
         )
-    yield from recording.remarks
+    yield from evidence.remarks
 
 
 def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...]:
@@ -162,11 +164,10 @@ def lag_remark(fit: Fit, sigma: Array) -> str:
 
     sigma : (P,) stated deviations of the unknowns.
     """
-    late = []
-    for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
-        gear = name.removeprefix("lag")
-        if gear != name and gear.isdigit() and abs(value) > max(LITTLE_LAG, CLEAR * deviation):
-            late.append(f"gear {gear} {abs(value) * 1e3:.1f} ms {'late' if value > 0 else 'early'}")
+    late = [
+        f"gear {gear} {abs(lag) * 1e3:.1f} ms {'late' if lag > 0 else 'early'}"
+        for gear, lag in _gears(fit, sigma, "lag", LITTLE_LAG)
+    ]
     if not late:
         return ""
     return f"against the first gear's the angles are logged late or early: {', '.join(late)}"
@@ -177,12 +178,16 @@ def wrong_ratios(fit: Fit, sigma: Array) -> str:
 
     sigma : (P,) stated deviations of the unknowns.
     """
-    wrong = []
+    wrong = _gears(fit, sigma, "ratio", RATIO)
+    return ", ".join(f"gear {g} turns {1.0 + off:.5f} times as far as logged" for g, off in wrong)
+
+
+def _gears(fit: Fit, sigma: Array, kind: str, least: float) -> Iterator[tuple[str, float]]:
+    """Gears with an unknown of this kind that is clear and at least of this size, and its value."""
     for name, value, deviation in zip(fit.model.unknowns.names, fit.x, sigma, strict=True):
-        gear = name.removeprefix("ratio")
-        if gear != name and gear.isdigit() and abs(value) > max(RATIO, CLEAR * deviation):
-            wrong.append(f"gear {gear} turns {1.0 + value:.5f} times as far as logged")
-    return ", ".join(wrong)
+        gear = name.removeprefix(kind)
+        if gear != name and gear.isdigit() and abs(value) > max(least, CLEAR * deviation):
+            yield gear, float(value)
 
 
 def unlike_tools(payload: PayloadEstimate | None) -> str:

@@ -13,11 +13,12 @@ import numpy as np
 
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text, significant_text
+from cell.statistics import rms
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
 from ident.remarks import recording_remarks, rod_remark
 from ident.table_remarks import table_remarks
-from ident.verdict import Status, Verdict, implausible, noise_status
+from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_status
 
 # Autocorrelation of the complete model's residual (docs/validation, incomplete models): 0.2 to 0.5
 # where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
@@ -39,15 +40,13 @@ NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 LOST = 0.1  # of the poses: so many outliers have a cause
 MORE_POSES = "measure more poses, spread over all joints."
 
-Judgement = Iterator[tuple[Status, str]]
-
 
 def judge(parts: Sequence[Evidence]) -> Verdict:
     """The verdict on the worst part of a fit, by the first rule that applies, and all remarks."""
-    judged = [next(said for rule in RULES for said in rule(part)) for part in parts]
+    judged = [next((s, said) for s, rule in RULES for said in rule(part)) for part in parts]
     worst = max(range(len(judged)), key=lambda k: (judged[k][0].severity, -k))
-    status, sentence = judged[worst]
-    recording = parts[worst].recording
+    (status, sentence), recording = judged[worst], parts[worst].recording
+    sentence = FIRST_WORDS.get(status, "") + sentence
     if worst > 0 and recording:
         sentence = f"{recording.name}: {sentence}"
     warnings = [] if parts[0].closure is None else rod_remark(parts[0].closure)
@@ -63,78 +62,73 @@ def masses_in_doubt(softer: float) -> bool:
     return softer > ALL_SOFTER or RIGID < softer < 1.0 / ALL_SOFTER
 
 
-def _another_machine(e: Evidence) -> Judgement:
+def _another_machine(e: Evidence) -> Iterator[str]:
     """The data are not of what the files declare."""
     c = e.closure
-    if c and (strange := implausible(c.geometry, c.identified, c.nominal)):
-        machine = f"{c.cell.robot.title} on {c.cell.ballbar.title}"
-        fits = f"The logs fit a mechanism, but not {machine}" if c.converged else _unfinished(e)
+    if c and (strange := implausible(c.robot.geometry, [*c.robot.sigma], c.robot.nominal)):
+        machine = f"{c.robot.robot.title} on {c.robot.cell.ballbar.title}"
+        fits = f"The logs fit a mechanism, but not {machine}" if c.fit.converged else _unfinished(e)
         yield (
-            Status.IMPLAUSIBLE,
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
-            "recording.yaml and the units of the logs.",
+            "recording.yaml and the units of the logs."
         )
     if e.table and e.table.cross_validation.strange:
         yield (
-            Status.IMPLAUSIBLE,
             f"Not the declared robot, or not its joint angles: {e.table.predicted}. Check `robot`, "
             "the order, signs and units of the joint columns, the unit of the measured values, and "
-            "whether two seats of the instrument go by one name.",
+            "whether two seats of the instrument go by one name."
         )
 
 
-def _several_machines(e: Evidence) -> Judgement:
+def _several_machines(e: Evidence) -> Iterator[str]:
     """Recordings or files that contradict each other."""
     if e.closure and e.closure.disagreement:
-        yield Status.MISFIT, f"Misfit: {e.closure.disagreement}."
-    if e.recording and (e.recording.held_out or 0.0) > UNLIKE_OTHERS:
+        yield f"{e.closure.disagreement}."
+    if e.held_out is not None and e.held_out > UNLIKE_OTHERS:
         yield (
-            Status.MISFIT,
-            "Misfit: the machine of the other recordings leaves "
-            f"{e.recording.held_out:.1f} times what noise and its uncertainty explain. Identify "
-            "each recording by itself, and compare the results.",
+            "the machine of the other recordings leaves "
+            f"{e.held_out:.1f} times what noise and its uncertainty explain. Identify "
+            "each recording by itself, and compare the results."
         )
     apart = e.closure.lengths_apart if e.closure else 0.0
     if e.closure and apart > CONTRADICTION and e.closure.lengths_off > LITTLE_SHIFT:
         yield (
-            Status.MISFIT,
-            "Misfit: the lengths that the files state as known contradict each other by "
+            "the lengths that the files state as known contradict each other by "
             f"{apart:.1f} standard deviations. Measure the rod and the plate again, or state how "
-            "well they are known.",
+            "well they are known."
         )
 
 
-def _no_machine(e: Evidence) -> Judgement:
+def _no_machine(e: Evidence) -> Iterator[str]:
     """Values that no machine has."""
-    if e.closure and e.closure.unphysical and e.closure.converged:
+    if e.closure and e.closure.unphysical and e.closure.fit.converged:
         yield (
-            Status.MISFIT,
-            f"Misfit: {', '.join(e.closure.unphysical)} came out negative, as no stiffness, play "
+            f"{', '.join(e.closure.unphysical)} came out negative, as no stiffness, play "
             "or mass can be: something else is not in the model, or `links` and `body` in the "
-            "files are not those of this machine.",
+            "files are not those of this machine."
         )
     if e.closure and e.closure.impossible:
         yield (
-            Status.MISFIT,
-            f"Misfit: to fit, {', '.join(e.closure.impossible)}, as in no machine: something else "
-            "is in the data that is not in the model.",
+            f"to fit, {', '.join(e.closure.impossible)}, as in no machine: something else "
+            "is in the data that is not in the model."
         )
 
 
-def _no_answer(e: Evidence) -> Judgement:
-    """A search that did not end, or that ended in several places."""
+def _not_converged(e: Evidence) -> Iterator[str]:
     converged, _ = e.ended
     if not converged:
         remedy = f" Check the joint columns and the robot's file; {MORE_POSES}" if e.table else ""
-        yield Status.NOT_CONVERGED, f"{_unfinished(e)}: do not use these parameters.{remedy}"
+        yield f"{_unfinished(e)}: do not use these parameters.{remedy}"
+
+
+def _ambiguous(e: Evidence) -> Iterator[str]:
     if e.recording and e.recording.start.ambiguous:
         answers = (e.recording.start.chosen, *e.recording.start.rivals)
         offsets = ", ".join(f"{c.fit.clock().offset:.3f} s" for c in answers)
         yield (
-            Status.AMBIGUOUS,
-            f"Ambiguous: {len(answers)} ways to align the logs explain them equally well (clock "
+            f"{len(answers)} ways to align the logs explain them equally well (clock "
             f"offsets {offsets}). Repeat the run so that it starts and ends at rest inside both "
-            "logs.",
+            "logs."
         )
 
 
@@ -142,110 +136,94 @@ def _unfinished(e: Evidence) -> str:
     return f"Not converged after {e.ended[1]} iterations"
 
 
-def _unexplained(e: Evidence) -> Judgement:
+def _unexplained(e: Evidence) -> Iterator[str]:
     """Something in the data, or in the files, that the model cannot have."""
     c = e.closure
-    if c and c.tells and c.autocorrelation > AUTOCORRELATED_MISFIT:
+    if c and c.tells and c.fit.autocorrelation > AUTOCORRELATED_MISFIT:
         yield (
-            Status.MISFIT,
-            f"Misfit: neighbouring residuals are correlated ({c.neighbours}): something "
+            f"neighbouring residuals are correlated ({c.neighbours}): something "
             "systematic is in the data that is not in the model; the stated intervals are too "
             "narrow. Look where the residuals stand out (report.html); fit --model complete, or "
-            "state what the robot's file lacks.",
+            "state what the robot's file lacks."
         )
-    if c and noise_status(c.chi2_per_dof) is Status.MISFIT:
+    if c and noise_status(c.fit.chi2_per_dof) is Status.MISFIT:
         yield (
-            Status.MISFIT,
-            f"Misfit: the residual is {c.ratio:.1f} times what the noise in the logs explains. "
+            f"the residual is {c.ratio:.1f} times what the noise in the logs explains. "
             "Something is in the data that is not in the model; the stated intervals are widened "
             "by that factor but may still be too narrow. Look where the residuals stand out "
-            "(report.html), and check mounting, play of the joints and the cell's files.",
+            "(report.html), and check mounting, play of the joints and the cell's files."
         )
 
 
-def _uncertain(e: Evidence) -> Judgement:
+def _uncertain(e: Evidence) -> Iterator[str]:
     """Too little in the logs to be of use."""
     c = e.closure
     if c and c.complete and c.blocks < FEW_BLOCKS:
         yield (
-            Status.UNCERTAIN,
-            "Uncertain: the logs are too short for a complete model to state how well it is known "
+            "the logs are too short for a complete model to state how well it is known "
             f"({c.blocks} blocks of a few seconds, {FEW_BLOCKS} are needed). Record two minutes of "
-            "motion of every joint.",
+            "motion of every joint."
         )
-    if c and c.tcp_sigma > c.largest_sigma:
+    if c and (sigma := rms(c.robot.tcp_sigma)) > c.largest_sigma:
         limit = (
             f"the {c.accuracy * 1e3:.3g} mm that are asked for"
             if c.accuracy is not None
             else f"half of the {significant_text(c.nominal_error * 1e3, 2)} mm that the nominal "
             "robot is off"
         )
-        known = significant_text(c.tcp_sigma * 1e3, 2)
+        known = significant_text(sigma * 1e3, 2)
         yield (
-            Status.UNCERTAIN,
-            f"Uncertain: the tool is known to {known} mm (1 sigma, rms over the workspace, with "
+            f"the tool is known to {known} mm (1 sigma, rms over the workspace, with "
             f"the scale), and {limit} would be the most. Record longer, on a path that moves every "
-            "joint further, or several recordings together.",
+            "joint further, or several recordings together."
         )
 
 
-def _left_out(e: Evidence) -> Judgement:
-    """How well poses are predicted that were not fitted."""
-    if e.table is None:
-        return
-    table, errors = e.table, e.table.predicted
-    lost = int((~table.cross_validation.counting).sum())
-    if lost > LOST * table.table.size:
+def _lost(e: Evidence) -> Iterator[str]:
+    if e.table and e.table.ignored > LOST * e.table.table.size:
         yield (
-            Status.SUSPECT,
-            f"Usable, with care: {lost} of {table.table.size} poses lie too far from the model to "
-            f"count. Look for what they have in common. Of the others, {errors}.",
-        )
-    if table.cross_validation.mean > table.residual_nominal.mean():
-        yield (
-            Status.MISFIT,
-            f"Misfit: the identified robot is worse than the nominal one where it was not fitted; "
-            f"{errors}. Do not use these parameters. Check the joint columns, and whether "
-            f"instrument or target moved; {MORE_POSES}",
-        )
-    if table.cross_validation.mean > NO_GAIN * float(np.median(table.residual_nominal)):
-        yield (
-            Status.SUSPECT,
-            f"Usable, with care: little was won over the nominal robot; {errors}. "
-            f"{MORE_POSES.capitalize()}",
+            f"{e.table.ignored} of {e.table.table.size} poses lie too far from the model to count. "
+            f"Look for what they have in common. Of the others, {e.table.predicted}."
         )
 
 
-def _extrapolated(e: Evidence) -> Judgement:
+def _worse(e: Evidence) -> Iterator[str]:
+    if e.table and e.table.cross_validation.mean > e.table.residual_nominal.mean():
+        yield (
+            "the identified robot is worse than the nominal one where it was not fitted; "
+            f"{e.table.predicted}. Do not use these parameters. Check the joint columns, and "
+            f"whether instrument or target moved; {MORE_POSES}"
+        )
+
+
+def _extrapolated(e: Evidence) -> Iterator[str]:
     """Poses that say little of others."""
     if e.table is None:
         return
-    fitted, _ = e.table.residual_means
-    if e.table.cross_validation.mean > OVERFITTED * fitted:
+    validation, (fitted, _) = e.table.cross_validation, e.table.residual_means
+    if validation.mean > NO_GAIN * float(np.median(e.table.residual_nominal)):
         yield (
-            Status.SUSPECT,
-            f"Usable, with care: too few poses for so many parameters; fitted ones lie within "
-            f"{fitted * 1e3:.3f} mm, but {e.table.predicted}. {MORE_POSES.capitalize()}",
+            f"little was won over the nominal robot; {e.table.predicted}. {MORE_POSES.capitalize()}"
+        )
+    if validation.mean > OVERFITTED * fitted:
+        yield (
+            f"too few poses for so many parameters; fitted ones lie within "
+            f"{fitted * 1e3:.3f} mm, but {e.table.predicted}. {MORE_POSES.capitalize()}"
         )
     if e.table.at_one_place and not e.elsewhere:
         yield (
-            Status.SUSPECT,
-            f"Usable, with care: all was measured at one place, and the statement holds there; "
+            f"all was measured at one place, and the statement holds there; "
             f"elsewhere the robot may be several times worse: {e.table.predicted}. Measure at "
-            "another place too, or validate with poses of another place.",
+            "another place too, or validate with poses of another place."
         )
 
 
-def _with_care(e: Evidence) -> Judgement:
-    """Usable, but something small is not as it should be."""
-    yield from ((Status.SUSPECT, f"Usable, with care: {care}") for care in _cares(e))
-
-
 def _cares(e: Evidence) -> Iterator[str]:
+    """Usable, but something small is not as it should be."""
     c = e.closure
     if c is None:
         return
-    noise = noise_status(c.chi2_per_dof)
+    noise = noise_status(c.fit.chi2_per_dof)
     if masses_in_doubt(c.softer):
         yield (
             f"all gears together are {c.softer:.2f} times as soft as the catalogue's, as if the "
@@ -264,15 +242,16 @@ def _cares(e: Evidence) -> Iterator[str]:
             "cell files expect; either the files are wrong or something else is not in the model. "
             "Check these values in the files first."
         )
-    if c.tells and c.autocorrelation > AUTOCORRELATED:
+    if c.tells and c.fit.autocorrelation > AUTOCORRELATED:
         yield (
             f"neighbouring residuals are correlated ({c.neighbours}), so something systematic is "
             "not in the model; the stated intervals may be too narrow. Test the result on a "
             "held-out recording (--validate)."
         )
-    if noise is Status.GOOD and e.recording and e.recording.clock_sigma > UNSEEN_OFFSET:
+    offset_sigma = e.recording.clock_sigma[0] if e.recording else 0.0
+    if noise is Status.GOOD and offset_sigma > UNSEEN_OFFSET:
         yield (
-            f"the clock offset is known to {duration_text(e.recording.clock_sigma)} at best, since "
+            f"the clock offset is known to {duration_text(offset_sigma)} at best, since "
             "the length hardly changes. Vary it within its stroke, or move faster."
         )
     if noise is Status.SUSPECT:
@@ -282,24 +261,27 @@ def _cares(e: Evidence) -> Iterator[str]:
         )
 
 
-def _good(e: Evidence) -> Judgement:
+def _good(e: Evidence) -> Iterator[str]:
     if e.closure:
         explained = f"{e.closure.ratio:.2f} times what the noise in the logs explains"
-        yield Status.GOOD, f"Good fit: the residual is {explained}."
+        yield f"the residual is {explained}."
     if e.table:
-        yield Status.GOOD, f"Good fit: {e.table.predicted}."
+        yield f"{e.table.predicted}."
 
 
-RULES: tuple[Callable[[Evidence], Judgement], ...] = (
-    _another_machine,
-    _several_machines,
-    _no_machine,
-    _no_answer,
-    _unexplained,
-    _uncertain,
-    _left_out,
-    _extrapolated,
-    _with_care,
-    _good,
+Rule = Callable[[Evidence], Iterator[str]]
+RULES: tuple[tuple[Status, Rule], ...] = (
+    (Status.IMPLAUSIBLE, _another_machine),
+    (Status.MISFIT, _several_machines),
+    (Status.MISFIT, _no_machine),
+    (Status.NOT_CONVERGED, _not_converged),
+    (Status.AMBIGUOUS, _ambiguous),
+    (Status.MISFIT, _unexplained),
+    (Status.UNCERTAIN, _uncertain),
+    (Status.SUSPECT, _lost),
+    (Status.MISFIT, _worse),
+    (Status.SUSPECT, _extrapolated),
+    (Status.SUSPECT, _cares),
+    (Status.GOOD, _good),
 )
-REMARKS: tuple[Callable[[Evidence], Iterator[str]], ...] = (recording_remarks, table_remarks)
+REMARKS: tuple[Rule, ...] = (recording_remarks, table_remarks)

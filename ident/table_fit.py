@@ -26,6 +26,7 @@ from ident.cross_validation import cross_validated, robust_covariance
 from ident.estimator.build_unknowns import still_unknowns
 from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
+from ident.estimator.observations import rounding_noise
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
 from ident.estimator.regions import distinct_poses, pose_regions
 from ident.estimator.robust_fit import fit_robustly, stacked
@@ -33,7 +34,6 @@ from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ident.findings import Findings, findings_of
 from ident.moved_seats import MOST, confirms, step_of
 from ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
-from ident.signals.rounding import rounding_noise
 from ident.start.placements import start_of_poses
 from ident.table_estimate import TableEstimate
 from ident.table_steps import Step, refuse_large, refuse_merged, sized, split

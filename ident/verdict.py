@@ -37,11 +37,16 @@ class Status(StrEnum):
 
 # Of these, the logs themselves may show the cause (ident.causes).
 UNEXPLAINED = (Status.IMPLAUSIBLE, Status.NOT_CONVERGED, Status.MISFIT, Status.UNCERTAIN)
-_FIRST_WORDS = {
-    Status.IMPLAUSIBLE: "Not the declared cell",
-    Status.NOT_CONVERGED: "Not converged",
-    Status.MISFIT: "Misfit",
-    Status.UNCERTAIN: "Uncertain",
+FIRST_WORDS = {  # of a sentence, where a rule does not say them itself
+    Status.AMBIGUOUS: "Ambiguous: ",
+    Status.MISFIT: "Misfit: ",
+    Status.UNCERTAIN: "Uncertain: ",
+    Status.SUSPECT: "Usable, with care: ",
+    Status.GOOD: "Good fit: ",
+}
+_WITH_CAUSE = FIRST_WORDS | {
+    Status.IMPLAUSIBLE: "Not the declared cell: ",
+    Status.NOT_CONVERGED: "Not converged: ",
 }
 
 
@@ -65,11 +70,11 @@ class Verdict:
         """The verdict, no better than suspect, that names what contradicts the result."""
         if self.status is not Status.GOOD:
             return self.with_warning(sentence.removesuffix("."))
-        return replace(self, status=Status.SUSPECT, sentence=f"Usable, with care: {sentence}")
+        return replace(self, status=Status.SUSPECT, sentence=FIRST_WORDS[Status.SUSPECT] + sentence)
 
     def with_cause(self, cause: str) -> Verdict:
         """The verdict whose sentence names the cause; what the fit made of it becomes a remark."""
-        sentence = f"{_FIRST_WORDS[self.status]}: {cause}"
+        sentence = _WITH_CAUSE[self.status] + cause
         return replace(self, sentence=sentence, warnings=(self.sentence, *self.warnings))
 
 

@@ -82,13 +82,6 @@ def shape_of(shapes: Lissajous, k: int | NDArray[np.intp]) -> Lissajous:
     return replace(shapes, **{name: getattr(shapes, name)[k] for name in parts})
 
 
-def angles_of(shapes: Lissajous, s: Array, share: float = 1.0) -> Array:
-    """(M, N, 5) [rad] of M shapes at phases s (N,), their motion scaled by a share of 1."""
-    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
-    swing = share * shapes.amplitude
-    return np.asarray(shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn))
-
-
 def genome_of(space: Space, candidate: PathCandidate) -> Array:
     """(S,) [-] genome of a candidate, or of the nearest one that the space holds."""
     shape = candidate.shape

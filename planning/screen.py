@@ -7,7 +7,7 @@ speeds are left to planning.limits.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.closed_form import has_closed_form, robot_branches
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
+from cell.geometry import BAR_ROWS, Geometry, nominal_geometry
 from cell.numerical_inverse import best_branches, dexterity, in_range, led
 from cell.robot_angles import joints_to_axes
-from planning.candidate import Space, angles_of, shape_of
+from planning.candidate import Space, shape_of
 from planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular, leans
 from planning.request import PlanCell, PlanLimits
-from sim.path import Lissajous
+from sim.path import Lissajous, tool_poses
 
 PHASES = 24  # per candidate: enough to reject most of those that planning.limits would
 LED_PHASES, LED = 24, 2  # of an arm without closed form, and its configurations: each takes longer
@@ -54,7 +54,7 @@ def screen(
     shapes, positions = space.many(genomes)
     nominal = nominal_geometry(cell, np.zeros(3))
     screened = _screened_arm(cell, nominal, limits, shapes, positions)
-    b = angles_of(shapes, np.arange(PHASES) / PHASES).reshape(-1, BAR_ROWS)
+    b = shapes.angles(np.arange(PHASES) / PHASES).reshape(-1, BAR_ROWS)
     for key, cup, angle in leans(around, nominal, b):
         over = angle.reshape(-1, PHASES).max(axis=1) - np.radians(cup.cone_deg)
         total = np.maximum(screened.excess, 0.0) + np.maximum(over, 0.0)
@@ -101,8 +101,8 @@ def _poses(
     nominal: Geometry, shapes: Lissajous, positions: Array, phases: int, share: float = 1.0
 ) -> Array:
     """(M S, 4, 4) tool frames of M shapes at S phases, their motion scaled by a share of 1."""
-    b = angles_of(shapes, np.arange(phases) / phases, share)
-    poses = bar_frames(nominal, b.reshape(-1, BAR_ROWS)).poses()
+    rigid = replace(shapes, rod=())
+    poses = tool_poses(nominal, rigid, np.arange(phases) / phases, share)
     poses[:, :3, 3] += np.repeat(positions, phases, axis=0)
     return poses
 

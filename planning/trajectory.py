@@ -11,10 +11,10 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from cell.arrays import Array
 from cell.closed_form import has_closed_form, robot_branches
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.geometry import BAR_ROWS, Geometry, nominal_geometry, robot_frames
 from cell.numerical_inverse import in_range
 from cell.robot_angles import joints_to_axes
-from planning.candidate import PathCandidate, angles_of, shape_of
+from planning.candidate import PathCandidate, shape_of
 from planning.request import PlanTiming
 from sim.path import Lissajous, branches_along, phase_over_time, tool_poses
 
@@ -98,11 +98,8 @@ def trajectories_of_many(
     """
     nominal = nominal_geometry(cell, np.zeros(3))
     (t, phase), m = _times(timing, step), len(positions)
-    b = angles_of(shapes, phase).reshape(-1, BAR_ROWS)
-    bar = bar_frames(nominal, b)
-    poses = bar.poses()
+    b, poses = shapes.angles(phase).reshape(-1, BAR_ROWS), tool_poses(nominal, shapes, phase)
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
-    poses[:, :3, 3] += np.tile(shapes.lengthening(phase), m)[:, None] * bar.z[2].T
     if has_closed_form(nominal.robot):
         branches = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
         counted = np.flatnonzero(allowed.T)

@@ -18,7 +18,7 @@ from cell.arrays import Array
 from cell.closed_form import has_closed_form, robot_branches
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, bar_frames
+from cell.geometry import BAR_ROWS, Geometry, bar_frames
 from cell.numerical_inverse import best_branches, in_range, led, polished
 from cell.robot_angles import joints_to_axes
 
@@ -41,23 +41,25 @@ class RodHarmonic:
 
 @dataclass(frozen=True, eq=False)
 class Lissajous:
-    """Harmonics of the five ball-bar angles, and of the commanded rod.
+    """Harmonics of the five ball-bar angles, and of the commanded rod; or those of several paths.
 
     Where the rod telescopes, it follows. Where it is rigid and the angles are held, the soft servo
     pulls and pushes on it (thesis Fig. 5.8).
     """
 
-    centre: Array  # (5,) [rad]
-    amplitude: Array  # (5,) [rad]
-    cycles: Array  # (5,) whole numbers per run
-    phase: Array  # (5,) [rad]
+    centre: Array  # (..., 5) [rad]
+    amplitude: Array  # (..., 5) [rad]
+    cycles: Array  # (..., 5) whole numbers per run
+    phase: Array  # (..., 5) [rad]
     rod: tuple[RodHarmonic, ...] = ()
 
-    def angles(self, s: Array) -> Array:
-        """(N, 5) [rad] at phases s (N,)."""
-        return self.centre + self.amplitude * np.sin(
-            2.0 * np.pi * self.cycles * s[:, None] + self.phase
+    def angles(self, s: Array, share: float = 1.0) -> Array:
+        """(..., N, 5) [rad] at phases s (N,), the motion scaled by a share of 1."""
+        centre, amplitude, cycles, phase = (
+            value[..., None, :] for value in (self.centre, self.amplitude, self.cycles, self.phase)
         )
+        swing = np.sin(2.0 * np.pi * cycles * s[:, None] + phase)
+        return np.asarray(centre + share * amplitude * swing)
 
     def lengthening(self, s: Array) -> Array:
         """(N,) [m] elongation of the commanded rod; 0 for a path on the sphere."""
@@ -153,13 +155,14 @@ def reference_path(
 
 
 def tool_poses(nominal: Geometry, shape: Lissajous, s: Array, share: float = 1.0) -> Array:
-    """(N, 4, 4) tool frames of a path at phases s (N,), or of its motion scaled by a share of 1."""
-    b, lengthening = shape.angles(s), shape.lengthening(s)
-    if share != 1.0:
-        b, lengthening = shape.centre + share * (b - shape.centre), share * lengthening
-    frames = bar_frames(nominal, b)
+    """(N, 4, 4) tool frames of a path at phases s (N,), or of its motion scaled by a share of 1.
+
+    Of several paths (M N, 4, 4), one after the other.
+    """
+    b = shape.angles(s, share).reshape(-1, BAR_ROWS)
+    frames, lengthening = bar_frames(nominal, b), share * shape.lengthening(s)
     poses = frames.poses()
-    poses[:, :3, 3] += (lengthening * frames.z[2]).T
+    poses[:, :3, 3] += np.tile(lengthening, len(b) // s.size)[:, None] * frames.z[2].T
     return poses
 
 

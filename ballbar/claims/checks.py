@@ -15,6 +15,7 @@ from ballbar.claims.kinds import (
     Check,
     EqualTable,
     Formula,
+    Limited,
     Measure,
     Monotonic,
     Ordered,
@@ -51,68 +52,71 @@ def judge(check: Check, evidence: ClaimEvidence) -> CheckOutcome:
         return CheckOutcome(False, evidence.failures, "no run fails")
     match check:
         case Formula():
-            value = CALCULATIONS[check.figure]() * _PER_SI[check.unit]
-            met = abs(value - check.value) <= check.tolerance * abs(check.value)
-            limits = f"{check.value:g} {check.unit} within {check.tolerance:.0%}"
-            return CheckOutcome(met, f"{check.what}: {value:.3g} {check.unit}", limits)
+            return _formula(check)
         case Bound():
             values = numbers(check, evidence.table).values()
-            below = check.kind == "at_most"
-            met = all(x <= check.limit if below else x >= check.limit for x in values)
-            limits = f"at {'most' if below else 'least'} {check.limit:g}"
-            return CheckOutcome(met, measured(check, evidence), limits)
+            return _limited(check, values, _unit(check))
+        case Ratio():
+            return _limited(check, _ratios(check, evidence), " times")
+        case Apart():
+            table = selected(evidence.table, check.rows)
+            first, second = selected(table, check.first), selected(table, check.second)
+            return _limited(check, apart(first, second, check.each), " times their size")
         case AmongLargest():
-            runs = places(selected(evidence.table, check.rows), check.places)
-            names = list(itertools.chain.from_iterable(runs))
-            share = sum(name.startswith(tuple(check.parameters)) for name in names) / len(names)
-            met = check.at_least <= share <= check.at_most
-            limits = f"{check.at_least:.0%} to {check.at_most:.0%}"
-            return CheckOutcome(met, f"{check.what}: {share:.0%}", limits)
+            return _among_largest(check, evidence)
         case EqualTable():
             return _equal_table(check, evidence)
-        case Ratio():
-            return _ratio(check, evidence)
         case Ordered():
             return _ordered(check, evidence)
         case Monotonic():
             return _monotonic(check, evidence)
-        case Apart():
-            table = selected(evidence.table, check.rows)
-            first, second = selected(table, check.first), selected(table, check.second)
-            distances = apart(first, second, check.each)
-            if check.at_most is not None:
-                met, limits = max(distances) <= check.at_most, f"at most {check.at_most:g}"
-            else:
-                least = check.at_least or 0.0
-                met, limits = min(distances) >= least, f"at least {least:g}"
-            result = f"{check.what}: {_range(distances, ' times their size')}"
-            return CheckOutcome(met, result, limits)
 
 
 def measured(measure: Measure, evidence: ClaimEvidence) -> str:
     """A number, or the range of several, with its text before it."""
     if evidence.failures:
         return evidence.failures
-    values = numbers(measure, evidence.table).values()
-    unit = "" if measure.statistic == "relative_spread" else unit_of(measure.column)
-    return f"{measure.what}: {_range(values, unit)}"
+    return f"{measure.what}: {_range(numbers(measure, evidence.table).values(), _unit(measure))}"
 
 
-def _ratio(check: Ratio, evidence: ClaimEvidence) -> CheckOutcome:
-    ratios = _quotients(check, check, evidence)
-    if check.than is not None:
-        others = _quotients(check, check.than, evidence)
-        ratios = {value: ratio / others[value] for value, ratio in ratios.items()}
-    met, limits = True, []
+def _unit(measure: Measure) -> str:
+    return "" if measure.statistic == "relative_spread" else unit_of(measure.column)
+
+
+def _limited(check: Bound | Limited, values: Iterable[float], unit: str) -> CheckOutcome:
+    """Whether all values lie within the limits of a check."""
+    values, met, limits = list(values), True, []
     if check.at_least is not None:
-        met = min(ratios.values()) >= check.at_least
+        met = min(values) >= check.at_least
         limits.append(f"at least {check.at_least:g}")
     if check.at_most is not None:
-        met &= max(ratios.values()) <= check.at_most
+        met &= max(values) <= check.at_most
         limits.append(f"at most {check.at_most:g}")
-    return CheckOutcome(
-        met, f"{check.what}: {_range(ratios.values(), ' times')}", ", ".join(limits)
-    )
+    return CheckOutcome(met, f"{check.what}: {_range(values, unit)}", ", ".join(limits))
+
+
+def _formula(check: Formula) -> CheckOutcome:
+    value = CALCULATIONS[check.figure]() * _PER_SI[check.unit]
+    met = abs(value - check.value) <= check.tolerance * abs(check.value)
+    limits = f"{check.value:g} {check.unit} within {check.tolerance:.0%}"
+    return CheckOutcome(met, f"{check.what}: {value:.3g} {check.unit}", limits)
+
+
+def _among_largest(check: AmongLargest, evidence: ClaimEvidence) -> CheckOutcome:
+    runs = places(selected(evidence.table, check.rows), check.places)
+    names = list(itertools.chain.from_iterable(runs))
+    share = sum(name.startswith(tuple(check.parameters)) for name in names) / len(names)
+    limits = f"{check.at_least:.0%} to {check.at_most:.0%}"
+    met = check.at_least <= share <= check.at_most
+    return CheckOutcome(met, f"{check.what}: {share:.0%}", limits)
+
+
+def _ratios(check: Ratio, evidence: ClaimEvidence) -> list[float]:
+    ratios = _quotients(check, check, evidence)
+    if check.than is None:
+        return list(ratios.values())
+    others = _quotients(check, check.than, evidence)
+    return [ratio / others[value] for value, ratio in ratios.items()]
 
 
 def _quotients(check: Ratio, runs: Quotient, evidence: ClaimEvidence) -> dict[Any, float]:

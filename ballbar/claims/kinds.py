@@ -25,22 +25,51 @@ DISTANCE, LARGEST = "distance_mm_mrad", "largest_mm_mrad"
 SIX_AXES = 6  # of both robots of the thesis
 
 
+class Reasoned(Strict):
+    """A check with its reason."""
+
+    what: str
+    """Text before the number."""
+    reason: str
+
+
+class Limited(Reasoned):
+    """A check whose numbers lie within limits."""
+
+    at_least: float | None = None
+    at_most: float | None = None
+
+    @model_validator(mode="after")
+    def _limited(self) -> Limited:
+        if self.at_least is None and self.at_most is None:
+            raise ValueError("give at_least, at_most, or both")
+        return self
+
+
 class Measure(Strict):
     """A statistic of the selected runs."""
 
-    what: str = Field(description="Text before the number.")
+    what: str
+    """Text before the number."""
     statistic: Statistic = "median"
     column: str = DISTANCE
     rows: Rows = Field({}, description="Selected runs: column and value, or values.")
     each: str | None = Field(None, description="One number for every value of this column.")
 
 
-class Bound(Measure):
+class Bound(Measure, Reasoned):
     """Every number lies on one side of a limit."""
 
     kind: Literal["at_most", "at_least"]
     limit: float
-    reason: str
+
+    @property
+    def at_least(self) -> float | None:
+        return self.limit if self.kind == "at_least" else None
+
+    @property
+    def at_most(self) -> float | None:
+        return self.limit if self.kind == "at_most" else None
 
 
 class Quotient(Strict):
@@ -50,24 +79,15 @@ class Quotient(Strict):
     over: Rows
 
 
-class Ratio(Quotient, Measure):
+class Ratio(Quotient, Measure, Limited):
     """The number of some runs over that of other runs lies within limits."""
 
     kind: Literal["ratio"]
     than: Quotient | None = None
     """Runs by whose ratio this one is divided: how much more `of` gains."""
-    at_least: float | None = None
-    at_most: float | None = None
-    reason: str
-
-    @model_validator(mode="after")
-    def _limited(self) -> Ratio:
-        if self.at_least is None and self.at_most is None:
-            raise ValueError("give at_least, at_most, or both")
-        return self
 
 
-class Ordered(Measure):
+class Ordered(Measure, Reasoned):
     """The numbers of groups of runs rise from group to group."""
 
     kind: Literal["ordered"]
@@ -76,10 +96,9 @@ class Ordered(Measure):
     """Its values, smallest number first."""
     apart: Annotated[float, Field(gt=0.0)] = 1.0
     """Least factor from a group to the next."""
-    reason: str
 
 
-class Monotonic(Measure):
+class Monotonic(Measure, Reasoned):
     """A number rises, or falls, with a varied value."""
 
     kind: Literal["monotonic"]
@@ -87,44 +106,34 @@ class Monotonic(Measure):
     direction: Literal["rising", "falling"]
     tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     """Relative step in the other direction that is accepted."""
-    reason: str
 
 
-class Apart(Strict):
+class Apart(Limited):
     """Distance between the identified errors of two recordings, over their mean size.
 
     Identified errors are identified minus nominal, without origin and encoder offsets (sec. 5.4).
     """
 
     kind: Literal["apart"]
-    what: str
     rows: Rows = Field({})
-    first: Rows = Field(description="Runs of one recording, one for each seed and `each`.")
-    second: Rows = Field(description="Runs of the other recording, as many.")
-    each: str = Field("identify.cost", description="One number for every value of this column.")
-    at_least: float | None = None
-    at_most: float | None = None
-    reason: str
-
-    @model_validator(mode="after")
-    def _limited(self) -> Apart:
-        if (self.at_least is None) == (self.at_most is None):
-            raise ValueError("give either at_least or at_most")
-        return self
+    first: Rows
+    """Runs of one recording, one for each seed and `each`."""
+    second: Rows
+    """Runs of the other recording, as many."""
+    each: str = "identify.cost"
+    """One number for every value of this column."""
 
 
-class AmongLargest(Strict):
+class AmongLargest(Reasoned):
     """Share of the largest errors of each run that belong to the named parameters."""
 
     kind: Literal["among_largest"]
-    what: str
     rows: Rows = Field({})
     places: Annotated[int, Field(ge=1)]
     parameters: Annotated[list[str], Field(min_length=1)]
     """Names, or their beginning: `btheta`. One that is not fitted has no error."""
     at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    reason: str
 
     @model_validator(mode="after")
     def _of_the_thesis(self) -> AmongLargest:
@@ -145,26 +154,22 @@ class TableDifference(Strict):
     why: str
 
 
-class EqualTable(Strict):
+class EqualTable(Reasoned):
     """A table of ident.thesis.tables equals ours, apart from the exceptions stated."""
 
     kind: Literal["equal_table"]
-    what: str
     table: TableName
     exceptions: list[TableDifference] = Field([])
-    reason: str
 
 
-class Formula(Strict):
+class Formula(Reasoned):
     """A calculation from first principles (ballbar.plan.beam) gives the printed value."""
 
     kind: Literal["formula"]
-    what: str
     figure: str
     value: float
     unit: Literal["mm", "um", "urad"]
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(description="Relative.")
-    reason: str
 
     @model_validator(mode="after")
     def _known(self) -> Formula:

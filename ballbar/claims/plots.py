@@ -6,11 +6,11 @@ A ranking shows how often each parameter is among the largest errors of a run.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
-import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
@@ -107,10 +107,8 @@ def _curves(
 ) -> None:
     values: set[float] = set()
     for parameters, own in evidence.items():
-        table = selected(own.table, plot.rows)
-        values |= set(plot.x_factor * table[plot.x].dropna())
-        for k, value in enumerate(dict.fromkeys(table[plot.lines])):
-            rows = selected(table, {plot.lines: value})
+        for k, (value, rows) in enumerate(_lines(plot, own)):
+            values |= set(plot.x_factor * rows[plot.x].dropna())
             groups = rows[y].abs().groupby(rows[plot.x], sort=True)
             label = line_label(value)
             x = plot.x_factor * groups.median().index.to_numpy(dtype=float)
@@ -138,48 +136,53 @@ def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, ClaimEvi
     if plot.thesis:
         shares["thesis"] = {name: n / plot.thesis_runs for name, n in plot.thesis.items()}
     for parameters, own in evidence.items():
-        table = selected(own.table, plot.rows)
-        for value in dict.fromkeys(table[plot.lines]):
-            runs = places(selected(table, {plot.lines: value}), plot.places)
+        for value, rows in _lines(plot, own):
+            runs = places(rows, plot.places)
             counts = Counter(name for run in runs for name in run)
             label = line_label(value) + ("" if parameters == "core" else ", all parameters")
             shares[label] = {name: count / len(runs) for name, count in counts.items()}
-    ranked = set().union(*shares.values())
-    names = [name for name in table_of_names(ranked).names if name in ranked]
-    _bars(axes, names, shares, f"share of runs, among the {plot.places} largest")
+    _bars(axes, _parameters(shares), shares, f"share of runs, among the {plot.places} largest")
 
 
 def _identified(axes: Axes, plot: IdentifiedPlot, evidence: ClaimEvidence) -> None:
-    table = selected(evidence.table, plot.rows)
-    columns = [name for name in table.columns if name.startswith(IDENTIFIED)]
     heights: dict[str, dict[str, float]] = {}  # line -> parameter -> mm | mrad
-    for value in dict.fromkeys(table[plot.lines]):
-        first = selected(table, {plot.lines: value}).sort_values("seed").iloc[0]
+    for value, rows in _lines(plot, evidence):
+        first = rows.sort_values("seed").iloc[0]
+        errors = first[[name for name in rows.columns if name.startswith(IDENTIFIED)]].dropna()
         heights[line_label(value)] = {
-            name.removeprefix(IDENTIFIED): float(first[name])
-            for name in columns
-            if not np.isnan(first[name])
+            str(name).removeprefix(IDENTIFIED): float(error) for name, error in errors.items()
         }
-    ranked = set().union(*heights.values())
-    names = [name for name in table_of_names(ranked).names if name in ranked]
-    _bars(axes, names, heights, "identified - nominal [mm|mrad]")
+    _bars(axes, _parameters(heights), heights, "identified - nominal [mm|mrad]")
 
 
 def _groups(axes: Axes, plot: GroupedBars, evidence: ClaimEvidence) -> None:
-    table = selected(evidence.table, plot.rows)
     heights = {
         line_label(value): {
-            str(name): float(rows[plot.y].median())
-            for name, rows in selected(table, {plot.lines: value}).groupby(plot.groups)
+            str(name): float(group[plot.y].median()) for name, group in rows.groupby(plot.groups)
         }
-        for value in dict.fromkeys(table[plot.lines])
+        for value, rows in _lines(plot, evidence)
     }
-    names = list(dict.fromkeys(table[plot.groups]))
+    names = list(dict.fromkeys(selected(evidence.table, plot.rows)[plot.groups]))
     _bars(axes, names, heights, plot.y_label)
     axes.tick_params(axis="x", labelrotation=0)
     logarithmic(axes, "y")
     if plot.limit is not None:
         axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
+
+
+def _lines(
+    plot: CurvesPlot | Ranking | IdentifiedPlot | GroupedBars, evidence: ClaimEvidence
+) -> Iterator[tuple[object, pd.DataFrame]]:
+    """The value of each line of a plot, and its runs."""
+    table = selected(evidence.table, plot.rows)
+    for value in dict.fromkeys(table[plot.lines]):
+        yield value, selected(table, {plot.lines: value})
+
+
+def _parameters(heights: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Names of all parameters that have a height, in the order of the table."""
+    shown = set().union(*heights.values())
+    return [name for name in table_of_names(shown).names if name in shown]
 
 
 def _bars(

@@ -14,8 +14,7 @@ from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task
 from ballbar.sweep.file import flattened
 from ballbar.sweep.plan import Plan
-from ballbar.sweep.run import Progress, run_sweep
-from ballbar.sweep.workers import Workers
+from ballbar.sweep.run import Progress, Workers, run_sweep
 from ballbar.trial.trial import run_trial
 from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import with_changes

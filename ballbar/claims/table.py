@@ -12,10 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ballbar.claims.kinds import Measure, Rows, Scalar, Statistic
-from ballbar.identifiability.study import Influences, Study, influences, nominal_loop, study
+from ballbar.identifiability import Influences, Study, influences, nominal_loop, study
 from ballbar.scenario import load_scenario
 from ballbar.sweep.chunk import DONE
-from ballbar.sweep.summary import failures_of
+from ballbar.sweep.table import failures_of
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.schema_errors import nearest

@@ -72,7 +72,7 @@ def run(
         nullcontext(partial) if still else second_process(*REPLAY_MODULES) as begin,
     ):
         from ballbar.commands.result_json import run_data
-        from ballbar.report.terminal import say_comparison, say_identification, say_pose_comparison
+        from ballbar.report.terminal import say_comparison, say_identification
         from ballbar.run import run_pose_scenario, run_scenario
         from ballbar.truth.limits import plant_sentence
 
@@ -96,7 +96,7 @@ def run(
     say_identification(out, data)
     out.print(escape(plant))
     if data.comparison is not None:
-        (say_pose_comparison if still else say_comparison)(out, data.comparison)
+        say_comparison(out, data.comparison)
     _say_limits(data.limits)
     report, name = escape(str(folder / "report.html")), escape(str(folder))
     out.print(f"Look at {report}" + ("" if still else f", or: ballbar replay {name}"))
@@ -180,6 +180,7 @@ def rehearse(
         noticed, such as slip, encoder_frozen or tool_moved.
     """
     from ballbar.record.show import ads_reader
+    from ballbar.rehearsal.day import Day
     from ballbar.rehearsal.files import chain, rehearse_into
     from ballbar.scenario import load_scenario
 
@@ -197,21 +198,14 @@ def rehearse(
         out.print(f"{word} {stage.took:4.0f} s  {escape(f'{stage.name}: {stage.sentence}')}")
 
     with progress_bar() as progress:
-        day = rehearse_into(
-            folder,
-            settings,
-            file=scenario,
-            speed=speed,
-            fault=fault,
-            command=command_line(),
-            show=show,
-            progress=progress,
-        )
+        day = Day(settings, scenario, folder, speed, fault, command_line(), show, progress=progress)
+        rehearsal = rehearse_into(day)
     if as_json:
-        say_json(chain(day))
-    _say_limits(day.limits)
-    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {day.took:.0f} s in all")
-    raise typer.Exit(0 if day.acceptable else 1)
+        say_json(chain(rehearsal))
+    _say_limits(rehearsal.limits)
+    took = rehearsal.day.took
+    out.print(f"Look at {escape(str(folder / 'rehearsal.html'))}; {took:.0f} s in all")
+    raise typer.Exit(0 if rehearsal.acceptable else 1)
 
 
 @command(commands)
@@ -238,9 +232,8 @@ def sweep(
     """
     from ballbar.commands.bench_json import sweep_data
     from ballbar.sweep.check import load_sweep
-    from ballbar.sweep.run import run_sweep
+    from ballbar.sweep.run import dask_cluster, processes, run_sweep
     from ballbar.sweep.show import run_bar, say_outcome
-    from ballbar.sweep.workers import dask_cluster, processes
     from ballbar.trial.trial import run_trial
 
     if workers is not None and scheduler is not None:
@@ -285,8 +278,8 @@ def claims(
     from ballbar.claims.run import judge_all, topics
     from ballbar.claims.show import say_verdicts, write_page
     from ballbar.commands.bench_json import claims_data
+    from ballbar.sweep.run import process_pool
     from ballbar.sweep.show import run_bar
-    from ballbar.sweep.workers import process_pool
 
     if page is not None and names:
         raise InputError(

@@ -47,7 +47,7 @@ def simulation_data(
 
 def sweep_data(outcome: SweepOutcome) -> dict[str, object]:
     """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
-    from ballbar.sweep.summary import failures_of, grid_points
+    from ballbar.sweep.table import failures_of, grid_points
 
     folder = outcome.folder
     data: dict[str, object] = {

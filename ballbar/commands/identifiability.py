@@ -43,8 +43,14 @@ def identifiability(
         the scenario.
     --complete : Include the Hayati angles and the tilt of the base, which the thesis leaves out.
     """
-    from ballbar.identifiability.study import influences, nominal_loop, study
-    from ballbar.identifiability.tables import LEGEND, study_data, study_lines
+    from ballbar.identifiability import (
+        LEGEND,
+        influences,
+        nominal_loop,
+        study,
+        study_data,
+        study_lines,
+    )
     from ballbar.scenario import load_scenario
 
     settings = load_scenario(scenario, overrides=overrides or ())
@@ -92,7 +98,7 @@ def chosen_costs(name: str, fitted: Sequence[int]) -> tuple[list[str], dict[str,
 
     Raises InputError for another name, and where a single cost lacks encoders.
     """
-    from ballbar.identifiability.study import encoders_used
+    from ballbar.identifiability import encoders_used
 
     if name != "all" and name not in COSTS:
         raise InputError(f"--cost {name}: unknown; choose one of {', '.join(COSTS)}, or all")

@@ -14,6 +14,7 @@ import numpy as np
 
 from acquisition.times import TIME_FORMS, recognised
 from ballbar.recordings.preview import LogPreview, number
+from ballbar.recordings.proposals import counting
 from ballbar.recordings.questions import Ask, answer, one_of, time_form
 from cell.arrays import Array
 from cell.errors import InputError
@@ -23,7 +24,6 @@ PERIODS = (2.0e-4, 0.1)  # [s] of rows that a robot or ball-bar logger writes wi
 DEGREES = 7.0  # a joint angle above it [rad] would be more than a turn
 _AXES = range(5, 9)
 _TIME_NAME = re.compile(r"(time|zeit|t|stamp|timestamp|date|datum|uhrzeit)\b", re.IGNORECASE)
-_NUMBER = re.compile(r"\d+")
 
 
 def new_dialect(
@@ -82,7 +82,8 @@ def _angles(log: LogPreview, names: Sequence[str], ask: Ask) -> dict[str, Any]:
         return chosen
 
     question = f"{log.name}: which columns hold the angles, in the order of the axes?"
-    chosen = answer(None, question, ", ".join(counted(names)) or None, columns, ask)
+    likely = next((family for family in counting(names).values() if len(family) in _AXES), ())
+    chosen = answer(None, question, ", ".join(likely) or None, columns, ask)
     question = (
         f"{log.name}: which angles are they? (motors: motor angles; axes: as the controller shows "
         "them; joints: of the DH model)"
@@ -93,16 +94,3 @@ def _angles(log: LogPreview, names: Sequence[str], ask: Ask) -> dict[str, Any]:
     question = f"{log.name}: in which unit? The largest is {largest:.4g}. (rad or deg)"
     unit = answer(None, question, proposal, one_of("rad", "deg"), ask)
     return {kind: chosen, "angle_unit": unit}
-
-
-def counted(names: Sequence[str]) -> list[str]:
-    """The first columns, 5 to 8, whose names differ in one number that counts on; else none."""
-    groups: dict[str, list[str]] = {}
-    for name in names:
-        groups.setdefault(_NUMBER.sub("#", name), []).append(name)
-    for shape, group in groups.items():
-        numbers = [[int(n) for n in _NUMBER.findall(name)] for name in group]
-        steps = np.diff(np.array(numbers), axis=0) if "#" in shape else np.zeros((0, 1))
-        if len(group) in _AXES and (steps.sum(axis=1) == 1).all():
-            return group
-    return []

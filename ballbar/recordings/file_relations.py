@@ -158,8 +158,8 @@ class FilePair:
         files = self.a, self.b
         own = np.stack([np.append(*file.start) for file in files])  # seat and marks of each
         places = np.arange(own.size).reshape(own.shape)  # of these numbers in the unknowns
-        for one, part in zip(hypothesis, (slice(6), slice(6, None)), strict=True):
-            places[1, part] = places[0 if one else 1, part]
+        for shared, part in zip(hypothesis, (slice(6), slice(6, None)), strict=True):
+            places[1, part] = places[0 if shared else 1, part]
         at = [file.flange(rows) for file, rows in zip(files, self.rows, strict=True)]
         if self.paired:
             at[1] = at[0]  # but for their rounding

@@ -84,19 +84,28 @@ def joint_columns(columns: ColumnNames, axes: int) -> list[tuple[str, ...]]:
         return [names[:axes]] if len(names) >= axes else []
     if axes == len(_UR) and set(_UR) <= set(names):
         return [_UR]
+    fitting = [
+        family
+        for form, family in counting(names).items()
+        if len(family) == axes and _JOINT.search(form.replace("#", "1"))
+    ]
+    return sorted(fitting, key=lambda family: not _MEASURED.search(family[0]))
+
+
+def counting(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Names that differ in one number that counts on, by their form with # in its place."""
     families: dict[str, list[tuple[int, str]]] = {}
     for name in names:
         bare = _bare(name)
         for number in re.finditer(r"\d+", bare):
-            family = f"{bare[: number.start()]}#{bare[number.end() :]}"
-            families.setdefault(family, []).append((int(number[0]), name))
-    fitting = []
-    for family, members in families.items():
-        counts, ordered = zip(*sorted(members), strict=True)
-        successive = counts == tuple(range(counts[0], counts[0] + axes))
-        if successive and _JOINT.search(family.replace("#", "1")):
-            fitting.append(ordered)
-    return sorted(fitting, key=lambda family: not _MEASURED.search(family[0]))
+            form = f"{bare[: number.start()]}#{bare[number.end() :]}"
+            families.setdefault(form, []).append((int(number[0]), name))
+    ordered = {form: sorted(members) for form, members in families.items()}
+    return {
+        form: tuple(name for _, name in members)
+        for form, members in ordered.items()
+        if [n for n, _ in members] == list(range(members[0][0], members[0][0] + len(members)))
+    }
 
 
 def value_columns(

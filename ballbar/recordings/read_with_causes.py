@@ -59,16 +59,11 @@ def _causes(folder: Path, angles: RobotAngles) -> Causes | None:
             ballbar, _ = read_ballbar(folder, sources.ballbar, files.encoders, robot_moves=True)
     except InputError:  # of another file; the robot's log comes first
         return None
-    logs = Logs(_forward(angles), ballbar)
+    latest = np.maximum.accumulate(angles.t)
+    rows = np.flatnonzero(np.diff(latest, prepend=-np.inf) > 0.0)  # whose stamps go on
+    logs = Logs(RobotLog(angles.t[rows], angles.joints[rows]), ballbar)
     hopeless = tuple(suspect for suspect in suspects(cell, logs) if suspect.hopeless)
     return Causes((folder.name,), (hopeless,))
-
-
-def _forward(angles: RobotAngles) -> RobotLog:
-    """The rows whose stamps go on from those before."""
-    latest = np.maximum.accumulate(angles.t)
-    rows = np.flatnonzero(np.diff(latest, prepend=-np.inf) > 0.0)
-    return RobotLog(angles.t[rows], angles.joints[rows])
 
 
 def aligned(recording: Recording, folder: Path) -> CoarseAlignment | None:

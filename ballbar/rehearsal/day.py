@@ -19,7 +19,6 @@ from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
 from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
-from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
@@ -32,6 +31,7 @@ from cell.errors import FailureError
 from cell.number_text import significant_text
 from cell.statistics import rms
 from ident.options import Listener
+from ident.result import Identification
 from sim.truth import Truth
 
 SIMULATED, RECORDINGS = "simulated", "recordings"
@@ -49,29 +49,6 @@ class Stage:
     figures: dict[str, object]  # SI units
 
 
-@dataclass(frozen=True, eq=False)
-class Rehearsal:
-    """A day that was rehearsed."""
-
-    scenario: Scenario
-    speed: float
-    fault: str | None
-    stages: tuple[Stage, ...]
-    limits: tuple[Limit, ...]
-    paths: dict[str, LivePath]  # by the name of the recording
-    nominal: float  # [m] mean TCP error of the nominal robot
-    held: HeldTargets
-
-    @property
-    def acceptable(self) -> bool:
-        return all(stage.met for stage in self.stages) and all(limit.met for limit in self.limits)
-
-    @property
-    def took(self) -> float:
-        """[s] of wall time."""
-        return sum(stage.took for stage in self.stages)
-
-
 @dataclass(eq=False)
 class Day:
     """A day under way."""
@@ -80,12 +57,18 @@ class Day:
     file: Path  # where the scenario was read
     folder: Path
     speed: float  # times real time
+    fault: str | None  # a key of FAULTS, with which the first path is recorded once more
     command: str
     show: Callable[[Stage], None]  # called with each stage when it is done
     progress: Progress
     stages: list[Stage] = field(default_factory=list)
-    paths: dict[str, LivePath] = field(default_factory=dict)
+    paths: dict[str, LivePath] = field(default_factory=dict)  # by the name of the recording
     since: float = field(default_factory=time.monotonic)
+
+    @property
+    def took(self) -> float:
+        """[s] of wall time."""
+        return sum(stage.took for stage in self.stages)
 
     def done(self, name: str, sentence: str, figures: dict[str, object], *, met: bool) -> None:
         """Adds a stage, and shows it."""
@@ -99,39 +82,38 @@ class Day:
         return self.folder / RECORDINGS / name
 
 
-def rehearse(day: Day, fault: str | None) -> Rehearsal:
-    """Rehearses a day in its folder.
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """A day that was rehearsed."""
 
-    fault : a key of FAULTS that begins midway in the first path, which is then recorded once more.
+    day: Day
+    limits: tuple[Limit, ...]
+    nominal: float  # [m] mean TCP error of the nominal robot
+    held: HeldTargets
+
+    @property
+    def acceptable(self) -> bool:
+        return all([*(s.met for s in self.day.stages), *(limit.met for limit in self.limits)])
+
+
+def rehearse(day: Day) -> Rehearsal:
+    """Rehearses a day in its folder.
 
     Raises InputError and FailureError as the commands of the day do.
     """
-    scenario = day.scenario
-    truth = _simulated(day, "path1", scenario)
-    if fault is not None:
-        _with_fault(day, fault)
+    accept, truth = day.scenario.accept, _simulated(day, "path1", day.scenario)
+    if day.fault is not None:
+        _with_fault(day, day.fault)
     _recorded(day, "path1")
-    first = _identified(day, FIRST, ("path1",), truth)
-    second = _planned(day)
-    _simulated(day, "path2", second)
+    _, first = _identified(day, FIRST, ("path1",), truth)
+    _simulated(day, "path2", _planned(day))
     _recorded(day, "path2")
-    data, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
-    targets = _corrected(day)
+    result, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
+    held = _corrected(day)
     _verified(day)
-    result = data.identification
-    return Rehearsal(
-        scenario=scenario,
-        speed=day.speed,
-        fault=fault,
-        stages=tuple(day.stages),
-        limits=(
-            *tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept),
-            *corrected_limits(targets.after, scenario.accept),
-        ),
-        paths=day.paths,
-        nominal=first[1].tcp_nominal.mean,
-        held=targets,
-    )
+    limits = tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, accept)
+    limits += corrected_limits(held.after, accept)
+    return Rehearsal(day, limits, first.tcp_nominal.mean, held)
 
 
 def _simulated(day: Day, name: str, scenario: Scenario) -> Truth:
@@ -160,27 +142,25 @@ def _taken(
 def _with_fault(day: Day, fault: str) -> None:
     """The first path with a fault, until it is noticed."""
     path = _taken(day, "fault", "path1", fault=fault)
-    cause, alarm = path.cause, path.noticed
-    assert cause is not None  # it was injected
+    after, alarm, sentence = None, path.noticed, "not noticed"
+    if alarm is not None:
+        after = alarm.raised - path.shows
+        sentence = f"noticed {after:.1f} s of recording later: {alarm.kind}: {alarm.sentence}"
     figures: dict[str, object] = {
         "fault": fault,
-        "began_s": cause.began,
-        "shows_s": cause.shows,
-        "noticed_after_s": None if alarm is None else alarm.raised - cause.shows,
+        "began_s": path.began,
+        "shows_s": path.shows,
+        "noticed_after_s": after,
         "alarm": None if alarm is None else {"kind": alarm.kind, "sentence": alarm.sentence},
     }
-    sentence = "not noticed"
-    if alarm is not None:
-        later = f"{alarm.raised - cause.shows:.1f} s of recording later"
-        sentence = f"noticed {later}: {alarm.kind}: {alarm.sentence}"
-    sentence = f"{fault} from {cause.shows:.0f} s on: {sentence}"
+    sentence = f"{fault} from {path.shows:.0f} s on: {sentence}"
     day.done("record with a fault", sentence, figures, met=alarm is not None)
 
 
 def _recorded(day: Day, name: str) -> None:
     """Records a path and identifies it meanwhile."""
     path = _taken(day, name, name)
-    alarms, last = path.alarms, path.last
+    alarms, last = list(path.alarms.values()), path.last
     live = path.stated[-1][1] if path.stated else None
     final = None if last is None else last["tcp_sigma_m"]
     words = ["no result yet" if sigma is None else _mm(sigma) for sigma in (live, final)]
@@ -199,7 +179,7 @@ def _recorded(day: Day, name: str) -> None:
 
 def _identified(
     day: Day, name: str, recordings: tuple[str, ...], truth: Truth
-) -> tuple[RunData, Comparison]:
+) -> tuple[Identification, Comparison]:
     """Identifies recordings, and compares with the truth of the first."""
     folders = [day.recording(recording) for recording in recordings]
     listener = Listener(day.progress)
@@ -226,28 +206,26 @@ def _identified(
         f"largest {_mm(tcp.maximum)}"
     )
     day.done(f"identify {' and '.join(recordings)}", sentence, figures, met=verdict.acceptable)
-    return data, comparison
+    return data.identification, comparison
 
 
 def _planned(day: Day) -> Scenario:
     """Plans the second path after the first result; the scenario of its recording."""
     day.progress("planning the second path")
-    second = plan_second_path(day.scenario, day.folder, day.folder / FIRST, day.file.parent)
-    predicted = second.tcp_sigma
+    second, predicted, feasible = plan_second_path(
+        day.scenario, day.folder, day.folder / FIRST, day.file.parent
+    )
     before, then = predicted["by_results_before"], predicted["rms_median_robot"]
-    seat = ", ".join(f"{v:.3f}" for v in second.seat)
-    violated = "" if second.feasible else "; a limit is violated in MuJoCo"
+    position = second.cell.ballbar_position_m
+    seat = ", ".join(f"{v:.3f}" for v in position)
+    violated = "" if feasible else "; a limit is violated in MuJoCo"
     sentence = (
         f"seat ({seat}) m; scale known, {_mm(before)} by the first result, {_mm(then)} "
         f"predicted with the path{violated}"
     )
-    figures: dict[str, object] = {
-        "tcp_sigma_m": predicted,
-        "seat_m": list(second.seat),
-        "feasible": second.feasible,
-    }
-    day.done("plan path2", sentence, figures, met=second.feasible)
-    return second.scenario
+    figures = {"tcp_sigma_m": predicted, "seat_m": list(position), "feasible": feasible}
+    day.done("plan path2", sentence, figures, met=feasible)
+    return second
 
 
 def _corrected(day: Day) -> HeldTargets:

@@ -44,32 +44,27 @@ LATE = 25.0  # [s] of the recording without an update, after which the devices g
 MIDWAY = 0.5  # of a path, where a fault begins if the robot moves there
 
 
-@dataclass(frozen=True)
-class InjectedFault:
-    """A fault, and where it begins."""
-
-    name: str  # a key of FAULTS
-    began: float  # [s] of the recording
-    shows: float  # [s] from which it could be seen
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class LivePath:
-    """A path that was recorded live."""
+    """A path that is recorded live, and what a process identifies of it meanwhile."""
 
-    folder: Path
-    seconds: float  # of the recording
-    lost: int  # records
-    alarms: tuple[Alarm, ...]  # raised: [s] that the devices had delivered when it was shown
-    states: tuple[Data, ...]  # what was identified meanwhile, an entry for each update
-    last: Data | None  # what was identified of the whole recording, once it had ended
-    cause: InjectedFault | None = None
+    pace: Pace
+    fault: str = ""  # a key of FAULTS that begins midway
+    began: float = np.inf  # [s] of the recording at which it begins
+    shows: float = np.inf  # [s] of the recording from which it could be seen
+    seconds: float = 0.0  # of the recording
+    lost: int = 0  # records
+    beside: WatchBeside | None = None  # the process
+    seen: float = 0.0  # [s] that had been delivered at the latest update
+    states: list[Data] = field(default_factory=list)  # what was identified, one for each update
+    # by kind; raised: [s] that the devices had delivered when it was first shown
+    alarms: dict[str, Alarm] = field(default_factory=dict)
+    last: Data | None = None  # what was identified of the whole recording, once it had ended
 
     @property
     def noticed(self) -> Alarm | None:
         """The first alarm since the fault began."""
-        began = np.inf if self.cause is None else self.cause.began
-        return next((alarm for alarm in self.alarms if alarm.raised >= began), None)
+        return next((a for a in self.alarms.values() if a.raised >= self.began), None)
 
     @property
     def stated(self) -> list[tuple[float, float]]:
@@ -77,18 +72,6 @@ class LivePath:
         return [
             (s["recorded_s"], s["tcp_sigma_m"]) for s in self.states if s["tcp_sigma_m"] is not None
         ]
-
-
-@dataclass(eq=False)
-class _Follower:
-    """Looks at what a process identifies beside a recording."""
-
-    beside: WatchBeside | None
-    cause: InjectedFault | None
-    pace: Pace
-    seen: float = 0.0  # [s] that had been delivered at the latest update
-    states: list[Data] = field(default_factory=list)
-    alarms: dict[str, Alarm] = field(default_factory=dict)  # by kind, as first shown
 
     def wait_for_update(self, seconds: float) -> None:
         """Waits for one update more. Raises FailureError when the process has ended."""
@@ -105,9 +88,9 @@ class _Follower:
 
     def wait_for_last(self) -> None:
         """Waits until what has been delivered is identified, and a fault had its chance."""
-        for _ in range(1 if self.cause is None else AFTER_A_FAULT):
+        for _ in range(AFTER_A_FAULT if self.fault else 1):
             self.wait_for_update(LAST_UPDATE)
-            if self.look():
+            if self.noticed:
                 return
 
     def look(self) -> bool:
@@ -123,13 +106,7 @@ class _Follower:
                 self.alarms.setdefault(kind, Alarm(kind, sentence, delivered))
         if self.beside is not None and delivered > 0.0:
             self.pace.hold_back(wanted=delivered - self.seen > LATE)
-        began = np.inf if self.cause is None else self.cause.began
-        return any(alarm.raised >= began for alarm in self.alarms.values())
-
-    def path(self, folder: Path, seconds: float, lost: int, last: Data | None) -> LivePath:
-        """The path that was followed."""
-        alarms, states = tuple(self.alarms.values()), tuple(self.states)
-        return LivePath(folder, seconds, lost, alarms, states, last=last, cause=self.cause)
+        return self.noticed is not None
 
 
 def as_recorded(scenario: Scenario) -> Scenario:
@@ -183,59 +160,47 @@ def record_live(
     Raises FailureError when a part of the cell does not come up.
     """
     clock = Clock(scenario.clocks.offset_s, scenario.clocks.skew)
+    growing = None
     if scenario.cell.instrument is not None:
         growing = GrowingRecording(simulated, folder, clock)
-        cause = _inject(growing.logs, fault, scenario)
-        return _grown(growing, cause, speed, identify=identify)
-    logs = device_logs(simulated, clock)
-    cause = _inject(logs, fault, scenario)
-    named = with_absolute_names(scenario, relative_to)
-    return _recorded(logs, folder, named, cause, speed, identify=identify)
+    logs = growing.logs if growing else device_logs(simulated, clock)
+    path = LivePath(Pace(speed))
+    if fault is not None:
+        rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
+        path.fault, path.began = fault, moving_at(logs, MIDWAY * scenario.path.duration_s)
+        path.shows = FAULTS[fault](logs, path.began, rng)
+    if growing:
+        _grown(growing, path, identify=identify)
+    else:
+        _recorded(logs, folder, with_absolute_names(scenario, relative_to), path, identify=identify)
+    return path
 
 
-def _inject(logs: Logs, fault: str | None, scenario: Scenario) -> InjectedFault | None:
-    if fault is None:
-        return None
-    rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
-    began = moving_at(logs, MIDWAY * scenario.path.duration_s)
-    return InjectedFault(fault, began, FAULTS[fault](logs, began, rng))
-
-
-def _grown(
-    growing: GrowingRecording, cause: InjectedFault | None, speed: float, *, identify: bool
-) -> LivePath:
+def _grown(growing: GrowingRecording, path: LivePath, *, identify: bool) -> None:
     """Files that grow, watched by a process of its own."""
-    beside = WatchBeside(growing.folder, accuracy=None, duration=None) if identify else None
-    pace = Pace(speed)
-    follower = _Follower(beside, cause, pace)
+    if identify:
+        path.beside = WatchBeside(growing.folder, accuracy=None, duration=None)
     try:
-        follower.wait_for_update(BEGINS)
-        pace.start()
-        while (now := pace.delivered) < growing.seconds:
+        path.wait_for_update(BEGINS)
+        path.pace.start()
+        while (now := path.pace.delivered) < growing.seconds:
             growing.write_until(now)
-            if follower.look():
+            if path.look():
                 break
             time.sleep(LOOK)
         else:
             growing.write_until(np.inf)
-            follower.wait_for_last()
+            path.wait_for_last()
     finally:
-        last = None if beside is None else beside.finish()
-    return follower.path(growing.folder, min(now, growing.seconds), 0, last)
+        path.last = None if path.beside is None else path.beside.finish()
+    path.seconds = min(now, growing.seconds)
 
 
 def _recorded(
-    logs: Logs,
-    folder: Path,
-    scenario: Scenario,
-    cause: InjectedFault | None,
-    speed: float,
-    *,
-    identify: bool,
-) -> LivePath:
+    logs: Logs, folder: Path, scenario: Scenario, path: LivePath, *, identify: bool
+) -> None:
     """The recording of a simulated PLC and a simulated controller by the recorder."""
-    pace = Pace(speed)
-    with _devices(logs, scenario, pace) as (plc, robot, port):
+    with _devices(logs, scenario, path.pace) as (plc, robot, port):
         options = RecordOptions(
             plc=plc.net_id,
             egm=str(port),
@@ -245,31 +210,30 @@ def _recorded(
             plate=scenario.cell.plate,
             identify=identify,
         )
-        follower = _Follower(None, cause, pace)
 
         def follow(recording: LiveRecording, beside: WatchBeside | None) -> None:
-            follower.beside = beside
-            follower.wait_for_update(BEGINS)
+            path.beside = beside
+            path.wait_for_update(BEGINS)
             _wait(lambda: bool(plc.header_reads), "the recorder did not reach the simulated PLC")
             plc.start()
             robot.start()
-            pace.start()
+            path.pace.start()
             while not robot.wait(LOOK):
                 if recording.wait(0.0):
                     raise KeyboardInterrupt
-                if follower.look():
+                if path.look():
                     return
             _wait(lambda: plc.written == len(logs["ballbar"].cells), "the simulated PLC hangs")
             time.sleep(3.0 * POLL)
-            follower.wait_for_last()
+            path.wait_for_last()
             if recording.wait(0.0):
                 raise KeyboardInterrupt
 
         recorded = record(folder, options, err, meanwhile=follow)
-    taken = {source.name: source.records for source in recorded.recording.progress}
-    lost = sum(source.lost for source in recorded.recording.progress)
-    seconds = float(logs["robot"].t[taken["robot"] - 1])
-    return follower.path(folder, seconds, lost, recorded.identified)
+    sources = {source.name: source for source in recorded.recording.progress}
+    path.lost = sum(source.lost for source in sources.values())
+    path.seconds = float(logs["robot"].t[sources["robot"].records - 1])
+    path.last = recorded.identified
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,20 +23,15 @@ CONE = 80.0
 REQUEST, PLAN = "request.yaml", "plan"
 
 
-@dataclass(frozen=True)
-class SecondPath:
-    """A planned path."""
-
-    scenario: Scenario  # that records it
-    seat: tuple[float, ...]  # (3,) [m] position of the ball-bar
-    tcp_sigma: dict[str, float]  # [m] predicted uncertainties, as in plan.yaml
-    feasible: bool  # no limit is violated in MuJoCo
-
-
-def plan_second_path(scenario: Scenario, folder: Path, result: Path, named: Path) -> SecondPath:
+def plan_second_path(
+    scenario: Scenario, folder: Path, result: Path, named: Path
+) -> tuple[Scenario, dict[str, float], bool]:
     """Plans in a folder the path that adds most to a result.
 
     named : folder to which the file names of the scenario are relative.
+
+    Returns the scenario that records it, the predicted uncertainties [m] as in plan.yaml, and
+    whether no limit is violated in MuJoCo.
     """
     plan, console = folder / PLAN, PlainConsole(file=io.StringIO())
     write_yaml(folder / REQUEST, request_data(scenario, named))
@@ -63,8 +57,7 @@ def plan_second_path(scenario: Scenario, folder: Path, result: Path, named: Path
         "path": scenario.path.model_copy(update={"file": file}),
         "recording": scenario.recording + 1,
     }
-    second = scenario.model_copy(update=changes)
-    return SecondPath(second, position, planned["tcp_sigma_m"], feasible)
+    return scenario.model_copy(update=changes), planned["tcp_sigma_m"], feasible
 
 
 def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:

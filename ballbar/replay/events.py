@@ -24,7 +24,6 @@ from ballbar.units import MS
 from cell.arrays import Array
 from cell.logs import BallBarLog, RobotLog, segment_starts
 from cell.neighbours import damaged_bursts
-from ident.result import RecordingEstimate
 
 DWELL_SPEED = np.radians(0.05)  # [rad/s] of the fastest joint: shown as a dwell below it
 JOIN = 0.5  # [s] outliers closer than that are one event
@@ -94,7 +93,9 @@ def recording_events(fitted: FittedRecording, motion: CellMotion) -> Events:
         lanes["encoders"] = _spans_lane(t, encoder_spans)
         spans = spans + encoder_spans
     remarks += [Remark(span.begin, "WARN", span.sentence) for span in spans]
-    remarks += _step_faults(estimate)
+    for fault in estimate.step_faults:
+        (time,) = on_robot_clock(estimate, np.array([fault.time])).tolist()
+        remarks.append(Remark(time, "WARN", fault.sentence))
     return Events(lanes, tuple(sorted(remarks, key=lambda remark: remark.t)))
 
 
@@ -130,7 +131,8 @@ def _log_spans(name: str, log: RobotLog | BallBarLog, angles: Array, t_robot: Ar
     excluded = damaged_bursts(log.t, angles).any(axis=1)
     if log.flags is not None:
         excluded |= (log.flags & np.uint32(EXCLUDED)) != 0
-    for group in _groups(t_robot[excluded]):
+    apart = np.flatnonzero(np.diff(t_robot[excluded]) > JOIN) + 1
+    for group in filter(len, np.split(t_robot[excluded], apart)):
         count = f"{group.size} row{'s' * (group.size > 1)}"
         sentence = f"{name}: {count} that no motion explains, left out"
         spans.append(_Span(group[0], group[-1], "outlier", sentence))
@@ -139,11 +141,6 @@ def _log_spans(name: str, log: RobotLog | BallBarLog, angles: Array, t_robot: Ar
         for i in segment_starts(log.segment)
     ]
     return spans
-
-
-def _groups(t: Array) -> list[Array]:
-    """Instants (K,) [s] in order, split where they are far apart."""
-    return [group for group in np.split(t, np.flatnonzero(np.diff(t) > JOIN) + 1) if group.size]
 
 
 def _spans_lane(t: Array, spans: Sequence[_Span]) -> Lane:
@@ -159,14 +156,6 @@ def _spans_lane(t: Array, spans: Sequence[_Span]) -> Lane:
     times.append(max(float(t[-1]), times[-1] + 1e-6))
     states.append("ended")
     return Lane(np.array(times), states, _LOG_COLOURS)
-
-
-def _step_faults(estimate: RecordingEstimate) -> list[Remark]:
-    faults = estimate.step_faults
-    times = on_robot_clock(estimate, np.array([fault.time for fault in faults]))
-    return [
-        Remark(float(t), "WARN", fault.sentence) for t, fault in zip(times, faults, strict=True)
-    ]
 
 
 def log_events(stream: Branch, events: Events) -> None:

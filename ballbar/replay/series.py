@@ -49,7 +49,7 @@ from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS, UM, URAD, US
 from cell.arrays import Array
 from cell.geometry import Geometry, robot_frames
-from ident.result import RecordingEstimate, Residuals, RobotEstimate
+from ident.result import RecordingEstimate, RobotEstimate
 from ident.robot.accuracy import accuracy_grid
 from sim.simulate import Simulation
 
@@ -90,10 +90,11 @@ def recording_series(
         (BEFORE, estimate.before, figure_style.BEFORE),
         (AFTER, estimate.after, figure_style.AFTER),
     ):
-        t = on_robot_clock(estimate, residuals.t)
-        series |= _residual_series(entity, t, residuals, shades(colour))
-        if fitted.recording.length_log is not None:  # a length sees no angle
-            del series[f"{entity}/{ANGLE}"]
+        t, when = on_robot_clock(estimate, residuals.t), entity.rpartition("/")[2]
+        style = [f"{axis} {when}" for axis in "xyz"], shades(colour)
+        series[f"{entity}/{POSITION}"] = Series(t, residuals.position * UM, *style)
+        if fitted.recording.length_log is None:  # a length sees no angle
+            series[f"{entity}/{ANGLE}"] = Series(t, residuals.angle * URAD, *style)
     if estimate.clock is not None:
         offset = motion.t - estimate.clock.ballbar_time(motion.t)
         series[CLOCK_IDENTIFIED] = _curve(motion.t, offset * MS, "identified", AFTER_COLOUR)
@@ -143,16 +144,6 @@ def clock_error_series(
 
 def _curve(t: Array, values: Array, name: str, colour: Colour) -> Series:
     return Series(t, values[:, None], [name], [colour])
-
-
-def _residual_series(
-    entity: str, t: Array, residuals: Residuals, colours: Sequence[Colour]
-) -> dict[str, Series]:
-    names = [f"{axis} {entity.rpartition('/')[2]}" for axis in "xyz"]
-    return {
-        f"{entity}/{POSITION}": Series(t, residuals.position * UM, names, colours),
-        f"{entity}/{ANGLE}": Series(t, residuals.angle * URAD, names, colours),
-    }
 
 
 def _rod_series(estimate: RecordingEstimate, robot: RobotEstimate) -> dict[str, Series]:

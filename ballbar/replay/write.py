@@ -138,17 +138,18 @@ def _stream(run: RunData) -> Iterator[rr.RecordingStream]:
 
 
 def replay_notes(run: RunData) -> str:
-    """Verdict, key figures and remarks; of logs the parameters of machine and recordings too."""
-    if not run.recordings:
-        return template("notes.md").render(run=run, summary=summary(run, None, ""), moving=False)
-    robot, comparison = run.identification.robot, run.comparison
+    """Verdict, key figures and remarks; parameters of the machine and of recordings."""
+    robot, moving = run.identification.robot, bool(run.recordings)
+    comparison, stated = run.comparison if moving else None, ""
+    if moving:
+        stated = with_and_without(robot.tcp.sigma, robot.tcp.without_scale, robot.cell)
     return template("notes.md").render(
         run=run,
         summary=summary(run, tcp_view(run), ""),
-        moving=True,
-        stated=with_and_without(robot.tcp.sigma, robot.tcp.without_scale, robot.cell),
+        stated=stated,
         left_at_nominal=left_at_nominal(robot),
         groups=parameter_groups(robot, comparison),
+        against_truth=comparison is not None,
         recordings=[
             (r.name, overview(r), parameter_groups(r.estimate, comparison)) for r in run.recordings
         ],

@@ -23,7 +23,7 @@ from cell.arrays import Array
 from cell.chain import Frames
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
-from cell.logs import BallBarLog, LengthLog
+from cell.logs import BallBarLog
 from cell.statistics import rms
 from ident.estimator.closure import complete_bar_angles, pointing_bar
 from ident.result import RecordingEstimate
@@ -63,14 +63,21 @@ class CellMotion:
 
 def cell_motion(fitted: FittedRecording, rows: NDArray[np.intp] | None = None) -> CellMotion:
     """Robot and ball-bar at rows (N,) of the robot's log; by default those that are shown."""
-    log, geometry = fitted.recording.robot_log, fitted.estimate.geometry
+    recording, estimate, geometry = fitted.recording, fitted.estimate, fitted.estimate.geometry
+    log, ballbar, length = recording.robot_log, recording.ballbar_log, recording.length_log
     if rows is None:
         rows = np.arange(0, log.t.size, thinning(log.t))
     t, q = log.t[rows], log.q[rows]
-    length = fitted.recording.length_log
+    t_other = (estimate.clock or Clock(0.0, 0.0)).ballbar_time(t)
     if length is not None:
-        return moving_cell(geometry, t, q, _telescoping(fitted.estimate, length, t, q))
-    b = _bar_angles(fitted.estimate, fitted.recording.ballbar_log, t, q)
+        distance = np.linalg.norm(robot_frames(geometry, q).tip.T - geometry.origin, axis=1)
+        sensed = np.interp(t_other, length.t, length.length) - estimate.nominal["bd3"]
+        extension = np.where(_covered(length.t, t_other), sensed, distance - geometry["bd3"])
+        return moving_cell(geometry, t, q, pointing_bar(geometry, q, extension))
+    b = bar_angles_at(estimate, None, t, q)
+    if ballbar is not None and estimate.clock is not None:
+        completed = bar_angles_at(estimate, ballbar, t_other, q)
+        b = np.where(_covered(ballbar.t, t_other)[:, None], completed, b)
     return moving_cell(geometry, t, q, b)
 
 
@@ -118,16 +125,6 @@ def rms_norm(vectors: Array) -> float:
     return rms(np.linalg.norm(vectors, axis=1))
 
 
-def _telescoping(estimate: RecordingEstimate, log: LengthLog, t: Array, q: Array) -> Array:
-    """(N, 6) angles and extension that `bar_frames` takes, at rows of the robot's log."""
-    geometry, clock = estimate.geometry, estimate.clock or Clock(0.0, 0.0)
-    distance = np.linalg.norm(robot_frames(geometry, q).tip.T - geometry.origin, axis=1)
-    t_length = clock.ballbar_time(t)
-    sensed = np.interp(t_length, log.t, log.length) - estimate.nominal["bd3"]
-    extension = np.where(_covered(log.t, t_length), sensed, distance - geometry["bd3"])
-    return pointing_bar(geometry, q, extension)
-
-
 def bar_angles_at(estimate: RecordingEstimate, log: BallBarLog | None, t: Array, q: Array) -> Array:
     """(N, 5) [rad] angles that `bar_frames` takes, at ball-bar instants t (N,) [s].
 
@@ -138,16 +135,6 @@ def bar_angles_at(estimate: RecordingEstimate, log: BallBarLog | None, t: Array,
     angles = log.angles * np.array(estimate.directions)
     measured = np.stack([np.interp(t, log.t, column) for column in angles.T], axis=1)
     return complete_bar_angles(estimate.geometry, q, measured, log.joints)
-
-
-def _bar_angles(estimate: RecordingEstimate, log: BallBarLog | None, t: Array, q: Array) -> Array:
-    """(N, 5) [rad] angles that `bar_frames` takes, at rows of the robot's log."""
-    solved = bar_angles_at(estimate, None, t, q)
-    if log is None or estimate.clock is None:
-        return solved
-    t_bar = estimate.clock.ballbar_time(t)
-    completed = bar_angles_at(estimate, log, t_bar, q)
-    return np.where(_covered(log.t, t_bar)[:, None], completed, solved)
 
 
 def _covered(rows: Array, t: Array) -> Array:

@@ -14,7 +14,6 @@ from ballbar.report.numbers import MISSING, capitalised, decimals_for, fixed, li
 from ballbar.result.compare import Comparison
 from ballbar.units import MM, UM
 from cell.geometry import Parameter, parameter_named
-from ident.estimator.identifiability import DroppedParameter
 from ident.fitted_robot import MOSTLY_PRIOR
 from ident.result import (
     CoefficientEstimate,
@@ -104,7 +103,21 @@ def left_at_nominal(robot: RobotEstimate) -> list[tuple[str, str, str, str]]:
 
     Those at their priors are not among them.
     """
-    return [_left(robot, dropped) for dropped in robot.dropped if dropped.reason != "prior"]
+    rows = []
+    for dropped in robot.dropped:
+        name, reason, value = dropped.name, dropped.reason, MISSING  # the clock has none
+        if reason == "prior":
+            continue
+        if name in robot.nominal.table.index:
+            nominal = robot.nominal[name]
+            value = f"{fixed(np.degrees(nominal), 4)} deg"
+            if parameter_named(name).is_length:
+                value = f"{fixed(nominal * MM, 3)} mm"
+        carry = "carries" if len(dropped.on) == 1 else "carry"
+        words = {"on": listed(dropped.on) or "other parameters", "carry": carry}
+        why, meaning = _REASONS.get(reason, reason), _MEANINGS.get(reason, "")
+        rows.append((name, value, why.format(**words), meaning.format(**words)))
+    return rows
 
 
 def not_requested(robot: RobotEstimate) -> list[str]:
@@ -170,22 +183,6 @@ def _group(
 
 def _scaled(value: float | None, factor: float, decimals: int) -> str:
     return MISSING if value is None else fixed(value * factor, decimals, sign=True)
-
-
-def _left(robot: RobotEstimate, dropped: DroppedParameter) -> tuple[str, str, str, str]:
-    on, reason = listed(dropped.on) or "other parameters", dropped.reason
-    words = {"on": on, "carry": "carries" if len(dropped.on) == 1 else "carry"}
-    why, meaning = _REASONS.get(reason, reason), _MEANINGS.get(reason, "")
-    value = _nominal_text(robot, dropped.name)
-    return dropped.name, value, why.format(**words), meaning.format(**words)
-
-
-def _nominal_text(robot: RobotEstimate, name: str) -> str:
-    if name not in robot.nominal.table.index:  # the clock
-        return MISSING
-    if parameter_named(name).is_length:
-        return f"{fixed(robot.nominal[name] * MM, 3)} mm"
-    return f"{fixed(np.degrees(robot.nominal[name]), 4)} deg"
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD
 from cell.clock import UNSEEN_OFFSET
-from cell.instruments import kinds
 from cell.number_text import duration_text
 from cell.poses import PoseTable
 from ident.result import Identification
@@ -24,7 +23,6 @@ from ident.verdict import Status
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css
-QUANTITIES = {kind.name: kind.noun for kind in kinds().values()}  # of tables of still poses
 
 
 @dataclass(frozen=True)
@@ -51,8 +49,8 @@ class Summary:
     even: bool = False  # whether the tiles are of one width
 
 
-def summary(run: RunData, tcp: TcpView | None, advice: str) -> Summary:
-    """The summary of a run; tcp : of recordings. advice : what would help most next."""
+def summary(run: RunData, tcp: TcpView, advice: str) -> Summary:
+    """The summary of a run; advice : what would help most next."""
     verdict = run.identification.verdict
     common = Summary(
         subtitle="",
@@ -64,7 +62,7 @@ def summary(run: RunData, tcp: TcpView | None, advice: str) -> Summary:
         warnings=verdict.warnings,
         tiles=(),
     )
-    if tcp is None:
+    if not run.recordings:
         poses = run.identification.poses
         assert poses is not None, "without recordings there are still poses"
         tiles = _pose_tiles(poses, run.comparison)
@@ -104,7 +102,7 @@ def _heading(run: RunData) -> str:
 
 
 def _table_subtitle(table: PoseTable) -> str:
-    kinds = listed(sorted({QUANTITIES[g.measured] for g in table.groups}))
+    kinds = listed(sorted({group.kind.noun for group in table.groups}))
     return f"{table.robot.title}; {table.size} still poses, {kinds}."
 
 

@@ -10,21 +10,20 @@ from markupsafe import Markup
 from ballbar.figure_style import AFTER, BEFORE
 from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
-from ballbar.report.numbers import MISSING, significant
+from ballbar.report.numbers import significant
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
 from cell.statistics import rms
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.identified import IdentifiedRobot
 
 SAME_CELLS = "same cells, with a colour scale of its own (mind the unit)."
 
 
 @dataclass(frozen=True, eq=False)
 class TcpView:
-    """TCP error over the G poses of the accuracy grid.
+    """TCP error over G poses.
 
     Where the truth is not known, `before` is the distance between nominal and identified model, and
     `after` the stated uncertainty of the identified one.
@@ -48,18 +47,15 @@ class TcpView:
         return float(np.sqrt(max(0.0, squares)) / rms(reach))
 
 
-def tcp_view(data: RunData) -> TcpView | None:
+def tcp_view(data: RunData) -> TcpView:
     """Error against the truth if there is a comparison, else the correction and its uncertainty.
 
-    None of still poses alone.
+    Over the accuracy grid, or of still poses alone over the fitted ranges.
     """
-    robot = data.identification.robot
-    if not data.recordings:
-        return None
-    grid = accuracy_grid(robot.cell.robot)
-    nominal = IdentifiedRobot(robot.cell, robot.nominal).tool(grid)
-    shift = position_error(nominal, robot.identified.tool(grid))
-    comparison = data.comparison
+    robot, comparison = data.identification.robot, data.comparison
+    model = robot.identified
+    grid = accuracy_grid(model.robot) if data.recordings else model.workspace()
+    shift = position_error(model.rigid(robot.nominal).tool(grid), model.tool(grid))
     return TcpView(
         against_truth=comparison is not None,
         position=comparison.tcp_nominal.position if comparison else shift.position,
@@ -73,91 +69,43 @@ def tcp_view(data: RunData) -> TcpView | None:
     )
 
 
-def tcp_section(run: RunData, view: TcpView | None) -> list[Section]:
-    """Table, curves and maps; view : of recordings."""
-    if view is None:
-        return _truth(run)
-    before, after = view.before_label, view.after_label
-    return [
-        section(
-            "tcp.html",
-            {"tcp": "TCP error"},
-            MACHINE,
-            heading="TCP error over the workspace",
-            intro=_intro(run, view),
-            against_truth=view.against_truth,
-            rows=_rows(run, view),
-            cumulative=cumulative(
-                _distributions(view),
-                label="TCP error" if view.against_truth else "distance of the TCP",
-            ),
-            curves=f"{before} and {after}",
-            note=_note(run, view),
-            maps=_maps(run, view),
-        )
-    ]
-
-
-def _truth(run: RunData) -> list[Section]:
-    """Still poses against the truth, where it is known."""
-    robot, comparison = run.identification.robot, run.comparison
-    if comparison is None:
-        return []
-    tcp, before = comparison.tcp, comparison.tcp_nominal
-    names = ("nominal robot", "identified robot", "stated sigma")
-    curves = [
-        Distribution(names[0], before.error, BEFORE),
-        Distribution(names[1], tcp.error, AFTER),
-        Distribution(names[2], robot.tcp_sigma, AFTER, dashed=True),
-    ]
-    maps = [
-        (
-            workspace_map(error.position, error.error, (), label=name, colours=colours),
-            name,
-            f"Error of the {name}, {caption}",
-        )
-        for error, name, colours, caption in (
-            (before, names[0], BEFORE_SCALE, "mean of the poses in each cell."),
-            (tcp, names[1], AFTER_SCALE, SAME_CELLS),
-        )
-    ]
-    return [
-        section(
-            "tcp.html",
-            {"tcp": "Truth"},
-            heading="TCP error against the truth",
-            intro=f"Distance between the place of target {comparison.target} by the model and the "
-            f"true one, at {tcp.error.size} random poses within the fitted ranges, after the best "
-            "rigid motion of the base frame.",
-            against_truth=True,
-            rows=[
-                _tcp_row(names[0], before.error, "before", before.error_without_scale),
-                _tcp_row(names[1], tcp.error, "after", tcp.error_without_scale),
-                _tcp_row(names[2], robot.tcp_sigma, "after"),
-            ],
-            cumulative=cumulative(curves, label="TCP error"),
-            curves="nominal robot, identified robot and stated sigma",
-            note="Stated sigma: in the scale of the instrument, all axes together, what the model "
-            "leaves unexplained included.",
-            maps=maps,
-        )
-    ]
+def tcp_section(run: RunData, view: TcpView) -> Section:
+    """Table, curves and maps."""
+    return section(
+        "tcp.html",
+        {"tcp": "TCP error"},
+        MACHINE if run.recordings else "",
+        heading=f"TCP error over the {'workspace' if run.recordings else 'fitted ranges'}",
+        intro=_intro(run, view),
+        against_truth=view.against_truth,
+        rows=_rows(run, view),
+        cumulative=cumulative(
+            _distributions(view), label="TCP error" if view.against_truth else "distance of the TCP"
+        ),
+        curves=f"{view.before_label} and {view.after_label}",
+        note=_note(run, view),
+        maps=_maps(run, view),
+    )
 
 
 def _intro(data: RunData, view: TcpView) -> str:
-    poses = f"at {view.before.size} held-out poses, after the best rigid motion of the base frame."
-    if view.against_truth:
-        loaded = bool(data.identification.robot.corrections)
-        under = " of the unloaded robot under its own weight" if loaded else ""
+    which = "held-out poses" if data.recordings else "random poses within the fitted ranges"
+    poses = f"at {view.before.size} {which}, after the best rigid motion of the base frame."
+    if data.comparison is None:
         return (
-            "Distance between the tool position that the model predicts and the true one"
-            f"{under}, {poses} Before: nominal model. After: identified model."
+            "The true robot is not known here, so the TCP error itself cannot be stated. Shown are "
+            "the correction, which is the distance between nominal and identified model and so an "
+            "estimate of the error before, and the stated uncertainty (1 sigma) of the identified "
+            f"model, both {poses}"
         )
+    tool = "tool position"
+    if not data.recordings:
+        tool = f"place of target {data.comparison.target}"
+    loaded = bool(data.recordings and data.identification.robot.corrections)
+    under = " of the unloaded robot under its own weight" if loaded else ""
     return (
-        "The true robot is not known here, so the TCP error itself cannot be stated. Shown are the "
-        "correction, which is the distance between nominal and identified model and so an estimate "
-        "of the error before, and the stated uncertainty (1 sigma) of the identified model, both "
-        f"at {view.before.size} poses after the best rigid motion of the base frame."
+        f"Distance between the {tool} that the model predicts and the true one{under}, {poses} "
+        "Before: nominal model. After: identified model."
     )
 
 
@@ -166,31 +114,37 @@ def _note(data: RunData, view: TcpView) -> str:
         "Predicted before: distance between nominal and identified robot, which is what a real "
         "cell would show. "
     )
-    stroke = data.identification.robot.cell.ballbar.stroke
-    source = "plate and rod give" if stroke is None else "the sensor of the length gives"
-    return (
-        f"{predicted if view.against_truth else ''}The stated sigma holds the scale, which "
-        f"{source} to {significant(view.scale * PPM, 2)} ppm (1 sigma) of every length."
+    stated = (
+        "Stated sigma: in the scale of the instrument, all axes together, what the model leaves "
+        "unexplained included."
     )
+    if data.recordings:
+        stroke = data.identification.robot.cell.ballbar.stroke
+        source = "plate and rod give" if stroke is None else "the sensor of the length gives"
+        scale = significant(view.scale * PPM, 2)
+        stated = (
+            f"The stated sigma holds the scale, which {source} to {scale} ppm (1 sigma) of every "
+            "length."
+        )
+    return f"{predicted if view.against_truth else ''}{stated}"
 
 
 def _maps(data: RunData, view: TcpView) -> list[tuple[Markup, str, str]]:
     """Map, name and caption of before and after."""
     estimates = [fitted.estimate for fitted in data.recordings]
     spheres = [Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
-    sphere = "ball-bar and the sphere on which the tool was measured"
-    if data.identification.robot.cell.ballbar.stroke is not None:
-        sphere = "seat, and the sphere of the instrument's nominal length"
-    captions = (
-        "mean of the poses in each cell. Square: robot base. Cross and dashed circle: "
-        f"{sphere}{', of each recording' if data.several else ''}.",
-        SAME_CELLS,
-    )
+    caption = "mean of the poses in each cell. Square: robot base."
+    if spheres:
+        sphere = "ball-bar and the sphere on which the tool was measured"
+        if data.identification.robot.cell.ballbar.stroke is not None:
+            sphere = "seat, and the sphere of the instrument's nominal length"
+        each = ", of each recording" if data.several else ""
+        caption += f" Cross and dashed circle: {sphere}{each}."
     parts = zip(
         (view.before_label, view.after_label),
         (view.before, view.after),
         (BEFORE_SCALE, AFTER_SCALE),
-        captions,
+        (caption, SAME_CELLS),
         strict=True,
     )
     return [
@@ -217,18 +171,13 @@ def _rows(data: RunData, view: TcpView) -> list[tuple[str, ...]]:
     ]
 
 
-def _tcp_row(
-    name: str, error: Array, side: str, without_scale: Array | None = None
-) -> tuple[str, ...]:
+def _tcp_row(name: str, error: Array, side: str, without_scale: Array) -> tuple[str, ...]:
     """Side and name of errors (G,) [m]; mean, 95 % quantile and largest in mm.
 
     side : "before" or "after". without_scale : after removing one common scale factor, its mean.
     """
-    sizes = error.mean(), np.quantile(error, 0.95), error.max()
-    scale_free = MISSING
-    if without_scale is not None:
-        scale_free = significant(float(without_scale.mean()) * MM)
-    return (side, name, *(significant(float(size) * MM) for size in sizes), scale_free)
+    sizes = error.mean(), np.quantile(error, 0.95), error.max(), without_scale.mean()
+    return (side, name, *(significant(float(size) * MM) for size in sizes))
 
 
 def _distributions(view: TcpView) -> list[Distribution]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -41,46 +42,66 @@ def say_identification(out: Console, run: RunData) -> None:
     _sentence(out, verdict.sentence, good=verdict.acceptable)
     for warning in verdict.warnings:
         out.print(f"[yellow]warning:[/] {escape(warning)}")
-    if run.recordings:
-        _say_logs(out, run)
-    elif run.identification.poses is not None:
-        _say_poses(out, run.identification.poses)
-
-
-def _say_logs(out: Console, data: RunData) -> None:
-    result = data.identification
-    for line in _complete(data) if result.model == "complete" else _dh(data):
+    for line in (*_model(run), *_forces(run)):
         out.print(escape(line))
-    for fitted in data.recordings:
-        _clock(out, fitted, f"clock of {fitted.name}" if data.several else "clock")
-        _tracker(out, fitted.estimate.tracker, fitted.name if data.several else "")
-    if result.poses is not None:
-        out.print(escape(result.poses.sentence))
-    tcp, cell = result.robot.tcp, result.robot.cell
-    stated = with_and_without(tcp.sigma, tcp.without_scale, cell)
-    out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")
+    for fitted in run.recordings:
+        _clock(out, fitted, f"clock of {fitted.name}" if run.several else "clock")
+        _tracker(out, fitted.estimate.tracker, fitted.name if run.several else "")
+    tcp, poses = run.identification.robot.tcp, run.identification.poses
+    if run.recordings:
+        if poses is not None:
+            out.print(escape(poses.sentence))
+        stated = with_and_without(tcp.sigma, tcp.without_scale, run.identification.robot.cell)
+        out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")
+    elif poses is not None:
+        _say_poses(out, poses)
 
 
-def _say_poses(out: Console, result: TableEstimate) -> None:
-    fit, search = result.fit, result.search
-    layout = fit.model.unknowns
-    seats, targets = len(layout.seats), len(layout.targets)
-    coefficients = layout.coefficients.stop - layout.coefficients.start
-    out.print(
-        f"{len(layout.parameters)} parameters and {coefficients} coefficients of corrections from "
-        f"{result.table.size} poses, {seats} seat{'s' * (seats > 1)} and {targets} "
-        f"target{'s' * (targets > 1)}, in {fit.iterations} iterations"
-    )
-    if search is not None:
-        names = ", ".join(f"joint {o.joint + 1}: {o.order:g}" for o in search.orders[:8])
-        more = len(search.orders) - 8
-        out.print(
-            escape(
-                f"joint errors found (cycles a turn): {names or 'none'}"
-                + (f" and {more} more" if more > 0 else "")
-            )
+def _model(data: RunData) -> list[str]:
+    """Numbers of unknowns that were identified and of samples or poses, and names of the rest."""
+    result, robot, poses = data.identification, data.identification.robot, data.identification.poses
+    counted = f"{parameter_count(result)} parameters"
+    if names := [correction.name for correction in robot.corrections]:
+        coefficients = sum(len(correction.coefficients) for correction in robot.corrections)
+        corrections = f"{len(names)} correction{'s' * (len(names) > 1)} ({', '.join(names)})"
+        counted += f" and {coefficients} coefficients of {corrections}"
+        what = "known from their priors more than from the data (the uncertainty counts it)"
+        left = [*parameters_at_prior(robot), *(c.name for c in coefficients_at_prior(robot))]
+    else:
+        what = "left at nominal values or priors"
+        left = [parameter.name for parameter in robot.dropped]
+    used = " + ".join(str(r.estimate.samples) for r in data.recordings) + " samples"
+    if poses is not None and not data.recordings:
+        seats, targets = len(poses.seats), len(poses.targets)
+        used = (
+            f"{poses.table.size} poses, {seats} seat{'s' * (seats > 1)} and {targets} "
+            f"target{'s' * (targets > 1)},"
         )
-    beside, over = result.sigma_at_poses.mean() * MM, result.tcp_sigma.mean() * MM
+    model = "complete model: " * (result.model == "complete")
+    return [
+        f"{model}{counted} from {used} in {result.fit.iterations} iterations",
+        f"{what}: {', '.join(left) or 'none'}",
+    ]
+
+
+def _forces(data: RunData) -> Iterator[str]:
+    """Force in the rod of each recording that knows it, and its source."""
+    for fitted in data.recordings:
+        tension, source = fitted.estimate.tension, fitted.estimate.tension_source
+        if tension is not None and data.identification.robot.corrections:
+            force_of = "along the instrument" if source == "instrument" else "in the rod"
+            name = f"force {force_of}" + (f" of {fitted.name}" if data.several else "")
+            force = f"{tension.min():.0f} to {tension.max():.0f} N"
+            yield f"{name}: {force}, {TENSION_SOURCES[source]}"
+
+
+def _say_poses(out: Console, poses: TableEstimate) -> None:
+    """Joint errors that were found in still poses, and the uncertainty stated of them."""
+    if (search := poses.search) is not None:
+        names = ", ".join(f"joint {o.joint + 1}: {o.order:g}" for o in search.orders[:8])
+        more = f" and {len(search.orders) - 8} more" * (len(search.orders) > 8)
+        out.print(escape(f"joint errors found (cycles a turn): {names or 'none'}{more}"))
+    beside, over = poses.sigma_at_poses.mean() * MM, poses.tcp_sigma.mean() * MM
     out.print(
         f"stated TCP uncertainty: {beside:.4f} mm at the measured poses; extrapolated over the "
         f"whole of the fitted ranges {over:.4f} mm (means, 1 sigma, all axes together; without the "
@@ -111,25 +132,20 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
         out.print(f"clock error: offset {offset:+.2f} us, skew {skew:+.4f} ppm")
 
 
-def say_pose_comparison(out: Console, comparison: Comparison) -> None:
-    """Print how far the identified robot is from the true one."""
-    tcp, before = comparison.tcp, comparison.tcp_nominal
-    out.print(
-        f"TCP error within the fitted ranges: mean {tcp.mean * MM:.4f} mm, "
-        f"largest {tcp.maximum * MM:.4f} mm "
-        f"(nominal robot {before.mean * MM:.3f} and {before.maximum * MM:.3f} mm)"
-    )
-
-
 def _comparison_of_poses(out: Console, comparison: Comparison) -> None:
     tcp, nominal = comparison.tcp, comparison.tcp_nominal
+    errors = (
+        f"mean {tcp.mean * MM:.4f} mm, largest {tcp.maximum * MM:.4f} mm (nominal robot "
+        f"{nominal.mean * MM:.3f} and {nominal.maximum * MM:.3f} mm)"
+    )
+    if not comparison.predicted:  # an identification against its truth
+        out.print(f"TCP error within the fitted ranges: {errors}")
+        return
     whose = "of both" if comparison.both_have_target else "of the first"
     out.print(
         escape(
             f"TCP difference over {POSES} poses within the fitted ranges, base aligned, target "
-            f"{comparison.target} {whose}: mean {tcp.mean * MM:.4f} mm, largest "
-            f"{tcp.maximum * MM:.4f} mm (nominal robot: "
-            f"{nominal.mean * MM:.3f} and {nominal.maximum * MM:.3f} mm)"
+            f"{comparison.target} {whose}: {errors}"
         )
     )
     stated = " and ".join(f"{mean * MM:.4f}" for mean in comparison.predicted)
@@ -159,42 +175,6 @@ def _tracker(out: Console, tracker: TrackerCheck | None, name: str) -> None:
     if tracker is not None:
         prefix = f"{name}: " if name else ""
         _sentence(out, prefix + tracker.sentence, good=tracker.acceptable)
-
-
-def _dh(data: RunData) -> list[str]:
-    result = data.identification
-    dropped = ", ".join(parameter.name for parameter in result.robot.dropped)
-    return [
-        f"{parameter_count(result)} parameters from {_samples(data)} samples in "
-        f"{result.fit.iterations} iterations; left at nominal values or priors: {dropped or 'none'}"
-    ]
-
-
-def _samples(data: RunData) -> str:
-    return " + ".join(str(fitted.estimate.samples) for fitted in data.recordings)
-
-
-def _complete(data: RunData) -> list[str]:
-    """Corrections, what the data did not determine, and the source of the rod's force."""
-    result, robot = data.identification, data.identification.robot
-    names = [correction.name for correction in robot.corrections]
-    coefficients = sum(len(correction.coefficients) for correction in robot.corrections)
-    corrections = f"{len(names)} correction{'s' * (len(names) != 1)} ({', '.join(names)})"
-    at_prior = [*parameters_at_prior(robot), *(c.name for c in coefficients_at_prior(robot))]
-    lines = [
-        f"complete model: {parameter_count(result)} parameters and {coefficients} coefficients of "
-        f"{corrections} from {_samples(data)} samples in {result.fit.iterations} iterations",
-        "known from their priors more than from the data (the uncertainty counts it): "
-        f"{', '.join(at_prior) or 'none'}",
-    ]
-    for fitted in data.recordings:
-        tension, source = fitted.estimate.tension, fitted.estimate.tension_source
-        if tension is not None:
-            force_of = "along the instrument" if source == "instrument" else "in the rod"
-            name = f"force {force_of}" + (f" of {fitted.name}" if data.several else "")
-            force = f"{tension.min():.0f} to {tension.max():.0f} N"
-            lines.append(f"{name}: {force}, {TENSION_SOURCES[source]}")
-    return lines
 
 
 def _clock(out: Console, fitted: FittedRecording, name: str) -> None:

@@ -1,4 +1,4 @@
-"""The file of a result is written as it was fitted and read back before it takes its name.
+"""The content of calibration.yaml, and the file that is read back before it takes its name.
 
 Where the reader of results refuses it, it is kept whole under another name, so what was fitted is
 not lost to a check of the program's own.
@@ -6,15 +6,55 @@ not lost to a check of the program's own.
 
 from __future__ import annotations
 
-from operator import methodcaller
+import re
+from collections.abc import Iterable
+from operator import attrgetter, methodcaller
 from pathlib import Path
+from typing import Any, TypeVar, cast, get_args
+
+import numpy as np
 
 from ballbar.result.calibration import load_calibration
-from ballbar.result.calibration_content import calibration_of
-from ballbar.result.run_data import RunData
+from ballbar.result.calibration_file import SCHEMA, CalibrationFile
+from ballbar.result.machine_entries import (
+    CoefficientEntry,
+    DroppedEntry,
+    From,
+    MassesEntry,
+    ParameterEntry,
+    RangeEntry,
+    covariance_entry,
+)
+from ballbar.result.recording_entries import (
+    ClockEntry,
+    CrossValidationEntry,
+    Direction,
+    FitEntry,
+    GroupEntry,
+    HeldOutEntry,
+    NoiseEntry,
+    OrderEntry,
+    PlacementEntry,
+    PoseHeldOutEntry,
+    RecordingEntry,
+    ResidualEntry,
+)
+from ballbar.result.run_data import FittedRecording, RunData
+from cell.arrays import Array
 from cell.errors import InputError
 from cell.files import copied_description, write_yaml
 from cell.pose_file import pose_file_path
+from cell.rotation import rotvec_from_matrix
+from cell.schema import Strict
+from cell.statistics import rms
+from ident.estimator.build_unknowns import arm_parameters
+from ident.estimator.priors import belongs_to_recording, shared_names
+from ident.result import RecordingEstimate, RobotEstimate
+from ident.table_estimate import PlacementEstimate, TableEstimate
+from ident.verdict import Verdict
+
+_UNIT = re.compile(r"_(?:m|rad|s)$")
+E = TypeVar("E", bound=Strict)
 
 
 class RefusedResultError(RuntimeError):
@@ -22,6 +62,205 @@ class RefusedResultError(RuntimeError):
 
     It is a fault of the program: one of fit, writer and reader is wrong.
     """
+
+
+def calibration_of(data: RunData) -> CalibrationFile:
+    """The content of calibration.yaml, which is checked once it is written."""
+    result, robot, poses = data.identification, data.identification.robot, data.identification.poses
+    own = _of_recordings(data) if data.recordings else _of_still_poses(data)
+    return CalibrationFile.model_construct(
+        schema_=SCHEMA,
+        model=result.model,
+        corrections={
+            correction.name: {c.name: _entry(CoefficientEntry, c) for c in correction.coefficients}
+            for correction in robot.corrections
+        },
+        ranges=_ranges(robot.identified.lower, robot.identified.upper),
+        recordings=(
+            *(_recording(fitted) for fitted in data.recordings),
+            *([] if poses is None else _groups(poses)),
+        ),
+        seats={} if poses is None else _placements(poses.seats),
+        targets={} if poses is None else _placements(poses.targets),
+        **own,
+    )
+
+
+def _of_recordings(data: RunData) -> dict[str, Any]:
+    """The parts of a result that recordings have, alone or together with still poses."""
+    result, description = data.identification, data.recordings[0].recording.description
+    robot, fit = result.robot, result.fit
+    return {
+        "robot": description.robot,
+        "instrument": description.measured_by,
+        "plate": description.plate,
+        "parameters": _parameters(shared_names(robot.nominal.table), robot),
+        "dropped": tuple(_entry(DroppedEntry, parameter) for parameter in robot.dropped),
+        "masses": _content(MassesEntry, robot.payload),
+        "covariance": covariance_entry(robot.tool),
+        "fit": _entry(
+            FitEntry,
+            fit,
+            **_verdict(result.verdict),
+            rod_sigma_m=fit.excess.rod,
+            tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
+            tcp_sigma_without_scale_mean_m=float(robot.tcp.without_scale.mean()),
+        ),
+        "held_out": tuple(_entry(HeldOutEntry, other.outcome) for other in data.validations),
+    }
+
+
+def _of_still_poses(data: RunData) -> dict[str, Any]:
+    """The parts of a result that still poses without recordings have."""
+    result, description = data.identification, data.tables[0][2].description
+    robot, fit, poses = result.robot, result.fit, result.poses
+    assert poses is not None, "without recordings there are still poses"
+    return {
+        "robot": description.robot,
+        "instrument": description.instrument,
+        "parameters": _parameters([p.name for p in arm_parameters(robot.robot)], robot),
+        "orders": tuple(
+            _entry(
+                OrderEntry,
+                o,
+                joint=o.joint + 1,
+                order=round(o.order),
+                aliases=tuple(round(a) for a in o.aliases),
+            )
+            for o in (poses.search.orders if poses.search else ())
+        ),
+        "cross_validation": _entry(CrossValidationEntry, poses.cross_validation),
+        "fit": FitEntry.model_construct(
+            **_verdict(result.verdict),
+            iterations=fit.iterations,
+            unknowns=fit.unknowns,
+            poses=poses.table.size,
+            tcp_sigma_at_poses_m=float(poses.sigma_at_poses.mean()),
+            tcp_sigma_mean_m=float(robot.tcp.sigma.mean()),
+            discrepancy_m=poses.unexplained,
+            residual_mean_m=poses.residual_means[0],
+            nominal_mean_m=poses.residual_means[1],
+        ),
+        "held_out": tuple(
+            _entry(
+                PoseHeldOutEntry,
+                outcome,
+                poses=outcome.error.size,
+                mean_m=float(outcome.error.mean()),
+                quantile_95_m=float(np.quantile(outcome.error, 0.95)),
+                nominal_mean_m=float(outcome.nominal.mean()),
+            )
+            for _, _, outcome in data.held_out_tables
+        ),
+    }
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {"status": verdict.status, "verdict": verdict.sentence, "warnings": verdict.warnings}
+
+
+def _entry(entry: type[E], source: object, **values: Any) -> E:
+    """An entry of these values, and of what `source` has under the other keys.
+
+    A key that ends with its unit, such as `largest_m`, stands for an attribute without it too, and
+    a mark `From` names another one. What is an entry itself is formed from its attribute.
+    """
+    for key, field in entry.model_fields.items():
+        marks = [mark.attribute for mark in field.metadata if isinstance(mark, From)]
+        for name in marks or (key, _UNIT.sub("", key)):
+            if key not in values and hasattr(source, name.split(".")[0]):
+                values[key] = _content(field.annotation, attrgetter(name)(source))
+    return cast(E, entry.model_construct(None, **values))
+
+
+def _content(annotation: Any, value: Any) -> Any:
+    """A value of a key, or the entries that its annotation asks for; (N,) numbers as a tuple."""
+    parts = (annotation, *get_args(annotation))
+    kind = next((p for p in parts if isinstance(p, type) and issubclass(p, Strict)), None)
+    if isinstance(value, np.ndarray):
+        return tuple(value.tolist())
+    if kind is None or value is None:
+        return value
+    if isinstance(value, tuple):
+        return tuple(_entry(kind, item) for item in value)
+    return _entry(kind, value)
+
+
+def _parameters(
+    names: Iterable[str], estimate: RobotEstimate | RecordingEstimate
+) -> dict[str, ParameterEntry]:
+    return {
+        name: ParameterEntry.model_construct(
+            nominal=estimate.nominal[name],
+            value=estimate.geometry[name],
+            sigma=estimate.sigma.get(name),
+            identified=name in estimate.sigma,
+        )
+        for name in names
+    }
+
+
+def _ranges(lower: Array, upper: Array) -> tuple[RangeEntry, ...]:
+    return tuple(
+        RangeEntry.model_construct(lower_rad=float(low), upper_rad=float(high))
+        for low, high in zip(lower, upper, strict=True)
+    )
+
+
+def _placements(estimates: dict[str, PlacementEstimate]) -> dict[str, PlacementEntry]:
+    entries = {}
+    for name, estimate in estimates.items():
+        turn = rotvec_from_matrix(estimate.placement.rotation[:, :, None])[:, 0].tolist()
+        rotation = tuple(turn) if estimate.whole else None
+        entries[name] = _entry(PlacementEntry, estimate, rotation_vector_rad=rotation)
+    return entries
+
+
+def _groups(poses: TableEstimate) -> list[GroupEntry]:
+    return [
+        _entry(
+            GroupEntry, group, poses=group.size, position_rms_m=float(np.sqrt((error**2).mean()))
+        )
+        for group, error in zip(poses.table.groups, poses.errors, strict=True)
+    ]
+
+
+def _recording(fitted: FittedRecording) -> RecordingEntry:
+    estimate = fitted.estimate
+    clock, after = estimate.clock, estimate.after
+    names = [f"b{joint}" for joint in estimate.encoders]
+    names_of_recording = [
+        name for name in estimate.geometry.table.names if belongs_to_recording(name)
+    ]
+    directions = cast(tuple[Direction, ...], estimate.directions)
+    noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
+    return _entry(
+        RecordingEntry,
+        estimate,
+        encoder_directions=dict(zip(names, directions, strict=True)),
+        clock=None
+        if clock is None
+        else _entry(
+            ClockEntry,
+            clock,
+            offset_sigma_s=estimate.clock_sigma[0],
+            skew_sigma=estimate.clock_sigma[1],
+        ),
+        parameters=_parameters(names_of_recording, estimate),
+        noise=NoiseEntry.model_construct(
+            joint_rad=tuple(estimate.noise.joint.tolist()),
+            encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
+            length_m=estimate.noise.length or None,
+        ),
+        residuals=ResidualEntry.model_construct(
+            samples=estimate.samples,
+            equations=int(estimate.whitened.size),
+            chi2=float((estimate.whitened**2).sum()),
+            position_rms_m=rms(np.linalg.norm(after.position, axis=1)),
+            angle_rms_rad=rms(np.linalg.norm(after.angle, axis=1)),
+        ),
+        temperature_C=fitted.recording.description.temperature_C,
+    )
 
 
 def write_calibration(path: Path, run: RunData) -> None:

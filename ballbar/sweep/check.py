@@ -8,23 +8,27 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
 from ballbar.code_version import code_version
 from ballbar.scenario import SCENARIOS, Scenario
+from ballbar.sweep.chunk import Files
 from ballbar.sweep.file import Changes, flattened, load_sweep_file
-from ballbar.sweep.files import Files, read_files
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
 from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import Value, load_extended, location_of, overlap, with_changes
+from cell.recording import load_recording_file
 from cell.schema_errors import Loc, explain
 from cell.strict_yaml import Place, YamlDocument, parse_model
 
 MAX_ERRORS = 10  # shown at once: about half a terminal
+
+_PATH_FILE, _RECORDING = "path.file", "path.recording"
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,3 +157,44 @@ def _scenarios(
 def _key_of(error: InputError) -> str:
     """The dotted key with which the message of `with_changes` begins."""
     return str(error).partition(":")[0]
+
+
+def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
+    """Every file that one of the scenarios names.
+
+    scenarios : plain data, checked or not. folder : folder of the scenario file.
+
+    Raises InputError when a file cannot be read.
+    """
+    contents: dict[str, bytes] = {}
+    for key, name in sorted({named for scenario in scenarios for named in _named(scenario)}):
+        for file in _recording_files(folder, name) if key == _RECORDING else [name]:
+            try:
+                contents[file] = (folder / file).read_bytes()
+            except OSError as error:
+                raise InputError(
+                    f"{key} = {name!r}: {folder / file} cannot be read: {error.strerror}. "
+                    "Correct the name."
+                ) from None
+    return tuple(sorted(contents.items()))
+
+
+def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Key and name of each file or recording that a scenario names."""
+    for key in (*SCENARIOS.descriptions, _PATH_FILE, _RECORDING):
+        section, _, last = key.partition(".")
+        below = scenario.get(section)
+        name = below.get(last) if isinstance(below, dict) else None
+        described = key in SCENARIOS.descriptions
+        if isinstance(name, str) and name and (not described or name.endswith(".yaml")):
+            yield key, name
+
+
+def _recording_files(folder: Path, name: str) -> list[str]:
+    """recording.yaml, the device files, and the descriptions that are not the shipped ones."""
+    content = load_recording_file(folder / name)
+    sources = content.sources.every
+    device = [file for source in sources for file in source.files]
+    described = [content.robot, content.measured_by, content.plate]
+    users = [file for file in described if file.endswith(".yaml")]
+    return [f"{name}/{file}" for file in ("recording.yaml", *device, *users)]

@@ -1,6 +1,11 @@
 """One chunk of a sweep: what a worker computes, in another process or on another machine.
 
-A worker gets the plan as text and returns rows. This module imports neither pyarrow nor anything
+A worker gets the plan as text and returns rows. The files that the scenarios name are kept with the
+sweep and sent to workers on other machines. They lie as the names in the scenario lead, also out of
+its folder (`../paths/a.yaml`). An absolute name is left as it is: its file counts for the plan, but
+must be on every machine.
+
+This module imports neither pyarrow nor anything
 that shows results, which keeps the start of a worker short (benchmarks/start_time.py).
 """
 
@@ -8,7 +13,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,13 +24,13 @@ import numpy as np
 from ballbar import PACKAGES
 from ballbar.code_version import code_version
 from ballbar.scenario import Scenario
-from ballbar.sweep.files import Files, scenario_folder, unpack
 from ballbar.sweep.plan import Plan, Run, run_of
 from cell.errors import InputError
 from cell.extended_yaml import Value
 from cell.threads import ONE_THREAD
 
 Row = dict[str, Value]  # column -> value
+Files = tuple[tuple[str, bytes], ...]  # (name in the scenario, content), in order of the names
 # (scenario, folder to which its file names are relative) -> results of one run by name
 Trial = Callable[[Scenario, Path], Mapping[str, float | int | str]]
 
@@ -37,7 +42,7 @@ class Task:
     text: str  # of the plan
     trial: Trial
     files: Files  # files that the scenarios name
-    top: Path  # folder on this machine that holds those files (files.py, `unpack`)
+    top: Path  # folder on this machine that holds those files (`unpack`)
 
 
 DONE, FAILED = "done", "failed"  # status of a run
@@ -50,7 +55,7 @@ def run_chunk(text: str, runs: Sequence[int], trial: Trial, top: Path) -> list[R
     """The rows of some runs of a chunk; a run that fails is a row with its reason.
 
     text : text of the plan. runs : their numbers. top : folder with the files that the scenarios
-    name (files.py).
+    name.
 
     Raises InputError when the code of this worker is of another version than the plan; OSError and
     MemoryError, which are failures of the machine and not of the run.
@@ -85,6 +90,26 @@ def _unpacked(files: Files) -> TemporaryDirectory[str]:
     top = TemporaryDirectory(prefix="ballbar-sweep-")
     unpack(files, Path(top.name))
     return top
+
+
+def unpack(files: Files, top: Path) -> None:
+    """Writes the files below `top`, to where their names lead from `scenario_folder`.
+
+    Files with absolute names are left out.
+    """
+    folder = scenario_folder((name for name, _ in files), top)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files:
+        if not Path(name).is_absolute():
+            path = folder / os.path.normpath(name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+
+
+def scenario_folder(names: Iterable[str], top: Path) -> Path:
+    """The folder below `top` that lies as deep as the names lead up."""
+    depth = max((Path(os.path.normpath(name)).parts.count("..") for name in names), default=0)
+    return Path(top, *["scenario"] * depth)
 
 
 @lru_cache(maxsize=1)

@@ -4,28 +4,30 @@ DIR/files/                 files that the scenarios name, as they were at the st
 DIR/plan.yaml              what is computed, and its hash
 DIR/chunks/HASH/           of each plan, so that chunks of two plans are never mixed:
     plan.json              the plan
-    000123.parquet         finished chunks, each complete
+    000123.json            finished chunks, each complete
     done                   when the table is that of this plan
 DIR/NAME.parquet, .csv     the table
 
-A plan that has grown (growth.py) takes over the rows of the smaller ones, whose chunks stay.
+A plan that has grown has more seeds, draws, values under `vary` or rows under `together`. The runs
+of the smaller ones are runs of it under other numbers: it takes over their rows, and their chunks
+stay. Anything else that differs makes another sweep.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
-from ballbar.sweep.chunk import Row
-from ballbar.sweep.files import Files, unpack
-from ballbar.sweep.growth import changed_keys, earlier_number
-from ballbar.sweep.plan import Plan, PlanData, point_of
-from ballbar.sweep.table import chunk_bytes, chunk_rows, write_table
+from ballbar.sweep.chunk import Files, Row, unpack
+from ballbar.sweep.file import flattened
+from ballbar.sweep.plan import Plan, PlanData, plain_text, point_of
+from ballbar.sweep.table import chunk_rows, write_table
 from cell.errors import InputError
+from cell.extended_yaml import Value
 from cell.files import claimed_folder, write_whole, write_yaml
 from cell.strict_yaml import load_yaml, parse_model
 
@@ -35,6 +37,7 @@ _PLAN = "plan.yaml"
 _STORED, _DONE = "plan.json", "done"
 _HEAD = ("plan", "runs")  # what plan.yaml states before the plan
 MAX_CHANGED = 10  # keys that differ, named at once
+_rows = lru_cache(maxsize=8)(chunk_rows)  # of chunks of earlier plans
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class SweepFolder:
         return all(path.exists() for path in (self._chunks / _DONE, self.table, self.csv))
 
     def chunk(self, number: int) -> Path:
-        return self._chunks / f"{number:06d}.parquet"
+        return self._chunks / f"{number:06d}.json"
 
     def missing_runs(self) -> dict[int, list[int]]:
         """Each chunk that is not done -> its runs that no earlier plan has either."""
@@ -86,7 +89,7 @@ class SweepFolder:
     @property
     def _done(self) -> set[int]:
         """Numbers of the chunks that are done."""
-        return {int(path.stem) for path in self._chunks.glob("*.parquet")}
+        return {int(path.stem) for path in self._chunks.glob("[0-9]*.json")}
 
     @cached_property
     def _earlier(self) -> list[tuple[SweepFolder, set[int]]]:
@@ -108,9 +111,8 @@ class SweepFolder:
         """The row of a run that an earlier plan has, with its numbers in this one."""
         place = self._earlier_chunk(run)
         assert place is not None, f"run {run} was not computed"
-        row, point = chunk_rows(place[0])[place[1]], run // self.plan.seeds
-        results = {name: value for name, value in row.items() if name not in self.plan.columns}
-        return results | {"run": run, "point": point} | point_of(self.plan, point)
+        row, point = _rows(place[0])[place[1]], run // self.plan.seeds
+        return row | {"run": run, "point": point} | point_of(self.plan, point)
 
     @property
     def files(self) -> Path:
@@ -130,12 +132,12 @@ class SweepFolder:
         """Writes a finished chunk: the rows that were computed, and those of earlier plans."""
         computed = {row["run"]: row for row in rows}
         every = [computed.get(run) or self._earlier_row(run) for run in self.plan.chunk(number)]
-        write_whole(self.chunk(number), chunk_bytes(every, self.plan.columns))
+        write_whole(self.chunk(number), json.dumps(every).encode())
 
     def finish(self) -> None:
         """Writes the table from all chunks."""
         chunks = [self.chunk(number) for number in range(self.plan.chunks)]
-        write_table(chunks, {"parquet": self.table, "csv": self.csv})
+        write_table(chunks, self.plan.columns, {"parquet": self.table, "csv": self.csv})
         write_whole(self._chunks / _DONE, b"")
 
 
@@ -169,3 +171,50 @@ def _refuse_unless_grown(file: Path, plan: Plan) -> None:
         f"{file}: its chunks {reason}; nothing was run. Choose another folder with --out, or "
         "delete this one."
     )
+
+
+def changed_keys(plan: Plan, earlier: Plan) -> list[str]:
+    """Keys of a plan that differ from those of an earlier one by more than growth."""
+    new, old = plan.data, earlier.data
+    changed = [key for key in ("name", "version") if getattr(new, key) != getattr(old, key)]
+    now, then = ({k: plain_text(v) for k, v in flattened(d.scenario).items()} for d in (new, old))
+    different = sorted(key for key in now.keys() | then.keys() if now.get(key) != then.get(key))
+    changed += [f"scenario.{key}" for key in different]
+    changed += [f"files.{name}" for name in old.files if new.files.get(name) != old.files[name]]
+    if bool(new.together) != bool(old.together) or not _holds(new.together, old.together):
+        changed.append("together")
+    if new.vary.keys() != old.vary.keys():
+        changed.append("vary")
+    else:
+        changed += [f"vary.{key}" for key in new.vary if not _holds(new.vary[key], old.vary[key])]
+    changed += [key for key in ("draw", "seed") if getattr(new, key) != getattr(old, key)]
+    if (new.draws or 0) < (old.draws or 0):
+        changed.append("draws")
+    first, last = new.seeds.first, new.seeds.first + new.seeds.count
+    if old.seeds.first < first or old.seeds.first + old.seeds.count > last:
+        changed.append("seeds")
+    return changed
+
+
+def earlier_number(plan: Plan, number: int, earlier: Plan) -> int | None:
+    """Number in an earlier plan of the run `number` of a grown one; None where it has none."""
+    point, index = divmod(number, plan.seeds)
+    seed = plan.data.seeds.first + index - earlier.data.seeds.first
+    if not 0 <= seed < earlier.seeds:
+        return None
+    names: dict[str, str | int] = {}
+    for axis in reversed(plan.axes):
+        point, row = divmod(point, len(axis))
+        names[axis.key] = axis.name(row)
+    result = 0
+    for axis in earlier.axes:
+        number_there = axis.numbers.get(names[axis.key])
+        if number_there is None:
+            return None
+        result = result * len(axis) + number_there
+    return result * earlier.seeds + seed
+
+
+def _holds(values: Sequence[Value], others: Sequence[Value]) -> bool:
+    """Whether every one of the others is among the values."""
+    return {plain_text(value) for value in others} <= {plain_text(value) for value in values}

@@ -56,6 +56,15 @@ class Factor:
         """Name that distinguishes it from the other axes: its key under `vary`, or its section."""
         return next(iter(self.rows[0])) if self.section == "vary" else self.section
 
+    def name(self, row: int) -> str | int:
+        """What a row is known by in plans that have grown: its content, or the number of a draw."""
+        return row if self.section == "draw" else plain_text(self.rows[row])
+
+    @cached_property
+    def numbers(self) -> dict[str | int, int]:
+        """Number of each row by its name."""
+        return {self.name(row): row for row in range(len(self))}
+
     def __len__(self) -> int:
         return len(self.rows)
 
@@ -181,6 +190,11 @@ class Plan:
                 for key, value in row.items():
                     columns.setdefault(key, []).append(value)
         return dict(sorted(columns.items(), key=lambda column: column[0] != LABEL))
+
+
+def plain_text(value: Value) -> str:
+    """Text by which plain data are compared: 1 and 1.0 differ, as they do in the table."""
+    return json.dumps(value, sort_keys=True)
 
 
 def point_of(plan: Plan, point: int) -> Changes:

@@ -1,33 +1,47 @@
 """Runs a sweep: missing chunks go to the workers and are kept as they return; then the table.
 
 Interrupted at any point, the same command goes on from the chunks that are done and ends in the
-same bytes.
+same bytes. Workers are processes of this machine, or those of a Dask cluster; both return the same
+rows.
 """
 
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from ballbar.code_version import DISTRIBUTION
 from ballbar.sweep.check import LoadedSweep, check_points
-from ballbar.sweep.chunk import Row, Task, Trial
+from ballbar.sweep.chunk import Row, Task, Trial, run_chunk, run_chunk_remotely
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.workers import Workers
 from cell.errors import FailureError, InputError
-from cell.processes import on_stop_signals
+from cell.processes import on_stop_signals, stop_signals_blocked
+from cell.processes import process_pool as processes_of
 
 POLL = 0.2  # [s] between two looks for an interrupt while no chunk returns
+CONNECT_TIMEOUT = 10.0  # [s] for a Dask scheduler to answer
+COUNT_PERIOD = 1.0  # [s] between two looks at how many Dask workers there are
 
 Progress = Callable[[int, str], None]  # (runs done, stage)
 
 
 class SweepError(FailureError):
     """The sweep could not go on, through no fault of its runs; the chunks that are done remain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Workers:
+    """Something that computes the chunks of one sweep."""
+
+    submit: Callable[[Sequence[int]], Future[list[Row]]]  # numbers of runs of a chunk -> rows
+    count: Callable[[], int]  # chunks computed at the same time; may change
 
 
 @dataclass(frozen=True)
@@ -166,3 +180,77 @@ def _stop_requests() -> Iterator[Callable[[], bool]]:
     in_main = threading.current_thread() is threading.main_thread()  # which alone receives signals
     with on_stop_signals(note) if in_main else nullcontext():
         yield stop.is_set
+
+
+@contextmanager
+def processes(task: Task, *, count: int) -> Iterator[Workers]:
+    """`count` worker processes on this machine, for one sweep; see `process_pool`."""
+    with process_pool(count) as workers_of, workers_of(task) as workers:
+        yield workers
+
+
+@contextmanager
+def process_pool(count: int) -> Iterator[Callable[[Task], AbstractContextManager[Workers]]]:
+    """`count` worker processes on this machine, for one sweep after the other.
+
+    Their start takes as long as some dozens of short runs.
+    """
+    with processes_of(count, _ready) as pool:
+
+        def submit(task: Task, runs: Sequence[int]) -> Future[list[Row]]:
+            try:
+                with stop_signals_blocked():  # a pool may start its processes in `submit`
+                    return pool.submit(run_chunk, task.text, runs, task.trial, task.top)
+            except BrokenProcessPool as error:  # reported when the chunk's result is collected
+                broken: Future[list[Row]] = Future()
+                broken.set_exception(error)
+                return broken
+
+        yield lambda task: nullcontext(Workers(partial(submit, task), lambda: count))
+
+
+def _ready() -> None:
+    """A worker needs nothing beforehand."""
+
+
+@contextmanager
+def dask_cluster(task: Task, *, address: str) -> Iterator[Workers]:
+    """The workers of a Dask scheduler, such as `tcp://10.0.0.5:8786`.
+
+    Raises InputError when Dask is not installed or no scheduler answers.
+    """
+    try:
+        from distributed import Client  # noqa: PLC0415  an extra, and slow to import
+    except ImportError:
+        raise InputError(
+            f"--scheduler {address} needs Dask, which is not installed: "
+            f"pip install '{DISTRIBUTION}[dask]'."
+        ) from None
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with "
+            "`dask scheduler`."
+        ) from None
+    with client:
+        executor = client.get_executor(pure=False)
+        # A task of its own: sent once to each worker, also to one that joins later.
+        files = client.submit(tuple, task.files, pure=False)
+        yield Workers(
+            lambda runs: executor.submit(run_chunk_remotely, task.text, runs, task.trial, files),
+            _refreshed(lambda: sum(client.nthreads().values())),
+        )
+
+
+def _refreshed(look: Callable[[], int]) -> Callable[[], int]:
+    """`look`, with its last result again while that is at most COUNT_PERIOD old."""
+    since, count = -COUNT_PERIOD, 0
+
+    def latest() -> int:
+        nonlocal since, count
+        if time.monotonic() - since > COUNT_PERIOD:
+            since, count = time.monotonic(), look()
+        return count
+
+    return latest

@@ -23,7 +23,7 @@ from rich.table import Table
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress as RunProgress
 from ballbar.sweep.run import SweepOutcome
-from ballbar.sweep.summary import MAIN_RESULTS, MAX_POINTS, failures_of, grid_keys, grid_points
+from ballbar.sweep.table import MAIN_RESULTS, MAX_POINTS, failures_of, grid_keys, grid_points
 from ballbar.terminal import animated, wide_console
 
 BAR_AFTER = 2.0  # [s] a sweep that ends sooner shows no bar

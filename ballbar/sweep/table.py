@@ -1,24 +1,33 @@
-"""Rows of a sweep as Parquet and CSV: chunks of a few runs, and the table that they make.
+"""Rows of a sweep: chunks of a few runs as JSON, their table as Parquet and CSV, and its summary.
 
 Columns: sweep, scenario, version, run, point, seed, status (`done` or `failed`), reason, the varied
 values by their dotted key (and `label`), then the results in the order in which runs first return
 them. A result that a run does not return is null. The same rows give the same bytes: no times, no
-names of machines, one writer setting.
+names of machines, one writer setting. Rows are written and read some at a time: a sweep may be
+larger than the memory.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from functools import lru_cache, reduce
+from dataclasses import dataclass
+from functools import reduce
+from itertools import chain, islice
 from pathlib import Path
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
-from ballbar.sweep.chunk import Row
+from ballbar.sweep.chunk import FAILED, Row
+from ballbar.sweep.file import LABEL, Changes
+from ballbar.sweep.plan import Plan, point_of
+from cell.arrays import Array
 from cell.errors import InputError
 from cell.extended_yaml import Value
 from cell.files import written_whole
@@ -26,118 +35,90 @@ from cell.foreign_text import csv_text
 
 # Rows of a row group, held in memory at once: 10 000 runs take the memory of 100.
 GROUP_ROWS = 2_000
+MAIN_RESULTS = ("distance_mm_mrad", "tcp_mean_mm")  # the results of a run that are summarised
+MAX_POINTS = 40  # points of the grid that are shown: a terminal's height
 
 _FIXED = {
-    "sweep": pa.string(),
-    "scenario": pa.string(),
-    "version": pa.string(),
-    "run": pa.int64(),
-    "point": pa.int64(),
-    "seed": pa.int64(),
-    "status": pa.string(),
-    "reason": pa.string(),
+    **dict.fromkeys(("sweep", "scenario", "version"), pa.string()),
+    **dict.fromkeys(("run", "point", "seed"), pa.int64()),
+    **dict.fromkeys(("status", "reason"), pa.string()),
 }
+_TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), type(None): pa.null()}
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 
-def chunk_bytes(rows: Sequence[Row], varied: Mapping[str, list[Value]]) -> bytes:
-    """A chunk as a Parquet file.
+@dataclass(frozen=True)
+class Failures:
+    """Failed runs of a sweep."""
 
-    rows : one for each run, with the fixed columns, the varied ones and its results.
-    varied : key -> values that give its column a type, the same in every chunk.
-    """
-    types = _FIXED | {key: _type_of(values) for key, values in varied.items()}
-    arrays = {}
-    for name in dict.fromkeys((*types, *(name for row in rows for name in row))):
-        column = [row.get(name) for row in rows]
-        kind = types[name] if name in types else _type_of(column)
-        arrays[name] = pa.array([_as(kind, value) for value in column], kind)
-    sink = pa.BufferOutputStream()
-    pq.write_table(pa.table(arrays), sink, write_statistics=False)
-    return bytes(sink.getvalue())
+    count: int
+    reason: str  # the commonest one but for its numbers, as a run gave it; empty without failures
+    of_reason: int  # runs that failed for this reason
 
 
-@lru_cache(maxsize=8)
+@dataclass(frozen=True, eq=False)
+class GridPoint:
+    """The runs of one point of the grid, draws and seeds together."""
+
+    values: Changes
+    runs: int
+    failed: int
+    results: dict[str, Array]  # (runs - failed,) of each of MAIN_RESULTS in the table, unit in name
+
+
 def chunk_rows(chunk: Path) -> dict[int, Row]:
-    """Number of a run -> its row, of a finished chunk; results that a run has not are left out.
+    """Number of a run -> its row, of a finished chunk.
 
     Raises InputError when the chunk cannot be read.
     """
-    rows = _opened(chunk).read(use_threads=False).to_pylist()
-    return {row["run"]: {k: v for k, v in row.items() if v is not None} for row in rows}
-
-
-def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:
-    """Streams all chunks, in order, into the table's files; each appears complete or not at all.
-
-    files : path of `parquet` and of `csv`. Raises InputError when a chunk cannot be read.
-    """
-    schema = _schema(chunks)
-    with ExitStack() as stack:
-        aside = {kind: stack.enter_context(written_whole(path)) for kind, path in files.items()}
-        parquet = stack.enter_context(pq.ParquetWriter(aside["parquet"], schema))
-        csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
-        rows = (_in_schema(_opened(chunk).read(use_threads=False), schema) for chunk in chunks)
-        for group in regrouped(rows, GROUP_ROWS):
-            parquet.write_table(group)
-            harmless = group  # text that no spreadsheet runs
-            for i, field in enumerate(schema):
-                if pa.types.is_string(field.type):
-                    cells = [t if t is None else csv_text(t) for t in group[i].to_pylist()]
-                    harmless = harmless.set_column(i, field, pa.array(cells, field.type))
-            csv.write_table(harmless)
-
-
-def _schema(chunks: Iterable[Path]) -> pa.Schema:
-    """Every column of the chunks, in order of first appearance, with a type for all its values."""
-    types: dict[str, pa.DataType] = {}
-    for chunk in chunks:
-        for field in _opened(chunk).schema_arrow:
-            types[field.name] = _common(types.get(field.name, pa.null()), field.type)
-    return pa.schema(
-        [(name, pa.float64() if pa.types.is_null(kind) else kind) for name, kind in types.items()]
-    )
-
-
-def regrouped(tables: Iterable[pa.Table], size: int) -> Iterator[pa.Table]:
-    """The same rows in tables of `size` rows; the last one may have fewer."""
-    waiting: list[pa.Table] = []
-    for table in tables:
-        waiting.append(table)
-        while sum(map(len, waiting)) >= size:
-            rows = pa.concat_tables(waiting)
-            yield rows.slice(0, size).combine_chunks()
-            waiting = [rows.slice(size)]
-    if sum(map(len, waiting)):
-        yield pa.concat_tables(waiting).combine_chunks()
-
-
-def _in_schema(rows: pa.Table, schema: pa.Schema) -> pa.Table:
-    columns = [
-        rows[field.name].cast(field.type)
-        if field.name in rows.column_names
-        else pa.nulls(len(rows), field.type)
-        for field in schema
-    ]
-    return pa.table(columns, schema=schema)
-
-
-def _opened(chunk: Path) -> pq.ParquetFile:
     try:
-        return pq.ParquetFile(chunk)
-    except (OSError, pa.ArrowInvalid) as error:
+        return {row["run"]: row for row in json.loads(chunk.read_bytes())}
+    except (OSError, ValueError) as error:
         raise InputError(
             f"{chunk}: cannot be read: {error}. Delete this file and run the sweep again; only its "
             "runs are repeated."
         ) from None
 
 
-def _type_of(values: Iterable[Value]) -> pa.DataType:
-    """The narrowest type for all values: truth values, whole numbers, numbers, or text.
+def write_table(
+    chunks: Sequence[Path], varied: Mapping[str, list[Value]], files: Mapping[str, Path]
+) -> None:
+    """Streams all chunks, in order, into the table's files; each appears complete or not at all.
 
-    Lists and mappings are text.
+    varied : key -> values that give its column a type. files : path of `parquet` and of `csv`.
+
+    Raises InputError when a chunk cannot be read.
     """
-    types = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), type(None): pa.null()}
-    return reduce(_common, (types.get(type(value), pa.string()) for value in values), pa.null())
+    types = _FIXED | {key: reduce(_common, map(_type, v), pa.null()) for key, v in varied.items()}
+    results: dict[str, pa.DataType] = {}
+    for row in _rows(chunks):
+        for name, value in row.items():
+            if name not in types:
+                results[name] = _common(results.get(name, pa.null()), _type(value))
+    for name, kind in results.items():
+        types[name] = pa.float64() if pa.types.is_null(kind) else kind
+    schema = pa.schema(list(types.items()))
+    with ExitStack() as stack:
+        aside = {kind: stack.enter_context(written_whole(path)) for kind, path in files.items()}
+        parquet = stack.enter_context(pq.ParquetWriter(aside["parquet"], schema))
+        csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
+        rows = _rows(chunks)
+        while group := list(islice(rows, GROUP_ROWS)):
+            columns = {n: [_as(kind, row.get(n)) for row in group] for n, kind in types.items()}
+            parquet.write_table(pa.table(columns, schema))
+            for name, kind in types.items():  # text that no spreadsheet runs
+                if pa.types.is_string(kind):
+                    columns[name] = [t if t is None else csv_text(t) for t in columns[name]]
+            csv.write_table(pa.table(columns, schema))
+
+
+def _rows(chunks: Sequence[Path]) -> Iterator[Row]:
+    return chain.from_iterable(chunk_rows(chunk).values() for chunk in chunks)
+
+
+def _type(value: Value) -> pa.DataType:
+    """Type of a truth value, whole number, number or text; lists and mappings are text."""
+    return _TYPES.get(type(value), pa.string())
 
 
 def _common(kind: pa.DataType, other: pa.DataType) -> pa.DataType:
@@ -154,3 +135,39 @@ def _as(kind: pa.DataType, value: Value) -> Value:
     if value is None or isinstance(value, str) or not pa.types.is_string(kind):
         return float(value) if pa.types.is_floating(kind) and value is not None else value
     return json.dumps(value)
+
+
+def failures_of(table: Path) -> Failures:
+    """Number of failed runs in a table, and the commonest reason."""
+    counts: Counter[str] = Counter()
+    example: dict[str, str] = {}
+    for rows in pq.ParquetFile(table).iter_batches(columns=["status", "reason"]):
+        for status, reason in zip(*(column.to_pylist() for column in rows.columns), strict=True):
+            if status == FAILED:
+                kind = _NUMBER.sub("#", reason)
+                counts[kind] += 1
+                example.setdefault(kind, reason)
+    if not counts:
+        return Failures(0, "", 0)
+    kind, of_reason = counts.most_common(1)[0]
+    return Failures(counts.total(), example[kind], of_reason)
+
+
+def grid_points(table: Path, plan: Plan) -> Iterator[GridPoint]:
+    """The first MAX_POINTS points of the grid, in order."""
+    file, size = pq.ParquetFile(table), plan.grid_point_runs
+    names = [name for name in MAIN_RESULTS if name in file.schema_arrow.names]
+    rows = file.read(columns=["status", *names])
+    for first in range(0, min(plan.runs, MAX_POINTS * size), size):
+        done = rows.slice(first, size).filter(pc.field("status") != FAILED)
+        results = {name: done[name].drop_null().to_numpy() for name in names}
+        point = point_of(plan, first // plan.seeds)
+        values = {key: value for key, value in point.items() if key not in plan.data.draw}
+        yield GridPoint(values, size, size - len(done), results)
+
+
+def grid_keys(plan: Plan) -> list[str]:
+    """Keys of the grid's values, `label` first."""
+    grid = [axis for axis in plan.axes if axis.section != "draw"]
+    keys = dict.fromkeys(key for axis in grid for row in axis.rows for key in row)
+    return sorted(keys, key=lambda key: key != LABEL)

@@ -45,9 +45,8 @@ from ident.robot.identified import IdentifiedRobot
 from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
 from ident.thesis.cost_fit import fit_cost
 from ident.thesis.costs import Cost, cost_named
-from ident.thesis.moving_average import moving_average
 from ident.thesis.names import Smoothing
-from ident.thesis.pairing import pair_logs
+from ident.thesis.pairing import moving_average, pair_logs
 from ident.verdict import Status, noise_status
 from sim.errors.sample_errors import delay_of
 from sim.recording_files import write_recording

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
-from ballbar.truth.true_robot import true_tool
-from cell.descriptions import Robot
+from cell.arrays import Array
+from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import (
     Geometry,
@@ -17,9 +19,12 @@ from cell.geometry import (
     nominal_chain,
     parameter_named,
     parameter_table,
+    robot_frames,
     robot_geometry,
 )
 from ident.estimator.build_unknowns import arm_parameters
+from ident.loads.at_rest import backlash_flanks
+from ident.loads.gear_loads import mass_model, own_weight
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
@@ -122,3 +127,40 @@ def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float
         d[row] += d[row + 1] - nominal.d[row + 1]
     values = {"d": d, "a": chain.a, "alpha": chain.alpha, "theta": chain.theta, "beta": chain.beta}
     return {p.name: (float(values[p.kind][p.row]), 0.0) for p in arm_parameters(robot)}
+
+
+def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
+    """(N, 3) [m] tool positions in the robot's base frame, at logged joint angles q (N, 6) [rad].
+
+    It is the reference of the TCP error: the true robot without load. Resolver errors, transmission
+    errors, compliance under the weight of arm and plate, and backlash are all part of the map from
+    logged angles to the tool, and an identified robot is judged by that map. Where hardly any
+    weight loads a gear, its backlash is counted in the middle (notes/identification sec. 1).
+
+    geometry : the true one, as the declared directions describe it (`reference_of`)
+    """
+    robot, plant = cell.robot, truth.plant
+    motors = q @ np.linalg.inv(robot.transmission)
+    read = motors.copy()
+    if truth.logs.resolvers is not None:
+        for i, harmonics in enumerate(truth.logs.resolvers.motors):
+            motors[:, i] -= sum(h.at(read[:, i]) for h in harmonics)
+    shown = motors @ robot.transmission @ robot.joint_to_gear
+    gears = shown.copy()
+    for _ in range(3):  # the ripple is that of the output's angle; each turn gains three digits
+        error = np.zeros_like(gears)
+        for r in plant.transmission_error:
+            error[:, r.axis - 1] += r.amplitude_rad * np.sin(
+                r.cycles_per_turn * gears[:, r.axis - 1] + r.phase_rad
+            )
+        gears = shown + error
+    if plant.gear_stiffness_N_m_per_rad is not None:
+        loaded = cell if plant.masses is None else plant.masses.on(cell)
+        weight = own_weight(mass_model(loaded), geometry, q).gear.T
+        side = backlash_flanks(weight.T).T
+        gears = (
+            gears
+            - weight / np.array(plant.gear_stiffness_N_m_per_rad)
+            - np.array(plant.gear_backlash_half_width_rad) * side
+        )
+    return robot_frames(geometry, gears @ robot.gear_to_joint).tip.T

@@ -38,9 +38,8 @@ from ident.estimator.thesis_names import (
 # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4
 # (docs/identifiability.md)
 STRUCTURAL = 1e-6
-SCALE_PARTNERS = (
-    3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
-)
+# a combination of fewer lengths has a simpler name than "all lengths in proportion"
+SCALE_PARTNERS = 3
 SIGNIFICANT = 0.05  # mm|mrad for an error of 1 mm|mrad, thesis sec. 3.3
 
 
@@ -49,9 +48,8 @@ class Dependency:
     """A parameter left out, and the combination of selected ones that does the same."""
 
     name: str
-    partners: Mapping[
-        str, float
-    ]  # selected parameter: x, in units of the partner per unit of `name` (m, rad)
+    # selected parameter: x, in units of the partner per unit of `name` (m, rad)
+    partners: Mapping[str, float]
     is_scale: bool  # every length in proportion to itself
 
 
@@ -68,9 +66,8 @@ class Selection:
 class Group:
     """Parameters of which only some can be identified, one entry of Table 3.2."""
 
-    members: tuple[
-        tuple[str, ...], ...
-    ]  # alternatives; several names in one alternative move together
+    # alternatives; several names in one alternative move together
+    members: tuple[tuple[str, ...], ...]
     vectors: tuple[Dependency, ...]  # the null vectors behind it
 
     def __str__(self) -> str:

@@ -37,16 +37,13 @@ from ident.signals.steps import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
 # Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves
-# the
-# estimate a hundredth of its standard deviation from the minimum.
+# the estimate a hundredth of its standard deviation from the minimum.
 NEGLIGIBLE = 1e-4
 # Predicted decrease for each unknown below which a Jacobian is reused: within five standard
 # deviations of each, it gives the same covariance at either end of the step.
 REUSE_BELOW = 25.0
-COARSE_SAMPLES, COARSE_SHARE = (
-    150,
-    4,
-)  # a fit of so many comes first where there are so many times more
+# A fit of so many samples comes first where there are so many times more.
+COARSE_SAMPLES, COARSE_SHARE = 150, 4
 
 
 @dataclass(frozen=True, eq=False)

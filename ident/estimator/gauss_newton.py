@@ -22,8 +22,7 @@ from cell.arrays import Array
 from cell.errors import FailureError
 
 # Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing
-# determines
-# at rounding level instead of failing.
+# determines at rounding level instead of failing.
 ROUNDING = 1e-12
 LEAST_SHARE = 1e-4  # of the Gauss-Newton step: a shorter one is rounding, or a wall
 FIRST_DAMPING, MAX_DAMPING = 1e-6, 1e6  # of Marquardt, in units of the scaled diagonal

@@ -186,9 +186,8 @@ class Model:
     corrections: tuple[Correction, ...]
     unknowns: Unknowns
     recordings: tuple[Samples, ...]
-    sharpness: float = (
-        1.0  # below 1 the backlash changes flanks over a wider load; for continuation
-    )
+    # below 1 the backlash changes flanks over a wider load; for continuation
+    sharpness: float = 1.0
     table: PoseTable | None = None  # still poses
     angle_noise: Array | float = 0.0  # (J,) [rad] of their joint angles, by their rounding
 

@@ -10,11 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from cell.arrays import Array
-from cell.geometry import BAR_ROWS
-from ident.signals.smooth_log import SmoothLog
 
 
 @dataclass(frozen=True)
@@ -36,14 +32,3 @@ class LogNoise:
     joint: Array  # (J,) [rad]
     encoder: Array  # (5,) [rad]; 0 where unmeasured
     length: float = 0.0  # [m] of a sensed length
-
-
-def log_noise(robot: SmoothLog, ballbar: SmoothLog | None, encoders: tuple[int, ...]) -> LogNoise:
-    """Noise of one row of each log, as its smoothing found it."""
-    encoder = np.zeros(BAR_ROWS)
-    if ballbar is None:
-        return LogNoise(robot.noise, encoder)
-    if not encoders:
-        return LogNoise(robot.noise, encoder, float(ballbar.noise[0]))
-    encoder[[j - 1 for j in encoders]] = ballbar.noise
-    return LogNoise(robot.noise, encoder)

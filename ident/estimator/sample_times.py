@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.clock import Clock
+from ident.estimator.samples import Samples
 from ident.signals.smooth_log import SmoothLog, smoothing
 
-if TYPE_CHECKING:
-    pass
-from ident.estimator.samples import Samples
-
 MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during the fit
-DWELL_KEPT = (
-    1.0  # [s] of the dwell at either end: where the motion starts and stops tells the clock
-)
+# [s] of the dwell at either end: where the motion starts and stops tells the clock
+DWELL_KEPT = 1.0
 STRETCH = 20.0  # [s] of close samples
 MOVING = 1e-3  # [rad/s] of a moving joint (thesis sec. 5.2 uses 1e-4 on noise-free plots)
 _GRID_STEP, _GRID_SIZE = 0.05, 200  # [s], instants at least, on which motion is looked for

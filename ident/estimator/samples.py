@@ -27,7 +27,7 @@ from ident.estimator.closure import (
     complete_bar_angles,
     pointing_bar,
 )
-from ident.estimator.noise import ExcessNoise
+from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.estimator.unknowns import Unknowns
 from ident.signals.smooth_log import SmoothLog, smoothing
 
@@ -182,6 +182,16 @@ class Samples:
         return [j for j in range(BAR_ROWS) if j + 1 not in self.encoders]
 
     @property
+    def log_noise(self) -> LogNoise:
+        """Noise of one row of each log, as its smoothing found it."""
+        if self.ballbar is None:
+            return LogNoise(self.robot.noise, np.zeros(BAR_ROWS))
+        if self.measures_length:
+            length = float(self.ballbar.noise[0])
+            return LogNoise(self.robot.noise, np.zeros(BAR_ROWS), length)
+        return LogNoise(self.robot.noise, _of_joints(self.ballbar.noise, self.encoders))
+
+    @property
     def smoothing(self) -> float:
         """[s] over which the logs were smoothed."""
         return smoothing(self.robot, self.ballbar)
@@ -262,7 +272,7 @@ def samples_of(
     spacing = float(np.median(np.diff(times))) if spacing is None else spacing
     encoder_noise, length_noise = np.zeros(BAR_ROWS), 0.0
     if ballbar is not None and encoders:
-        encoder_noise[[j - 1 for j in encoders]] = ballbar.sample_sigma(spacing)
+        encoder_noise = _of_joints(ballbar.sample_sigma(spacing), encoders)
     elif ballbar is not None:
         length_noise = float(ballbar.sample_sigma(spacing)[0])
     return Samples(
@@ -283,3 +293,10 @@ def samples_of(
             )
         ),
     )
+
+
+def _of_joints(sigma: Array, encoders: tuple[int, ...]) -> Array:
+    """(5,) [rad] deviations of the encoders (E,), by joint of the ball-bar; 0 of the others."""
+    out = np.zeros(BAR_ROWS)
+    out[[j - 1 for j in encoders]] = sigma
+    return out

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from ident.estimator.noise import ExcessNoise
 from ident.estimator.whitening import cholesky, covariance, solve_lower
 
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
+LITTLE = 1e-7  # [rad, m] start of a second search where a step of the first was too long
 UNMEASURED_SIGMA = 1.0  # [rad] of a joint without encoder: a twelfth of all turns, no knowledge
 COMPONENTS = ("gear", "wrist", "bar", "rod")  # of recordings, found together
 OF_POSES = ("position", "rotation")  # of still poses beside them
@@ -74,9 +76,14 @@ def excess_noise(fit: Fit) -> ExcessNoise:
         values, slopes = zip(*(each.deviance(variances) for each in likelihoods), strict=True)
         return sum(values), variances * np.sum(slopes, axis=0)
 
-    start = np.square(np.clip([getattr(fit.excess, c) for c in components], 1e-6, HIGHEST))
-    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(HIGHEST)))] * len(start)
-    optimum = minimize(deviance, np.log(start), jac=True, method="L-BFGS-B", bounds=bounds)
+    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(HIGHEST)))] * len(components)
+    search = partial(minimize, deviance, jac=True, method="L-BFGS-B", bounds=bounds)
+    start = np.log(np.square(np.clip([getattr(fit.excess, c) for c in components], 1e-6, HIGHEST)))
+    optimum = search(start)
+    moved = optimum.x != start
+    if (optimum.x[moved] < 2.0 * np.log(2.0 * LOWEST)).all():  # no slope leads back from there
+        again = search(np.where(moved, 2.0 * np.log(LITTLE), start))
+        optimum = min(optimum, again, key=lambda found: found.fun)
     sigmas = np.exp(0.5 * optimum.x).tolist()
     return ExcessNoise(**dict(zip(components, sigmas, strict=True)))
 

@@ -36,9 +36,8 @@ ROTOR_PRIOR = 1.0  # of the file's inertia; one taken as exact draws the masses
 FRICTION_WIDTH = 2e-3  # [rad/s] over which the sign of a speed changes
 SENSOR_GAIN = 0.01
 SENSOR_NOISE = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # [N, N m]
-SENSOR_BIAS = np.array(
-    [20.0, 20.0, 20.0, 2.0, 2.0, 2.0]
-)  # [N, N m] wide: a sensor is seldom zeroed
+# [N, N m] wide: a sensor is seldom zeroed
+SENSOR_BIAS = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 2.0])
 
 
 @dataclass(frozen=True, eq=False)

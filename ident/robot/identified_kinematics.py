@@ -232,9 +232,8 @@ class IdentifiedKinematics:
             q[at], dexterous[at] = solved, size
             left[:, at[0], at[1]] = errors
         reached = (left < REACHED).all(axis=0)
-        lost = ~reached & reached.any(
-            axis=0
-        )  # beside others; of a pose out of reach all are stated
+        # beside others; of a pose out of reach all are stated
+        lost = ~reached & reached.any(axis=0)
         q[lost], left[:, lost], dexterous[lost] = np.nan, np.inf, np.nan
         axes = joints_to_axes(self.robot, q)
         with np.errstate(invalid="ignore"):

@@ -61,9 +61,8 @@ class StepFault:
     kind: Literal["encoder", "clock"]
     joint: int  # 1..5, of the encoder; 0 for a clock
     time: float  # [s] on the ball-bar's clock
-    size: (
-        float  # [rad] in the joint's direction, or [s] of the ball-bar's clock against the robot's
-    )
+    # [rad] in the joint's direction, or [s] of the ball-bar's clock against the robot's
+    size: float
     periods: int = 0  # signal periods of the encoder, where the slip is a whole number of them
     removed: float = 0.0  # [rad] or [s] of the size that was taken out of the log before the fit
 
@@ -173,9 +172,8 @@ def _clock_step(log: _Log, row: int) -> float | None:
     """
     around = np.arange(max(0, row - SIDE_ROWS - 2), min(log.t.size, row + SIDE_ROWS + 2))
     known = ~log.damaged[around]
-    guess = step = float(
-        log.t[row] - log.t[row - 1] - log.period
-    )  # as if no row were missing or late
+    # as if no row were missing or late
+    guess = step = float(log.t[row] - log.t[row - 1] - log.period)
     for _ in range(REFINEMENTS):
         after = _misfit(log, around, known, row, step)
         step += after.correction

@@ -26,9 +26,9 @@ from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.build_unknowns import bare_flange, still_unknowns
 from ident.estimator.model import still_model
+from ident.estimator.observations import rounding_noise
 from ident.estimator.robust_fit import fit_robustly
 from ident.estimator.unknowns import PlacedPoses
-from ident.signals.rounding import rounding_noise
 
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out

@@ -13,9 +13,8 @@ import numpy as np
 
 from cell.arrays import Array
 
-RADIUS_SIGMA = (
-    0.010  # [m] the rod against its catalogue length; centres of candidates only, refined later
-)
+# [m] the rod against its catalogue length; centres of candidates only, refined later
+RADIUS_SIGMA = 0.010
 FIT_SIGMA = 0.002  # [m] what uncalibrated robots leave of a sphere (1 mm and mrad of DH error)
 SAME_ORDER = 10.0  # a centre this many times worse is not worth a hypothesis
 _ITERATIONS = 30

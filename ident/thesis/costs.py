@@ -32,12 +32,8 @@ from ident.thesis.universal_joint import universal_joint_angles, universal_joint
 
 Form = Literal["vector", "thesis"]
 
-EQUATIONS: dict[CostName, int] = {
-    "length": 1,
-    "position": 3,
-    "position_angles": 5,
-    "transform": 12,
-}  # a sample, as vector
+# a sample, as vector
+EQUATIONS: dict[CostName, int] = {"length": 1, "position": 3, "position_angles": 5, "transform": 12}
 ROD = "bd3"
 
 

@@ -22,9 +22,9 @@ from cell.logs import BallBarLog, RobotLog
 from ident.estimator.closure import close_loop
 from ident.thesis.cost_shift import REACH, best_shift, with_matched_offsets
 from ident.thesis.costs import Cost, cost_named
-from ident.thesis.moving_average import moving_average
 from ident.thesis.names import ENCODERS_NEEDED
 
+PERIOD = 0.1  # [s] of the moving average of each log (thesis sec. 5.2)
 STANDING = 1e-4  # [rad/s] of every joint of a log (thesis sec. 5.2)
 STEP = 0.01  # [s] of the rough synchronisation, within +-100 ms (thesis sec. 5.2)
 ROUNDS = 5  # of shifting, "repeating the process with more iterations" (thesis sec. 5.2)
@@ -73,6 +73,20 @@ def pair_logs(
         shift = best_shift(cost, start, t, q, bar)
         start = with_matched_offsets(nominal, q, bar(t + shift), cost)
     return PairedLogs(start, q, bar(t + shift), offset - shift)
+
+
+def moving_average(t: Array, angles: Array, period: float = PERIOD) -> Array:
+    """(N, K) [rad] mean of the rows within half a period before and after each row.
+
+    t : (N,) [s] rising, even or not. angles : (N, K) [rad]. Towards the ends the window narrows
+    evenly, so that no row is delayed.
+    """
+    half = np.minimum(0.5 * period, np.minimum(t - t[0], t[-1] - t))
+    tolerance = 1e-6 * period  # of rounding: rows on the window's edge belong to it
+    first = np.searchsorted(t, t - half - tolerance)
+    last = np.searchsorted(t, t + half + tolerance)
+    sums = np.concatenate((np.zeros((1, angles.shape[1])), np.cumsum(angles, axis=0)))
+    return np.asarray((sums[last] - sums[first]) / (last - first)[:, None])
 
 
 def is_standing(t: Array, angles: Array) -> NDArray[np.bool_]:

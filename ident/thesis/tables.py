@@ -35,17 +35,8 @@ TABLE_3_3: dict[str, frozenset[str]] = {  # zero Jacobian
     "transform": frozenset(),
 }
 
-REMOVED = (
-    "ra6",
-    "ba5",
-    "rd1",
-    "bd1",
-    "rd3",
-    "rtheta1",
-    "bd5",
-    "balpha2",
-    "balpha5",
-)  # sec. 3.3, all costs together
+# sec. 3.3, all costs together
+REMOVED = ("ra6", "ba5", "rd1", "bd1", "rd3", "rtheta1", "bd5", "balpha2", "balpha5")
 
 MOST = "most parameters"
 TABLE_3_4: dict[

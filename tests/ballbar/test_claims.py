@@ -25,8 +25,7 @@ from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import check_points, load_sweep
 from ballbar.sweep.plan import Plan
-from ballbar.sweep.run import Progress
-from ballbar.sweep.workers import process_pool
+from ballbar.sweep.run import Progress, process_pool
 from ballbar.trial.sample_trial import cost_parameters, trial_samples
 from ballbar.trial.trial import run_trial
 from cell.errors import DescriptionError, InputError
@@ -183,7 +182,7 @@ def test_recordings_are_apart_by_their_identified_errors_over_the_size_of_these(
     assert judge(check("apart", **APART, **length, at_least=0.9), evidence).met
     with pytest.raises(InputError, match="need one run each of the same values and seeds"):
         judge(check("apart", **APART, at_most=1.0), ClaimEvidence(RECORDED.iloc[:3]))
-    with pytest.raises(ValueError, match="either at_least or at_most"):
+    with pytest.raises(ValueError, match="give at_least, at_most, or both"):
         check("apart", **APART)
 
 

@@ -205,13 +205,6 @@ def test_a_wrong_scenario_names_line_key_and_value(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("command", ["run", "simulate", "check", "identify", "compare", "replay"])
-def test_every_command_has_help_with_an_example(command: str) -> None:
-    code, out, _ = ballbar(command, "--help")
-    assert code == 0
-    assert f"ballbar {command} " in out.split("Example")[1]
-
-
 @pytest.mark.slow
 def test_logs_that_do_not_belong_together_exit_with_1(recording: Path, tmp_path: Path) -> None:
     described = recording / "recording.yaml"

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from acquisition.recording import read_recording
-from ballbar.recordings.dialect_questions import counted
+from ballbar.recordings.proposals import counting
 from tests.helpers.command_line import output, refusal
 from tests.helpers.device_logs import BAR_T, ROBOT_T, bar_lines, robot_lines
 from tests.helpers.terminal import at_the_terminal, in_turn
@@ -154,8 +154,9 @@ def test_damaged_rows_are_left_out_up_to_the_limit_and_reported(
     assert read_recording(tmp_path / "made").robot_log.t.size == 797
 
 
-def test_columns_that_count_on_are_proposed() -> None:
-    assert counted(["t", "A1", "A2", "A3", "A4", "A5", "A6", "X"]) == [f"A{k}" for k in range(1, 7)]
-    assert counted(["t", "q1", "q2", "q4", "q5", "q6", "q7"]) == []
-    names = [f"Achse {k} Istwert 2" for k in range(1, 6)]
-    assert counted(names) == names
+def test_columns_that_count_on_are_seen() -> None:
+    axes = tuple(f"A{k}" for k in range(1, 7))
+    assert counting(["t", *axes, "X"]) == {"A#": axes}
+    assert counting(["t", "q1", "q2", "q4", "q5", "q6", "q7"]) == {}
+    names = tuple(f"Achse {k} Istwert 2" for k in range(1, 6))
+    assert counting(names)["Achse # Istwert 2"] == names

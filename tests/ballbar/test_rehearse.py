@@ -15,10 +15,9 @@ import yaml
 
 from acquisition.recording import read_recording
 from ballbar.rehearsal import files, second_path, targets
-from ballbar.rehearsal.day import Rehearsal, Stage
-from ballbar.rehearsal.files import OUTPUTS, chain, rehearse_into
-from ballbar.rehearsal.live import InjectedFault, LivePath, as_recorded, check_fault, record_live
-from ballbar.rehearsal.page import rehearsal_page
+from ballbar.rehearsal.day import Day, Rehearsal, Stage
+from ballbar.rehearsal.files import OUTPUTS, chain, rehearsal_page, rehearse_into
+from ballbar.rehearsal.live import LivePath, as_recorded, check_fault, record_live
 from ballbar.rehearsal.second_path import plan_second_path, request_data
 from ballbar.rehearsal.targets import HeldTargets, correctable
 from ballbar.run import simulate_scenario
@@ -49,30 +48,28 @@ def a_day(scenario: Scenario) -> Rehearsal:
     """A rehearsal of invented figures."""
     found = {"mean": 1e-5, "rms": 1e-5, "max": 3e-5, "rms_without_scale": 1e-5}
     identified = {"tcp_sigma_m": 2e-5, "true_tcp_error_m": found}
-    states = tuple({"recorded_s": t, "tcp_sigma_m": 1e-3 / t} for t in (10.0, 20.0, 40.0))
-    path = LivePath(Path("path1"), 40.0, lost=0, alarms=(), states=states, last=None)
+    states = [{"recorded_s": t, "tcp_sigma_m": 1e-3 / t} for t in (10.0, 20.0, 40.0)]
     held = HeldTargets(*(np.linspace(0.5, 1.0, 50) * size for size in (3e-3, 2e-5, 1e-5)))
-    return Rehearsal(
-        scenario=scenario,
-        speed=10.0,
-        fault=None,
-        stages=(a_stage("identify path1", **identified), a_stage("verify with path3")),
-        limits=corrected_limits(held.after, scenario.accept),
-        paths={"path1": path},
-        nominal=2.5e-3,
-        held=held,
-    )
+    day = begun(scenario, Path())
+    day.stages += [a_stage("identify path1", **identified), a_stage("verify with path3")]
+    day.paths["path1"] = LivePath(Pace(10.0), seconds=40.0, states=states)
+    return Rehearsal(day, corrected_limits(held.after, scenario.accept), 2.5e-3, held)
+
+
+def begun(scenario: Scenario, out: Path) -> Day:
+    command = "ballbar rehearse irb2400 --out /home/someone/x"
+    return Day(scenario, scenario_file(IRB), out, 10.0, None, command, print, progress=print)
 
 
 @pytest.mark.slow
 def test_the_page_names_each_step_and_what_was_missed() -> None:
     day = a_day(load_scenario(IRB))
-    page = rehearsal_page(day, command="ballbar rehearse irb2400 --out /home/someone/x")
+    page = rehearsal_page(day)
     assert "As required" in page
     assert "what came of it: identify path1" in page
     assert "/home" not in page
-    late = replace(day, stages=(*day.stages, a_stage("verify with path3", met=False)))
-    page = rehearsal_page(late, command="")
+    day.day.stages.append(a_stage("verify with path3", met=False))
+    page = rehearsal_page(day)
     assert "Not as required: verify with path3" in page
 
 
@@ -91,11 +88,11 @@ def test_the_chain_is_plain_data_and_a_missed_limit_makes_it_unacceptable() -> N
 
 
 def test_an_alarm_counts_as_noticed_once_the_fault_has_begun() -> None:
-    alarms = tuple(Alarm(f"kind{t:.0f}", "sentence", t) for t in (30.0, 61.0, 62.0))
-    slip = InjectedFault("slip", 60.0, 60.0)
-    path = LivePath(Path(), 70.0, lost=0, alarms=alarms, states=(), last=None, cause=slip)
-    assert path.noticed == alarms[1]
-    assert replace(path, alarms=alarms[:1]).noticed is None
+    alarms = {str(t): Alarm(f"kind{t:.0f}", "sentence", t) for t in (30.0, 61.0, 62.0)}
+    path = LivePath(Pace(1.0), fault="slip", began=60.0, shows=60.0, alarms=alarms)
+    assert path.noticed == alarms["61.0"]
+    assert replace(path, began=63.0).noticed is None
+    assert LivePath(Pace(1.0), alarms=alarms).noticed is None
 
 
 @pytest.mark.parametrize("name", OF_ENCODERS)
@@ -144,16 +141,7 @@ def test_a_rehearsal_that_breaks_off_leaves_what_was_there(
     out.mkdir()
     (out / "rehearsal.json").write_text("{}")
     with pytest.raises(FailureError):
-        rehearse_into(
-            out,
-            load_scenario(IRB),
-            file=scenario_file(IRB),
-            speed=10.0,
-            fault=None,
-            command="",
-            show=print,
-            progress=print,
-        )
+        rehearse_into(begun(load_scenario(IRB), out))
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     assert (out / "rehearsal.json").read_text() == "{}"
 
@@ -239,8 +227,8 @@ def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_inst
     for log in ("robot.csv", "length.csv"):
         sound = (tmp_path / "None" / "raw" / log).read_text()
         assert sound == (simulated / "raw" / log).read_text()
-    assert live[None].cause is None
-    began = live["motor_frozen"].cause.began  # type: ignore[union-attr]
+    assert not live[None].fault
+    began = live["motor_frozen"].began
     rows = [
         np.loadtxt(tmp_path / name / "raw" / "robot.csv", delimiter=",", skiprows=1)
         for name in ("None", "motor_frozen")

@@ -30,8 +30,8 @@ from ballbar.report.provenance import without_folders
 from ballbar.report.recording_text import clock_rows
 from ballbar.report.shapes import PAINT, PLATE_BLUE
 from ballbar.report.terminal import _clock, say_identification
-from ballbar.result.calibration_content import calibration_of
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.write_calibration import calibration_of
 from ballbar.truth.limits import Limit
 from cell.clock import Clock
 from cell.geometry import robot_frames

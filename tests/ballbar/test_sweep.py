@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import json
 import os
 import re
 import shutil
@@ -24,17 +25,14 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ballbar.sweep import workers as sweep_workers
+from ballbar.sweep import run as sweep_run
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
-from ballbar.sweep.chunk import Task, run_chunk, run_chunk_remotely
+from ballbar.sweep.chunk import Task, run_chunk, run_chunk_remotely, unpack
 from ballbar.sweep.file import Changes, Seeds
-from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
-from ballbar.sweep.run import SweepError, SweepOutcome
-from ballbar.sweep.summary import failures_of, grid_points
-from ballbar.sweep.table import chunk_bytes, write_table
-from ballbar.sweep.workers import dask_cluster, processes
+from ballbar.sweep.run import SweepError, SweepOutcome, dask_cluster, processes
+from ballbar.sweep.table import failures_of, grid_points, write_table
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
 from cell.extended_yaml import with_changes
@@ -393,9 +391,10 @@ def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
     ]
     files = []
     for i, rows in enumerate(chunks):
-        files.append(tmp_path / f"{i}.parquet")
-        files[-1].write_bytes(chunk_bytes(rows, {"vary": [1, 0.5], "mixed": ["auto", 1, {"a": 1}]}))
-    write_table(files, {"parquet": tmp_path / "t.parquet", "csv": tmp_path / "t.csv"})
+        files.append(tmp_path / f"{i}.json")
+        files[-1].write_text(json.dumps(rows))
+    varied = {"vary": [1, 0.5], "mixed": ["auto", 1, {"a": 1}]}
+    write_table(files, varied, {"parquet": tmp_path / "t.parquet", "csv": tmp_path / "t.csv"})
     rows = pd.read_parquet(tmp_path / "t.parquet", dtype_backend="pyarrow")
     assert [str(rows[name].dtype) for name in ("vary", "mixed", "a", "b", "c", "d", "e")] == [
         *(
@@ -467,9 +466,9 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
     assert 0 < stopped.done < sweep.plan.runs
     assert any(stage.startswith("stopping when the runs in progress are done") for stage in heard)
     kept = {
-        path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").rglob("*.parquet")
+        path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").rglob("[0-9]*.json")
     }
-    assert sum(len(pd.read_parquet(path)) for path in kept) == stopped.done
+    assert sum(len(json.loads(path.read_text())) for path in kept) == stopped.done
     again = swept(sweep, tmp_path / "out", partial(processes, count=1))
     assert again.finished
     assert again.resumed == stopped.done
@@ -509,7 +508,7 @@ def test_a_torn_chunk_is_named_and_only_its_runs_are_repeated(
     first.folder.csv.unlink()
     torn = first.folder.chunk(3)
     torn.write_bytes(torn.read_bytes()[:100])
-    with refused(r"000003\.parquet: cannot be read: .* Delete this file and run the sweep again"):
+    with refused(r"000003\.json: cannot be read: .* Delete this file and run the sweep again"):
         swept(sweep, tmp_path / "out", inline)
     torn.unlink()
     again = swept(sweep, tmp_path / "out", inline)
@@ -661,7 +660,7 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
         ) as sweep:
             until = time.monotonic() + 30.0
             while (
-                len(list((tmp_path / "broken" / "chunks").rglob("*.parquet"))) < chunks
+                len(list((tmp_path / "broken" / "chunks").rglob("[0-9]*.json"))) < chunks
                 and time.monotonic() < until
             ):
                 time.sleep(0.02)
@@ -721,7 +720,7 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_without_a_scheduler_the_address_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_workers, "CONNECT_TIMEOUT", 0.2)
+    monkeypatch.setattr(sweep_run, "CONNECT_TIMEOUT", 0.2)
     with (
         refused(r"--scheduler tcp://127\.0\.0\.1:9: no Dask scheduler answers there"),
         dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),

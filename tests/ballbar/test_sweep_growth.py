@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ballbar.scenario import Scenario
-from ballbar.sweep.growth import changed_keys, earlier_number
+from ballbar.sweep.folder import changed_keys, earlier_number
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import SweepOutcome
 from cell.errors import InputError

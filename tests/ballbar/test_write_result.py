@@ -18,14 +18,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.recording import Recording
-from ballbar.result import calibration, calibration_content
+from ballbar.result import calibration
+from ballbar.result import write_calibration as writer
 from ballbar.result.calibration import Calibration, load_calibration
-from ballbar.result.machine_entries import (
-    CovarianceEntry,
-    MassesEntry,
-    covariance_entry,
-    masses_entry,
-)
+from ballbar.result.machine_entries import CovarianceEntry, MassesEntry, covariance_entry
 from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
@@ -171,7 +167,7 @@ def test_a_result_that_its_reader_refuses_is_kept_whole(
     write_calibration(path, run_data(result))
     sound = yaml.safe_load(path.read_text())
     with monkeypatch.context() as patch:
-        patch.setattr(calibration_content, "covariance_entry", refused_order)
+        patch.setattr(writer, "covariance_entry", refused_order)
         with pytest.raises(RefusedResultError) as error:
             write_calibration(path, run_data(result))
     assert f"whole in {kept}, and not in calibration.yaml" in str(error.value)
@@ -211,7 +207,7 @@ def test_a_refused_result_ends_as_a_fault_with_all_files_written(
         options, files = ["--joint-errors", "none"], {"report.html"}
     words = ["identify", tmp_path / "in", "--out", out, "--json", *options]
     with monkeypatch.context() as patch:
-        patch.setattr(calibration_content, "covariance_entry", refused_order)
+        patch.setattr(writer, "covariance_entry", refused_order)
         patch.setattr(calibration, "arm_parameters", lambda robot: arm_parameters(robot)[1:])
         code, said, err = ballbar(*words)
     assert code == 3
@@ -238,8 +234,7 @@ def test_the_masses_of_a_fit_are_those_of_its_file() -> None:
         significant=False,
         covariance=np.eye(28),
     )
-    entry = masses_entry(estimate)
-    assert entry is not None
+    entry = writer._content(MassesEntry, estimate)
     read = MassesEntry.model_validate_json(entry.model_dump_json(), strict=False)
     used, again = (with_payload(cell, p) for p in (estimate.payload, read.payload))
     pairs = zip(
@@ -254,7 +249,3 @@ def test_the_masses_of_a_fit_are_those_of_its_file() -> None:
     assert again.robot.required("links")[2].com != pytest.approx(
         cell.robot.required("links")[2].com, abs=1e-4
     )
-
-
-def test_a_fit_with_the_masses_of_the_files_holds_none() -> None:
-    assert masses_entry(None) is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,8 +12,9 @@ from cell.chain import Chain, forward
 from cell.descriptions import Robot
 from cell.geometry import nominal_chain
 from cell.load import load_robot
-from cell.poses import PoseGroup, PoseTable
+from cell.poses import PoseTable
 from ident.estimator.build_unknowns import arm_parameters
+from tests.helpers.still_poses import group
 
 TARGET = np.array([0.05, -0.03, 0.12])  # [m] of the reflector in the flange's frame
 SEAT_TURN = np.array([0.2, -0.1, 0.7])  # [rad]
@@ -69,17 +70,9 @@ def point_table(
     places = frames.tip.T + np.einsum("ijn,j->ni", frames.rotation(), target)
     turn = Rotation.from_rotvec(SEAT_TURN).as_matrix()
     values = scale * (places - seat) @ turn + noise * rng.standard_normal((len(q), 3))
-    group = PoseGroup(
-        measured="point",
-        seat="tracker",
-        target="reflector",
-        q=q,
-        values=values,
-        sigma=np.full((len(q), 3), 1e-5),
-        rows=np.arange(2, len(q) + 2),
-        file="drawn.csv",
-    )
-    return PoseTable("drawn", drawn.robot, (group,))
+    sigma = np.full((len(q), 3), 1e-5)
+    measured = group("point", "tracker", q, values, sigma, "reflector", "drawn.csv")
+    return PoseTable("drawn", drawn.robot, (measured,))
 
 
 def length_table(
@@ -91,16 +84,8 @@ def length_table(
     groups = []
     for k, part in enumerate(np.array_split(np.arange(len(q)), len(seats))):
         length = np.linalg.norm(places[part] - seats[k], axis=1)
-        groups.append(
-            PoseGroup(
-                measured="length",
-                seat=f"seat{k}",
-                target="reflector",
-                q=q[part],
-                values=(length + noise * rng.standard_normal(part.size))[:, None],
-                sigma=np.full((part.size, 1), 1e-5),
-                rows=part + 2,
-                file="drawn.csv",
-            )
-        )
+        read = (length + noise * rng.standard_normal(part.size))[:, None]
+        sigma = np.full((part.size, 1), 1e-5)
+        own = group("length", f"seat{k}", q[part], read, sigma, "reflector", "drawn.csv")
+        groups.append(replace(own, rows=part + 2))
     return PoseTable("drawn", drawn.robot, tuple(groups))

@@ -41,7 +41,7 @@ def over_time(path: Path, entity: str, component: str) -> tuple[Array, Array]:
 
 
 def rerun_says(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """What a command of rerun itself says of files."""
+    """Output and exit code of a command of rerun itself about files."""
     command = [sys.executable, "-m", "rerun_cli", "rrd", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 

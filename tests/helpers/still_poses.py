@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -170,7 +171,13 @@ def reached(true: TrueRobot, places: Array, *, seed: int) -> Array:
 
 
 def group(
-    measured: Measured, seat: str, q: Array, values: Array, sigma: Array, target: str = "ball"
+    measured: Measured,
+    seat: str,
+    q: Array,
+    values: Array,
+    sigma: Array,
+    target: str = "ball",
+    file: str = "table.csv",
 ) -> PoseGroup:
     """A group of poses as from a file of one row each."""
     return PoseGroup(
@@ -181,8 +188,14 @@ def group(
         values=values,
         sigma=sigma,
         rows=np.arange(2, len(q) + 2),
-        file="table.csv",
+        file=file,
     )
+
+
+def with_group(table: PoseTable, **changes: Any) -> PoseTable:
+    """The table with changes of its only group."""
+    (group,) = table.groups
+    return replace(table, groups=(replace(group, **changes),))
 
 
 def verdict_of(poses: TableEstimate, *, elsewhere: bool = False) -> Verdict:

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
 from ballbar.sweep.chunk import Row, Task, Trial, run_chunk
-from ballbar.sweep.run import SweepOutcome, run_sweep
-from ballbar.sweep.workers import Workers
+from ballbar.sweep.run import SweepOutcome, Workers, run_sweep
 from tests.helpers import sweep_work
 from tests.helpers.simulated_recordings import SCENARIOS
 

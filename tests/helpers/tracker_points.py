@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ballbar.truth.true_robot import true_tool
+from ballbar.truth.compare import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.poses import PoseGroup, PoseTable
+from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
 from sim.truth import Truth
+from tests.helpers.still_poses import group
 
 POINTS, SIGMA = 12, 15e-6  # [m] of the tracker, along each axis
 SHARE = 0.5  # of the ranges of the axes over which the poses are spread
@@ -26,19 +27,6 @@ def still_points(cell: Cell, truth: Truth, seed: int, count: int = POINTS) -> Po
     turn = matrix_from_rotvec(np.array([[0.1], [-0.05], [2.0]]))[:, :, 0]
     seat: Array = np.array([2.5, -1.0, 0.3])
     points = (true_tool(cell, truth, truth.geometry, q) - seat) @ turn
-    return PoseTable(
-        "tracker",
-        robot,
-        (
-            PoseGroup(
-                measured="point",
-                seat="tracker",
-                target="reflector",
-                q=q,
-                values=points + SIGMA * rng.standard_normal(points.shape),
-                sigma=np.full(points.shape, SIGMA),
-                rows=np.arange(1, count + 1),
-                file="tracker.csv",
-            ),
-        ),
-    )
+    values, sigma = points + SIGMA * rng.standard_normal(points.shape), np.full(points.shape, SIGMA)
+    measured = group("point", "tracker", q, values, sigma, "reflector", "tracker.csv")
+    return PoseTable("tracker", robot, (measured,))

@@ -46,11 +46,17 @@ def test_the_machine_explains_another_recording_of_it(machine: Identification) -
     assert not outcome.ambiguous
 
 
+def with_identified(result: Identification, **changes: object) -> Identification:
+    """The result with another identified robot."""
+    identified = replace(result.robot.identified, **changes)
+    return replace(result, robot=replace(result.robot, identified=identified))
+
+
 @pytest.mark.slow
 def test_a_machine_that_is_off_is_a_misfit(machine: Identification) -> None:
     robot = machine.robot
     off = robot.geometry.replaced({"ra2": robot.geometry["ra2"] + 5e-4})
-    wrong = replace(machine, robot=replace(robot, geometry=off))
+    wrong = with_identified(machine, geometry=off)
     outcome = held_out(wrong, minute_logs(true=TRUE, seed=2), options=MANY)
     assert not outcome.acceptable
     assert outcome.normalised_innovation > 3.0
@@ -71,9 +77,9 @@ def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() ->
         white = replace(
             tool, names=stated.names, values=stated.white, masses=tool.masses[:0], held=()
         )
-        machine = replace(machine, robot=replace(machine.robot, tool=white))
+        machine = with_identified(machine, stated=white)
         outcome = held_out(machine, logs, options=MANY)
-        exact = replace(machine, robot=replace(machine.robot, geometry=machine.robot.nominal))
+        exact = with_identified(machine, geometry=machine.robot.nominal)
         perfect = held_out(exact, logs, options=MANY)
         added.append(outcome.identified.ratio**2 - perfect.identified.ratio**2)
         expected.append((outcome.identified.ratio / outcome.normalised_innovation) ** 2 - 1.0)

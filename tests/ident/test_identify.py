@@ -26,7 +26,7 @@ from ident import complete_fit
 from ident.complete_fit import fit_pose
 from ident.estimator.fit import Fit
 from ident.identify import identify
-from ident.options import FitOptions, Listener
+from ident.options import FitOptions
 from ident.result import Identification, RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import SCALE
@@ -192,9 +192,8 @@ def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) ->
     later = only(identify(cell, recording.robot_log, cut, options=options)).clock
     assert whole is not None
     assert later is not None
-    assert later.offset - whole.offset == pytest.approx(
-        (1.0 + whole.skew) * lost, abs=3e-6
-    )  # noise: 1 us each
+    # noise: 1 us each
+    assert later.offset - whole.offset == pytest.approx((1.0 + whole.skew) * lost, abs=3e-6)
 
 
 @pytest.mark.slow
@@ -378,21 +377,6 @@ def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
     assert result.verdict.status == "ambiguous"
     assert "clock offsets" in result.verdict.sentence
     assert not result.verdict.acceptable
-
-
-@pytest.mark.slow
-def test_stages_are_told_to_the_listener(recorded: Recorded) -> None:
-    recording = read_recording(recorded.folder)
-    stages: list[str] = []
-    identify(
-        recorded.simulation.cell,
-        recording.robot_log,
-        recording.ballbar_log,
-        options=FitOptions(samples=300, model="dh"),
-        listener=Listener(stages.append),
-    )
-    assert stages[0] == "smoothing both logs"
-    assert "fitting" in stages
 
 
 @pytest.mark.slow

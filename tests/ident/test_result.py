@@ -12,7 +12,7 @@ from cell.errors import InputError
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
-from ident.estimator.noise import ExcessNoise, log_noise
+from ident.estimator.noise import ExcessNoise
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
@@ -75,7 +75,7 @@ def identification(robot: RobotEstimate) -> Identification:
         sigma={"ox": 2e-5, "btheta1": 3e-5},
         clock=NO_CLOCK_ERROR,
         clock_sigma=(1e-6, 1e-8),
-        noise=log_noise(samples.robot, samples.ballbar, ENCODERS),
+        noise=samples.log_noise,
         before=residuals,
         after=residuals,
         whitened=np.zeros((5, 286)),

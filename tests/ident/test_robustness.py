@@ -42,9 +42,8 @@ def test_gross_faults_are_repaired_reported_and_cost_little(tmp_path: Path) -> N
         identification_against_truth(clean, truth).tcp.mean,
         identification_against_truth(dirty, faulty_truth).tcp.mean,
     )
-    assert (
-        after < 1.3 * before
-    )  # one draw; over many the median stays below 1.2 (docs/studies/robustness.csv)
+    # one draw; over many the median stays below 1.2 (docs/studies/robustness.csv)
+    assert after < 1.3 * before
     start = faulty_truth.logs.first_rows.ballbar_s
     (recording,) = dirty.recordings
     slip, step = sorted(recording.step_faults, key=lambda fault: fault.time)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from ballbar.identify_settings import IdentifySettings
-from ballbar.report.diagnosis import Steps, advised_steps, diagnosis_section, recorded_passage
+from ballbar.report.machine import Steps, advised_steps, diagnosis_section, recorded_passage
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from cell.recording import load_recording_file

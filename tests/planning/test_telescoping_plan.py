@@ -44,7 +44,6 @@ from planning.what_if import answers
 from sim.path import Lissajous
 from sim.path_files import load_lissajous, scenario_path
 from sim.settings import PathSettings
-from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import planned_run
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -139,15 +138,6 @@ def test_a_cell_that_cannot_be_planned_says_what_is_missing(
 ) -> None:
     with pytest.raises(InputError, match=f"(?s){words}"):
         evaluators(load_request(written(tmp_path, cell, rest)))
-
-
-def test_a_command_for_such_a_cell_ends_with_a_sentence(tmp_path: Path) -> None:
-    file = written(tmp_path, "robot: ur10e, ballbar: lund_600")
-    code, *texts = ballbar("plan", file, "--out", tmp_path / "out")
-    said = " ".join(" ".join(texts).split())
-    assert code == 2
-    assert "robot ur10e has no" in said
-    assert "Traceback" not in said
 
 
 def test_nothing_of_a_ballbar_limits_a_telescoping_bar(

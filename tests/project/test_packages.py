@@ -57,7 +57,7 @@ INTO_THE_WINGS = {  # imports of the ground floor that remain, each for its reas
     # identify --rerun
     "ballbar.outputs": {"ballbar.replay"},
     # what another recording would add is predicted by the planner
-    "ballbar.report.diagnosis": {"planning", "sim"},
+    "ballbar.report.machine": {"planning", "sim"},
     # types of what a simulated run has beside an identification
     "ballbar.commands.result_json": {"sim"},
     "ballbar.result.run_data": {"ballbar.scenario", "ballbar.truth", "sim"},

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from ballbar.truth.true_robot import true_tool
+from ballbar.truth.compare import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError

@@ -222,6 +222,5 @@ def test_the_transition_is_a_share_of_the_load_that_winds_up_half_the_backlash()
     gears = CELL.robot.gears
     deflection = backlash_transition(CELL.robot) / gears.stiffness
     assert deflection * BACKLASH_SHARE == pytest.approx(0.5 * gears.lost_motion)
-    assert backlash_transition(CELL.robot)[:3] == pytest.approx(
-        np.full(3, 1.5), rel=0.5
-    )  # as documented
+    # as documented
+    assert backlash_transition(CELL.robot)[:3] == pytest.approx(np.full(3, 1.5), rel=0.5)

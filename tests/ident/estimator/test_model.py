@@ -23,6 +23,7 @@ from ident.estimator.model import (
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.whitening import FLOOR_SIGMA
+from ident.loads.gear_loads import Loads
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording
 
@@ -54,6 +55,11 @@ def evaluated(
     for name, change in (changes or {}).items():
         x[names.index(name)] += change
     return machine.model.evaluate(x, 0, machine.ballbar, previous, hold_loads=hold_loads)
+
+
+def loads_of(point: Evaluation) -> Loads:
+    assert point.state is not None
+    return point.state.loads
 
 
 @pytest.mark.slow
@@ -134,9 +140,7 @@ def test_where_nothing_moved_loads_and_ripple_are_those_of_before(
 ) -> None:
     before = evaluated(no_steps)
     after = evaluated(no_steps, previous=before, hold_loads=hold)
-    assert after.state is not None
-    assert before.state is not None
-    assert after.state.loads is before.state.loads
+    assert loads_of(after) is loads_of(before)
     for correction, new, old in zip(
         no_steps.model.corrections, after.regressors, before.regressors, strict=True
     ):
@@ -162,9 +166,7 @@ def test_loads_are_computed_anew_only_where_geometry_or_clock_moved(
 ) -> None:
     before = evaluated(no_steps)
     after = evaluated(no_steps, changes, before)
-    assert before.state is not None
-    assert after.state is not None
-    assert (after.state.loads is before.state.loads) == reused
+    assert (loads_of(after) is loads_of(before)) == reused
     # However often they are reused, the way that geometry and clock went is counted from there.
     assert (after.loads_at is before.loads_at) == reused
 
@@ -173,22 +175,17 @@ def test_small_steps_add_up_until_the_loads_are_computed_anew(no_steps: Complete
     first = evaluated(no_steps)
     second = evaluated(no_steps, {"ra2": 0.6 * LOADS_GEOMETRY}, first)
     third = evaluated(no_steps, {"ra2": 1.2 * LOADS_GEOMETRY}, second)
-    assert first.state is not None
-    assert second.state is not None
-    assert third.state is not None
-    assert second.state.loads is first.state.loads
-    assert third.state.loads is not first.state.loads
+    assert loads_of(second) is loads_of(first)
+    assert loads_of(third) is not loads_of(first)
 
 
 def test_a_trial_step_holds_the_loads_wherever_the_clocks_are_alike(
     no_steps: CompleteModel,
 ) -> None:
     before = evaluated(no_steps)
-    assert before.state is not None
     for changes, held in (({"ra2": 1e-3}, True), ({"ra2": 1e-3, "offset": 1e-3}, False)):
         after = evaluated(no_steps, changes, before, hold_loads=True)
-        assert after.state is not None
-        assert (after.state.loads is before.state.loads) == held
+        assert (loads_of(after) is loads_of(before)) == held
 
 
 @pytest.mark.parametrize(("shift", "reused"), [(1e-5, True), (5e-5, False)])
@@ -221,9 +218,7 @@ def test_an_evaluation_that_reuses_is_as_good_as_a_fresh_one(no_steps: CompleteM
     """
     changes = {"ra2": 0.9 * LOADS_GEOMETRY, "rtheta3": 0.9 * LOADS_GEOMETRY}
     reused, fresh = evaluated(no_steps, changes, evaluated(no_steps)), evaluated(no_steps, changes)
-    assert reused.state is not None
-    assert fresh.state is not None
-    old, new = (state.loads.gears(state.tension) for state in (reused.state, fresh.state))
+    old, new = (loads_of(p).gears(no_steps.model.tension(no_steps.x, 0)) for p in (reused, fresh))
     assert 0.0 < np.abs(new - old).max() < 2e-5 * np.abs(new).max()
     assert np.abs(reused.closure.error - fresh.closure.error).max() < FLOOR_SIGMA
 

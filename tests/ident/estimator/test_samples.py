@@ -11,7 +11,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import robot_frames
 from ident.estimator.closure import close_loop
-from ident.estimator.noise import ExcessNoise, log_noise
+from ident.estimator.noise import ExcessNoise
 from ident.estimator.sample_times import (
     DWELL_KEPT,
     MARGIN,
@@ -213,14 +213,14 @@ def test_clock_steps_act_from_their_instant_on() -> None:
 def test_each_encoder_has_the_noise_of_its_channel_and_none_where_it_is_not_fitted() -> None:
     samples = recording(encoders=(2, 4, 5), stated=3e-6)
     ballbar = replace(samples.ballbar, noise=np.array([1e-6, 2e-6, 3e-6]))
-    noise = log_noise(samples.robot, ballbar, (2, 4, 5))
+    noise = replace(samples, ballbar=ballbar).log_noise
     assert np.array_equal(noise.encoder, [0.0, 1e-6, 0.0, 2e-6, 3e-6])
     assert np.array_equal(noise.joint, np.full(6, 3e-6))
 
 
 def test_a_ball_bar_without_encoders_has_no_noise() -> None:
     samples = recording(encoders=())
-    assert not log_noise(samples.robot, None, ()).encoder.any()
+    assert not samples.log_noise.encoder.any()
 
 
 def test_without_excess_noise_the_logs_say_it_all() -> None:

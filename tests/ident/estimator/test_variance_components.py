@@ -121,3 +121,13 @@ def test_components_ten_times_their_start_are_the_most_likely_ones_after_two_pas
     fit = fitted(samples, FIRST_EXCESS)
     fit = fitted(samples, excess_noise(fit))
     assert_most_likely(fit, excess_noise(fit))
+
+
+@pytest.mark.parametrize("start", [1e-6, 1e-5, 1e-3])
+def test_no_start_of_the_search_ends_without_noise(start: float) -> None:
+    """Regression: a step to the lowest noise of all, from which no slope leads back, was the end. A
+    residual of two lengths was then 1.17 times the noise, and the result no good one.
+    """
+    fit = fitted(recording(noise=1e-5, stretch=2e-6, seed=21))
+    found = excess_noise(replace(fit, excess=ExcessNoise(1e-5, 1e-5, 1e-5, start)))
+    assert 5e-7 < found.rod < 3e-6  # planted 2 um, below the noise of the angles

@@ -70,9 +70,8 @@ def test_the_arm_accelerates_as_the_path_does_and_not_with_the_ripple_of_the_log
     )
     inner = np.linspace(1.0, 59.0, 2000)
     true = -0.49 * np.sin(0.7 * inner) - 1.083 * np.sin(1.9 * inner)
-    assert (
-        np.abs(log.spline(inner, 2)[:, 0] - true).max() > 0.05
-    )  # what inertia would be multiplied with
+    # what inertia would be multiplied with
+    assert np.abs(log.spline(inner, 2)[:, 0] - true).max() > 0.05
     assert np.abs(log.arm(inner, 2)[:, 0] - true).max() < 2e-3
 
 

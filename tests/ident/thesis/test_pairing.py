@@ -9,8 +9,7 @@ from cell.arrays import Array
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, RobotLog
 from ident.thesis.costs import cost_named
-from ident.thesis.moving_average import PERIOD, moving_average
-from ident.thesis.pairing import is_standing, pair_logs, rough_offset
+from ident.thesis.pairing import PERIOD, is_standing, moving_average, pair_logs, rough_offset
 from sim.path import ReferencePath
 from tests.helpers.synthetic_recording import exact_log
 

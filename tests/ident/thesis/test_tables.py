@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ballbar.commands.identifiability import parse_encoders
-from ballbar.identifiability.study import (
+from ballbar.identifiability import (
     KinematicLoop,
     Study,
     cost_columns,
@@ -18,8 +18,8 @@ from ballbar.identifiability.study import (
     nominal_loop,
     reidentified,
     study,
+    vector_text,
 )
-from ballbar.identifiability.tables import vector_text
 from ballbar.scenario import load_scenario
 from cell.errors import InputError
 from cell.geometry import bar_frames
@@ -106,9 +106,8 @@ def test_zero_jacobians_are_those_of_table_3_3(
     loops: dict[str, KinematicLoop], robot: str, cost: str
 ) -> None:
     columns = cost_columns(loops[robot], cost, FIVE, THESIS_PARAMETERS)
-    assert (
-        set(zero_jacobian(columns, THESIS_PARAMETERS)) == TABLE_3_3[cost]
-    )  # no difference in any cost
+    # no difference in any cost
+    assert set(zero_jacobian(columns, THESIS_PARAMETERS)) == TABLE_3_3[cost]
 
 
 @pytest.mark.parametrize("cost", THESIS_COSTS)
@@ -168,9 +167,8 @@ def test_an_error_of_1_mm_or_mrad_moves_what_table_3_4_prints(
             lengths = {"ra1", "ra2", "ra3", "rd4", "rd6", "bd3", "ox", "oy", "oz"}
             assert moves.keys() == lengths  # every length that is not zero, and nothing else
         else:
-            assert moves.keys() == printed - (
-                {"bd3"} if name == "balpha2" else set()
-            )  # second order: below
+            # second order: below
+            assert moves.keys() == printed - ({"bd3"} if name == "balpha2" else set())
 
 
 def test_bd3_moves_in_second_order_only_when_balpha2_is_off(
@@ -194,9 +192,8 @@ def test_reidentification_agrees_with_the_null_vectors_to_first_order(
     s = found[cost].selection
     linear = influence(columns, THESIS_PARAMETERS, s.selected, [d.name for d in s.dependent])
     for name, moves in moved[cost].items():
-        assert moves == pytest.approx(
-            linear[name], rel=0.01
-        )  # 1 mm of the plate's 250 mm changes the scale by 0.4 %
+        # 1 mm of the plate's 250 mm changes the scale by 0.4 %
+        assert moves == pytest.approx(linear[name], rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ scalars that the thesis prints have no Jacobian there: it vanishes where the loo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from ident.estimator.closure import (
     robot_joint_jacobian,
 )
 from ident.estimator.dependencies import (
+    Dependency,
     Group,
     Selection,
     Spectrum,
@@ -35,10 +36,10 @@ from ident.estimator.dependencies import (
     significant,
     spectrum,
 )
-from ident.estimator.thesis_names import extra_parameters, thesis_parameters
+from ident.estimator.thesis_names import extra_parameters, shortened, thesis_parameters
 from ident.estimator.whitening import covariance, whitening
 from ident.thesis.costs import cost_named
-from ident.thesis.names import ENCODERS_NEEDED
+from ident.thesis.names import ENCODERS_NEEDED, ML
 
 Influences = dict[str, dict[str, float]]  # parameter left out: {selected parameter: its change}
 
@@ -47,6 +48,18 @@ NOISE = 1e-5  # [rad] of every angle, thesis sec. 3.2: the metric that removes u
 INTRODUCED = 1e-3  # [m, rad] error of the parameter left out, thesis sec. 3.3
 CONVERGED = 1e-9  # [m, rad] last step of a re-identification
 ITERATIONS = 12  # of a re-identification; three suffice on the thesis's path
+LEGEND = """\
+Nominal mechanism along the scenario's path. a | b: one of them can be identified, the others must
+be given; a + b: they move together. Kept in the order of thesis sec. 3.3. Null vectors in m and
+rad. Left out: the effect of an error in it on those selected, in mm|mrad."""
+SHOWN = 8  # parameters named in one line of text: as many as there are lengths in the scale
+TITLES = {
+    ML: "ml",
+    "length": "length (C_l)",
+    "position": "position (C_P)",
+    "position_angles": "position and angles (C_Ptheta)",
+    "transform": "transformation (C_T)",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,3 +200,87 @@ def _linearised(
     b[:, unmeasured] += weights.unmeasured_step(closure.error).T
     columns = weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1)
     return weights(closure.error).reshape(-1), columns, b
+
+
+def study_lines(result: Study, changes: Influences) -> Iterator[str]:
+    """The tables of one cost as lines of text. changes : result of `influences`."""
+    selection = result.selection
+    encoders = ", ".join(f"b{j}" for j in result.encoders) or "none"
+    count = f"{result.spectrum.rank} directions of {len(result.parameters)} parameters"
+    condition = f"condition {result.spectrum.condition:.0f}"
+    yield f"{TITLES[result.cost]}, encoders {encoders}: {count}, {condition}"
+    yield from _titled("no effect", [" ".join(shortened(selection.without_effect)) or "none"])
+    width = max((len(str(group)) for group in result.groups), default=0)
+    dependent = [
+        f"{group!s:<{width}}   {'; '.join(map(vector_text, group.vectors))}"
+        for group in result.groups
+    ]
+    yield from _titled("dependent", dependent)
+    yield from _titled(
+        f"selected {len(selection.selected)}", [" ".join(shortened(selection.selected))]
+    )
+    left_out = [f"{d.name:<7}  {_influence_text(d, changes[d.name])}" for d in selection.dependent]
+    yield from _titled("left out", left_out)
+
+
+def study_data(result: Study, changes: Influences) -> dict[str, object]:
+    """All of a study as plain data: null vectors in m and rad, `changes` in mm|mrad."""
+    selection = result.selection
+    left_out: list[dict[str, object]] = [
+        {"name": name, "reason": "no effect"} for name in selection.without_effect
+    ]
+    for d in selection.dependent:
+        reason = "scale" if d.is_scale else "depends on"
+        on, affected = dict(d.partners), changes[d.name]
+        left_out.append({"name": d.name, "reason": reason, "on": on, "affected": affected})
+    members = [
+        {
+            "text": str(group),
+            "members": [list(m) for m in group.members],
+            "vectors": {v.name: dict(v.partners) for v in group.vectors},
+        }
+        for group in result.groups
+    ]
+    return {
+        "cost": result.cost,
+        "encoders": list(result.encoders),
+        "parameters": list(result.parameters),
+        "directions": result.spectrum.rank,
+        "condition": result.spectrum.condition,
+        "smallest_singular_value": result.spectrum.smallest_counted,
+        "largest_ignored_singular_value": result.spectrum.largest_ignored,
+        "zero_jacobian": list(selection.without_effect),
+        "groups": members,
+        "selected": list(selection.selected),
+        "left_out": left_out,
+    }
+
+
+def vector_text(vector: Dependency) -> str:
+    """A null vector in one line: `rd1 = -oz`, `rtheta1 = -btheta1 - 0.7 oy`; units m and rad."""
+    if vector.is_scale:
+        return f"{vector.name} = scale, all lengths together"
+    terms = [
+        f"{'-' if x < 0 else '+'} {'' if abs(abs(x) - 1.0) < 5e-5 else f'{abs(x):.4g} '}{name}"
+        for name, x in vector.partners.items()
+    ]
+    first, *others = terms
+    return f"{vector.name} = {' '.join([first.replace('+ ', '').replace('- ', '-'), *others])}"
+
+
+def unit_of(name: str) -> str:
+    """Display unit of a parameter: `mm` or `mrad`."""
+    return f"m{parameter_named(name).unit}"
+
+
+def _titled(title: str, lines: Sequence[str]) -> Iterator[str]:
+    for k, line in enumerate(lines or ("none",)):
+        yield f"  {'' if k else title:<10} {line}"
+
+
+def _influence_text(dependency: Dependency, changes: dict[str, float]) -> str:
+    terms = [f"{name} {x:+.3f}" for name, x in changes.items()]
+    more = f" and {len(terms) - SHOWN} more" if len(terms) > SHOWN else ""
+    verb = "scales" if dependency.is_scale else "moves"
+    unit = unit_of(dependency.name)
+    return f"+1 {unit:<4} {verb:<6} {', '.join(terms[:SHOWN]) or 'nothing'}{more}"

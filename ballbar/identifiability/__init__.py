@@ -1,1 +1,0 @@
-"""Identifiability of the parameters by a cost, on the nominal mechanism of a scenario."""
