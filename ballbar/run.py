@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ballbar.outputs import Progress, write_outputs
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_pose_folders, identify_recordings
+from ballbar.result.run_recordings import identify_files, identify_recordings
 from ballbar.scenario import (
     SCENARIOS,
     PoseScenario,
@@ -186,7 +186,7 @@ def run_pose_scenario(
     beside = {truth_path(folder).name, scenario_path(folder).name}
     with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
-        run = identify_pose_folders([folder], listener=Listener(progress))
+        run = identify_files([folder], listener=Listener(progress))
         result = run.identification
         assert result.poses is not None, "tables of still poses were identified"
         comparison = poses_against_truth(result.poses, simulation.truth)

@@ -20,7 +20,7 @@ from ident.corrections.remounted_tool import KINDS
 from ident.estimator.fit import Fit
 from ident.estimator.priors import BASE_POSE
 from ident.estimator.time_blocks import TimeBlocks, time_blocks
-from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
+from ident.single_causes import WANDERS, worded
 
 # Decrease for a single unknown, over what is left with the change in the model, from which it is
 # one; for each of k unknowns 1 + (SINGLE - 1) / k^(1/4). SURE times that is asked for: machines
@@ -38,57 +38,40 @@ LEAST_CHANGE, LEAST_SHARE = 2.5, 0.1
 EDGE = 3  # blocks at either end of a recording, where a change is little more than another start
 
 
-@dataclass(frozen=True)
+Group = tuple[str, str]  # kind and name of what changed, as of a Cause
+
+
+@dataclass(frozen=True, eq=False)
 class Change:
     """Something that is not the same in one recording as in the others, or behind an instant."""
 
     recording: int  # from 0
     time: float | None  # [s] on the ball-bar's clock; None: all of the recording
-    group: str  # as of `_groups`
-    size: float  # [m, rad] of a group with one unknown, or the length of its first three
+    group: Group
+    size: Array  # (K,) [m, rad] or SI of the coefficients, of the group's unknowns
     times: float  # what it explains over what chance and small things would
     share: float = 1.0  # of the cost of the blocks in question, that it explains
 
     @property
     def matters(self) -> bool:
         """Whether it is large enough to change the tool's position."""
-        if self.group.startswith("rtheta"):
-            return abs(self.size) > LEAST_CHANGE * WANDER_ZERO
-        if self.group == "bd3":
-            return abs(self.size) > LEAST_CHANGE * WANDER_LENGTH
+        if self.size.size == 1 and self.group[0] in WANDERS:
+            return abs(float(self.size[0])) > LEAST_CHANGE * WANDERS[self.group[0]]
         return self.share > LEAST_SHARE
 
     @property
     def sentence(self) -> str:
         """The sentence that names the change and its remedy."""
-        number = self.recording + 1
+        number, cause = self.recording + 1, worded(*self.group, self.size)
         if self.time is None:
             return (
-                f"recording {number} is not of the same machine as the others: "
-                f"{_cause(self.group, self.size)}. Identify it by itself"
+                f"recording {number} is not of the same machine as the others: {cause}. Identify "
+                "it by itself"
             )
         return (
             f"from t = {self.time:.0f} s on the machine of recording {number} is another one: "
-            f"{_cause(self.group, self.size)}. Leave out what follows, or what comes before, and "
-            "identify again"
+            f"{cause}. Leave out what follows, or what comes before, and identify again"
         )
-
-
-def _cause(group: str, size: float) -> str:
-    """A phrase for the group of unknowns that differs; size : [m, rad] as in Change."""
-    if group.startswith("rtheta"):
-        axis = group.removeprefix("rtheta")
-        return f"the zero of axis {axis} differs by {size * 1e3:+.3f} mrad"
-    if group.startswith("gear"):
-        return f"gear {group.removeprefix('gear')} yields, plays or ripples otherwise"
-    return {
-        "bd3": f"the rod's length differs by {size * 1e3:+.3f} mm",
-        "loads": "all gears yield otherwise, as under another tool or payload",
-        "bar": "the ball-bar's joints stand otherwise: another one, or it was taken apart",
-        "tool": f"the tool sits {size * 1e3:.3f} mm elsewhere",
-        "seat": f"the ball-bar's base stands {size * 1e3:.3f} mm elsewhere",
-        "robot": "the robot's geometry differs: another robot, or one that was repaired",
-    }[group]
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,9 +128,9 @@ class _Part:
     recording: int
     time: float | None
     blocks: NDArray[np.bool_]  # (B,)
-    groups: dict[str, NDArray[np.intp]]
+    groups: dict[Group, NDArray[np.intp]]
 
-    def tests(self, blocks: TimeBlocks) -> dict[str, tuple[float, Array]]:
+    def tests(self, blocks: TimeBlocks) -> dict[Group, tuple[float, Array]]:
         """Decrease of the cost, and change, of each group."""
         part = blocks.added(self.blocks)
         return {name: part.changed(group) for name, group in self.groups.items()}
@@ -161,8 +144,8 @@ class _Part:
         cause = min(causes, key=lambda name: (tests[name][1].size, -beyond[name]))
         decrease, step = tests[cause]
         times = decrease / step.size / (1.0 + (SINGLE - 1.0) / step.size**0.25)
-        size = float(step[0]) if step.size == 1 else float(np.linalg.norm(step[:3]))
         share = decrease / float(blocks.cost[self.blocks].sum())
+        size = step[:3] if cause[0] == "seat" else step  # the first three are its position
         return Change(self.recording, self.time, cause, size, float(times), share)
 
 
@@ -179,7 +162,7 @@ def _parts(blocks: TimeBlocks) -> Iterator[_Part]:
             yield _Part(k, float(blocks.start[first]), after, groups)
 
 
-def _groups(fit: Fit, recording: int, *, within: bool) -> dict[str, NDArray[np.intp]]:
+def _groups(fit: Fit, recording: int, *, within: bool) -> dict[Group, NDArray[np.intp]]:
     """Unknowns that change together, by what they are called.
 
     within : whether during a recording, where its seat may change too.
@@ -187,23 +170,30 @@ def _groups(fit: Fit, recording: int, *, within: bool) -> dict[str, NDArray[np.i
     layout = fit.model.unknowns
     shared = [(i, parameter_named(layout.names[i])) for i in range(layout.shared.size)]
     last = max(p.row for _, p in shared if p.side == "robot")
-    groups = {p.name: [i] for i, p in shared if p.name == "bd3" or p.name.startswith("rtheta")}
+    groups: dict[Group, list[int]] = {}
+    for i, p in shared:
+        if p.side == "robot" and p.kind == "theta":
+            groups["axis", str(p.row + 1)] = [i]
+        elif p.name == "bd3":
+            groups["rod", ""] = [i]
     tool = [i for i, p in shared if p.side == "robot" and p.row == last and p.kind in KINDS]
     if within:
         tail = f"@{recording + 1}" if len(layout.own) > 1 else ""
         seat = {name + tail for name in BASE_POSE}
-        groups["seat"] = [i for i, name in enumerate(layout.names) if name in seat]
-        return {name: np.array(at) for name, at in {**groups, "tool": tool}.items() if at}
+        groups["seat", ""] = [i for i, name in enumerate(layout.names) if name in seat]
+        groups["tool", ""] = tool
+        return {name: np.array(at) for name, at in groups.items() if at}
     coefficients = range(layout.coefficients.start, layout.coefficients.stop)
     compliant = [i for i in coefficients if layout.names[i].startswith("compliance")]
     for i in compliant:
         gear = layout.names[i].removeprefix("compliance")
         own = (f"compliance{gear}", f"backlash{gear}", f"ripple{gear}_")
-        groups[f"gear{gear}"] = [j for j in coefficients if layout.names[j].startswith(own)]
-    groups |= {"loads": compliant, "bar": [i for i, p in shared if p.side == "bar"]}
-    groups["robot"] = [i for i, p in shared if p.side == "robot"]
+        groups["gear", gear] = [j for j in coefficients if layout.names[j].startswith(own)]
+    groups["loads", ""] = compliant
+    groups["ball-bar", ""] = [i for i, p in shared if p.side == "bar"]
+    groups["robot", ""] = [i for i, p in shared if p.side == "robot"]
     if not any(name.startswith("remount_") for name in layout.names):
-        groups["tool"] = tool
+        groups["tool", ""] = tool
     return {name: np.array(at) for name, at in groups.items() if at}
 
 

@@ -41,6 +41,9 @@ WORDS = {
     "ball-bar": ("axes of the ball-bar", "bent, or taken apart?", ""),
     "target": ("target {}", "moved?", "um"),
     "pose": ("pose {}", "measured wrongly?", "um"),
+    "seat": ("base of the ball-bar", "moved?", "um"),
+    "loads": ("compliance of all gears", "another tool or payload?", ""),
+    "robot": ("geometry of the robot", "another robot, or repaired?", ""),
 }
 
 
@@ -73,20 +76,24 @@ class Explanation:
     @property
     def sentence(self) -> str:
         """The cause, its size, and what usually is behind it."""
-        words, behind, unit = WORDS[self.cause.kind]
-        words = words.format(self.cause.name)
-        if not unit:
-            return f"{words} ({behind})"
-        if self.cause.kind == "geometry" and not parameter_named(self.cause.name).is_length:
-            unit = "urad"
-        factor, digits = (1e3, 2) if unit == "mrad" else (1e6, 0)
-        sign = "+" if self.size.size == 1 else ""  # else the length of a vector
-        size = float(self.size[0]) if sign else float(np.linalg.norm(self.size))
-        sigma = float(np.linalg.norm(self.sigma))
-        return (
-            f"{words} by {factor * size:{sign}.{digits}f} {unit} "
-            f"(sigma {factor * sigma:.{digits}f} {unit}; {behind})"
-        )
+        return worded(self.cause.kind, self.cause.name, self.size, self.sigma)
+
+
+def worded(kind: str, name: str, size: Array, sigma: Array | None = None) -> str:
+    """What changed, by how much (K,) [rad], [m] or [1], and what usually is behind it."""
+    words, behind, unit = WORDS[kind]
+    words = words.format(name)
+    if not unit:
+        return f"{words} ({behind})"
+    if kind == "geometry" and not parameter_named(name).is_length:
+        unit = "urad"
+    factor, digits = (1e3, 2) if unit == "mrad" else (1e6, 0)
+    sign = "+" if size.size == 1 else ""  # else the length of a vector
+    value = float(size[0]) if sign else float(np.linalg.norm(size))
+    known = ""
+    if sigma is not None:
+        known = f"sigma {factor * float(np.linalg.norm(sigma)):.{digits}f} {unit}; "
+    return f"{words} by {factor * value:{sign}.{digits}f} {unit} ({known}{behind})"
 
 
 def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:

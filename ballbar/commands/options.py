@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import shlex
@@ -9,9 +10,10 @@ import sys
 from collections.abc import Callable, Iterable
 from copy import copy
 from functools import wraps
-from inspect import Parameter, Signature, getdoc, signature
+from inspect import Parameter, Signature, getdoc, getsource, signature
 from operator import getitem
 from pathlib import Path
+from textwrap import dedent
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
@@ -97,7 +99,7 @@ def command(app: typer.Typer, panel: str | None = None) -> Callable[[Command], C
     """
 
     def registered(function: Command) -> Command:
-        docstring = getdoc(function) or ""
+        docstring = _docstring(function)
         parameters = signature(function, eval_str=True).parameters.values()
         _set_parameters(function, _described(parameters, docstring))
         function.__doc__ = purpose(docstring)
@@ -106,6 +108,15 @@ def command(app: typer.Typer, panel: str | None = None) -> Callable[[Command], C
         return function
 
     return registered
+
+
+def _docstring(described: Command | type[Any]) -> str:
+    """The docstring; from the source where Python leaves docstrings out (-OO)."""
+    if sys.flags.optimize < 2:
+        return getdoc(described) or ""
+    (definition,) = ast.parse(dedent(getsource(described))).body
+    assert isinstance(definition, ast.FunctionDef | ast.ClassDef)
+    return ast.get_docstring(definition) or ""
 
 
 def _described(parameters: Iterable[Parameter], docstring: str) -> list[Parameter]:
@@ -149,7 +160,7 @@ def with_options(kind: type[Any]) -> Callable[[Command], Command]:
         Parameter(name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[name])
         for name, field in signature(kind).parameters.items()
     ]
-    fields = _described(named, getdoc(kind) or "")
+    fields = _described(named, _docstring(kind))
 
     def decorated(command: Command) -> Command:
         parameters = list(signature(command, eval_str=True).parameters.values())

@@ -5,6 +5,7 @@ All are in SI units.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -15,7 +16,6 @@ from cell.arrays import Array
 from cell.payload import LinkDeviation, Payload
 from cell.schema import LARGEST_OTHER, Strict
 from cell.schema_errors import wrong_key
-from ident.loads.payload import PayloadEstimate
 from ident.robot.tool_covariance import ToolCovariance
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -24,6 +24,13 @@ ParameterValue = Annotated[float, Field(ge=-1e3, le=1e3)]  # [m] or [rad]
 # covariance has lost a direction.
 ROUNDING = 1e-6
 RESTORE = "Restore the file as it was written, or identify again"
+
+
+@dataclass(frozen=True)
+class From:
+    """Mark of a key that is written from an attribute of another name, such as `clock.offset`."""
+
+    attribute: str
 
 
 class ParameterEntry(Strict):
@@ -64,13 +71,15 @@ class LinkMassEntry(Strict):
 class MassesEntry(Strict):
     """Masses that the fit took from the torque logs in place of those of the files."""
 
-    tool_kg: Positive
-    tool_sigma_kg: Positive
-    tool_stated_kg: float
-    tool_com_m: tuple[float, float, float]  # robot flange frame
-    arm_scale: Positive  # of the masses in the robot's file
-    arm_scale_sigma: Positive
-    links: tuple[LinkMassEntry, ...] = ()  # of links 1 to J beside that
+    tool_kg: Annotated[Positive, From("payload.mass")]
+    tool_sigma_kg: Annotated[Positive, From("mass_sigma")]
+    tool_stated_kg: Annotated[float, From("stated")]
+    # robot flange frame
+    tool_com_m: Annotated[tuple[float, float, float], From("payload.com")]
+    arm_scale: Annotated[Positive, From("payload.arm")]  # of the masses in the robot's file
+    arm_scale_sigma: Annotated[Positive, From("arm_sigma")]
+    # of links 1 to J beside that
+    links: Annotated[tuple[LinkMassEntry, ...], From("payload.links")] = ()
 
     @model_validator(mode="after")
     def _is_payload(self) -> MassesEntry:
@@ -176,23 +185,4 @@ def covariance_entry(covariance: ToolCovariance) -> CovarianceEntry:
         masses=tuple(tuple(row) for row in covariance.masses.tolist()),
         held=covariance.held,
         lower=tuple(" ".join(map(repr, row)) for row in rows),
-    )
-
-
-def masses_entry(estimate: PayloadEstimate | None) -> MassesEntry | None:
-    """The masses that a fit took from torque logs; None where it took those of the files."""
-    if estimate is None:
-        return None
-    payload = estimate.payload
-    return MassesEntry.model_construct(
-        tool_kg=payload.mass,
-        tool_sigma_kg=estimate.mass_sigma,
-        tool_stated_kg=estimate.stated,
-        tool_com_m=tuple(payload.com.tolist()),
-        arm_scale=payload.arm,
-        arm_scale_sigma=estimate.arm_sigma,
-        links=tuple(
-            LinkMassEntry.model_construct(scale=link.scale, shift_m=tuple(link.shift.tolist()))
-            for link in payload.links
-        ),
     )

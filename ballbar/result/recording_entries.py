@@ -13,7 +13,7 @@ from typing import Annotated, Final, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
 
-from ballbar.result.machine_entries import ParameterEntry, Positive
+from ballbar.result.machine_entries import From, ParameterEntry, Positive
 from cell.placement import Placement
 from cell.rotation import matrix_from_rotvec
 from cell.schema import Strict
@@ -33,13 +33,6 @@ class Of:
 
     kind: str
     needed: bool = True  # whether they all have it
-
-
-@dataclass(frozen=True)
-class From:
-    """Mark of a key that is written from an attribute of another name, such as `clock.offset`."""
-
-    attribute: str
 
 
 OfLogs = Annotated[T | None, Of(LOGS)]
@@ -133,8 +126,8 @@ class RecordingEntry(Strict):
 class PlacementEntry(Strict):
     """A seat in the robot's base frame, or a target in the flange's."""
 
-    position_m: Three
-    position_sigma_m: Three
+    position_m: Annotated[Three, From("placement.origin")]
+    position_sigma_m: Annotated[Three, From("sigma")]
     rotation_vector_rad: Three | None = None  # None for a point
 
     @property

@@ -26,7 +26,7 @@ from cell.recording import load_recording_file
 from ident.estimates import result_at_rest
 from ident.held_out import held_out, held_out_poses
 from ident.identify import identify_together
-from ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.start.automatic import StartError
@@ -47,14 +47,14 @@ def identify_files(
     settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
     without, and the path of a result keeps its own.
 
-    Raises as `identify_recordings` and `identify_pose_folders`.
+    Raises as `identify_recordings`, and InputError for logs that are to be tried on still poses.
     """
     if not all(map(holds_poses, paths)):
         return identify_recordings(paths, validate, settings=settings, listener=listener)
     options = FitOptions(joint_errors="none" if joint_errors == "none" else "auto")
     if joint_errors not in ("auto", "none"):
         options = replace(options, joint_errors=Calibration.load(joint_errors).joint_errors())
-    return identify_pose_folders(paths, validate, options=options, listener=listener)
+    return _identify_poses(paths, validate, options, listener)
 
 
 def identify_recordings(
@@ -117,17 +117,9 @@ def identify_recordings(
     )
 
 
-def identify_pose_folders(
-    folders: Sequence[Path],
-    validate: Sequence[Path] = (),
-    *,
-    options: FitOptions = DEFAULTS,
-    listener: Listener = SILENT,
+def _identify_poses(
+    folders: Sequence[Path], validate: Sequence[Path], options: FitOptions, listener: Listener
 ) -> RunData:
-    """One robot from one or several tables of still poses, tried on the held-out ones.
-
-    Raises InputError for bad files, for tables of unlike robots and for logs among them.
-    """
     inputs = [*folders, *validate]
     if logs := [folder for folder in inputs if not holds_poses(folder)]:
         raise InputError(

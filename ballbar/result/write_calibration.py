@@ -19,17 +19,17 @@ from ballbar.result.calibration_file import SCHEMA, CalibrationFile
 from ballbar.result.machine_entries import (
     CoefficientEntry,
     DroppedEntry,
+    From,
+    MassesEntry,
     ParameterEntry,
     RangeEntry,
     covariance_entry,
-    masses_entry,
 )
 from ballbar.result.recording_entries import (
     ClockEntry,
     CrossValidationEntry,
     Direction,
     FitEntry,
-    From,
     GroupEntry,
     HeldOutEntry,
     NoiseEntry,
@@ -96,7 +96,7 @@ def _of_recordings(data: RunData) -> dict[str, Any]:
         "plate": description.plate,
         "parameters": _parameters(shared_names(robot.nominal.table), robot),
         "dropped": tuple(_entry(DroppedEntry, parameter) for parameter in robot.dropped),
-        "masses": masses_entry(robot.payload),
+        "masses": _content(MassesEntry, robot.payload),
         "covariance": covariance_entry(robot.tool),
         "fit": _entry(
             FitEntry,
@@ -174,9 +174,11 @@ def _entry(entry: type[E], source: object, **values: Any) -> E:
 
 
 def _content(annotation: Any, value: Any) -> Any:
-    """A value of a key, or the entries that its annotation asks for."""
+    """A value of a key, or the entries that its annotation asks for; (N,) numbers as a tuple."""
     parts = (annotation, *get_args(annotation))
     kind = next((p for p in parts if isinstance(p, type) and issubclass(p, Strict)), None)
+    if isinstance(value, np.ndarray):
+        return tuple(value.tolist())
     if kind is None or value is None:
         return value
     if isinstance(value, tuple):
@@ -206,18 +208,12 @@ def _ranges(lower: Array, upper: Array) -> tuple[RangeEntry, ...]:
 
 
 def _placements(estimates: dict[str, PlacementEstimate]) -> dict[str, PlacementEntry]:
-    return {
-        name: PlacementEntry.model_construct(
-            position_m=tuple(estimate.placement.origin.tolist()),
-            position_sigma_m=tuple(estimate.sigma.tolist()),
-            rotation_vector_rad=tuple(
-                rotvec_from_matrix(estimate.placement.rotation[:, :, None])[:, 0].tolist()
-            )
-            if estimate.whole
-            else None,
-        )
-        for name, estimate in estimates.items()
-    }
+    entries = {}
+    for name, estimate in estimates.items():
+        turn = rotvec_from_matrix(estimate.placement.rotation[:, :, None])[:, 0].tolist()
+        rotation = tuple(turn) if estimate.whole else None
+        entries[name] = _entry(PlacementEntry, estimate, rotation_vector_rad=rotation)
+    return entries
 
 
 def _groups(poses: TableEstimate) -> list[GroupEntry]:

@@ -48,6 +48,15 @@ class ChannelError:
     size: float  # [s] by which it is late, or [1] relative error of its angle
     left: float  # share of the recording's cost that it leaves
 
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        if self.late:
+            return "Log all channels of a row at one instant"
+        if self.channel.startswith("encoder"):
+            return "Correct its lines and bits in recording.yaml"
+        return "Correct its gear ratio in the robot's file, or the unit of its column"
+
 
 @dataclass(frozen=True, eq=False)
 class _Signal:

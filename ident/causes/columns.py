@@ -8,7 +8,6 @@ Robot: the mistakes of ident.causes.robot_log. All are judged by ident.causes.ag
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -18,6 +17,7 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.geometry import Geometry
 from ident.causes.agreement import (
+    GIMBALS,
     SPHERE_ROWS,
     Gimbal,
     LoggedMotion,
@@ -71,7 +71,11 @@ def encoder_orders(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
         if any(joint != column for joint, column in held.items()):
             readings.append(_ordered(held, share, path.rms))
     if len(motion.encoders) == 2:
-        readings += _of_other_gimbal(motion, gimbals, path.rms)
+        (i, j), (other,) = motion.gimbals[0], set(GIMBALS.values()) - {*motion.gimbals}
+        for a, b in ((i, j), (j, i)):
+            cause = f"the encoders b{a} and b{b} are those of b{other[0]} and b{other[1]}"
+            share = left([gimbals[a, b, other[0]]])
+            readings.append(ColumnReading(cause, "Name them so in recording.yaml", share, path.rms))
     return readings
 
 
@@ -87,71 +91,36 @@ def _ordered(held: dict[int, int], share: float, rms: float) -> ColumnReading:
     return ColumnReading(cause, "Correct `column` of these encoders in recording.yaml", share, rms)
 
 
-def _of_other_gimbal(
-    motion: LoggedMotion, gimbals: dict[tuple[int, int, int], Gimbal], rms: float
-) -> Iterator[ColumnReading]:
-    (i, j) = motion.gimbals[0]
-    other = (5, 4) if i == 1 else (1, 2)
-    for a, b in ((i, j), (j, i)):
-        names = f"those of b{other[0]} and b{other[1]}"
-        yield ColumnReading(
-            f"the encoders b{a} and b{b} are {names}",
-            "Name them so in recording.yaml",
-            left([gimbals[a, b, other[0]]]),
-            rms,
-        )
-
-
 def encoder_scales(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
     """The encoders with line counts by which they turn as far as the robot's pose says; or none."""
-    wrong = _wrong_scales(_ratios(motion, path))
-    if not wrong:
+    ratios = _ratios(motion, path)
+    off = {joint: abs(ratio - 1.0) for joint, ratio in ratios.items()}
+    accuracy = max(SAME_SCALE, NEARLY * max(off.values(), default=0.0))
+    wrong = {joint: ratio for joint, ratio in sorted(ratios.items()) if off[joint] > accuracy}
+    if min(wrong.values(), default=0.0) < LEAST_SCALE:
         return []
     scale = np.array([wrong.get(joint, 1.0) for joint in motion.encoders])
-    corrected = replace(motion, readings=motion.readings / scale)
-    names = " and ".join(f"b{j}" for j in sorted(wrong))
-    factors = [f"b{j} {ratio:.3f}" for j, ratio in sorted(wrong.items())]
-    share = left_of(corrected, path)
-    if not _powers_of_two(wrong):
-        most = ANYTHING if _equal(wrong) else min(ANYTHING, FAR_LESS * left_of(motion, path))
+    share = left_of(replace(motion, readings=motion.readings / scale), path)
+    doublings = np.log2(list(wrong.values()))
+    whole = np.rint(doublings)
+    interpolation = (whole != 0.0).all() and np.abs(doublings - whole).max() <= NEARLY
+    if not interpolation:
+        equal = np.ptp(list(wrong.values())) <= accuracy  # as of encoders of one kind
+        most = ANYTHING if equal else min(ANYTHING, FAR_LESS * left_of(motion, path))
         if share > most:
             return []
+    names = " and ".join(f"b{j}" for j in wrong)
+    factors = ", ".join(f"b{j} {ratio:.3f}" for j, ratio in wrong.items())
     return [
         ColumnReading(
             f"the line count of encoder {names} is wrong",
-            f"Multiply `lines` in recording.yaml ({', '.join(factors)}), or correct `bits`, which "
-            "count as powers of two",
+            f"Multiply `lines` in recording.yaml ({factors}), or correct `bits`, which count as "
+            "powers of two",
             share,
             path.rms,
-            f"; angle of the encoder over that of the robot's pose: {', '.join(factors)}",
+            f"; angle of the encoder over that of the robot's pose: {factors}",
         )
     ]
-
-
-def _wrong_scales(ratios: dict[int, float]) -> dict[int, float]:
-    """Ratios that differ from 1, by joint; none where the least of them is not significant."""
-    off = np.array([abs(ratio - 1.0) for ratio in ratios.values()])
-    limit = _accuracy(off)
-    wrong = {joint: ratio for joint, ratio in ratios.items() if abs(ratio - 1.0) > limit}
-    return {} if min(wrong.values(), default=0.0) < LEAST_SCALE else wrong
-
-
-def _accuracy(off: Array) -> float:
-    """How well ratios are known that are off 1 by (K,)."""
-    return max(SAME_SCALE, NEARLY * float(off.max(initial=0.0)))
-
-
-def _equal(wrong: dict[int, float]) -> bool:
-    """Whether ratios are equal, as of encoders of one kind."""
-    ratios = np.array(list(wrong.values()))
-    return bool(np.ptp(ratios) <= _accuracy(np.abs(ratios - 1.0)))
-
-
-def _powers_of_two(wrong: dict[int, float]) -> bool:
-    """Whether ratios are powers of two other than 1, as of interpolation."""
-    doublings = np.log2(list(wrong.values()))
-    whole = np.rint(doublings)
-    return bool((whole != 0.0).all() and np.abs(doublings - whole).max() <= NEARLY)
 
 
 def _ratios(motion: LoggedMotion, path: ToolPath) -> dict[int, float]:

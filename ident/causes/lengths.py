@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from cell.arrays import Array
-from cell.chain import screw
 from cell.geometry import Geometry, parameter_named, robot_frames
+from cell.statistics import rms
 from ident.start.sphere import sphere_candidates
-
-ITERATIONS = 8
 
 
 @dataclass(frozen=True)
@@ -44,18 +43,11 @@ def single_lengths(nominal: Geometry, q: Array) -> list[Length]:
 
 
 def _fitted(nominal: Geometry, q: Array, name: str, centre: Array, radius: float) -> Length:
-    parameter, change, geometry = parameter_named(name), 0.0, nominal
-    for last in [False] * ITERATIONS + [True]:
-        frames = robot_frames(geometry, q)
-        rod = frames.poses()[:, :3, 3] - centre
-        distance = np.linalg.norm(rod, axis=1)
-        direction, residual = rod / distance[:, None], distance - radius
-        if last:
-            break
-        slope = (direction * screw(frames, parameter.kind, parameter.row)[:3].T).sum(axis=1)
-        jacobian = np.column_stack((-direction, -np.ones(len(q)), slope))
-        step = np.linalg.lstsq(jacobian, -residual, rcond=1e-6)[0]
-        step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
-        centre, radius, change = centre + step[:3], radius + step[3], change + step[4]
-        geometry = nominal.replaced({name: nominal[name] + change})
-    return Length(name, float(change), float(radius), float(np.sqrt((residual**2).mean())))
+    def residual(x: Array) -> Array:
+        """(N,) [m] of the tool's distance; x (5,) centre, radius and change of the parameter."""
+        changed = nominal.replaced({name: nominal[name] + x[4]})
+        points = robot_frames(changed, q).tip.T
+        return np.asarray(np.linalg.norm(points - x[:3], axis=1) - x[3])
+
+    fit = least_squares(residual, [*centre, radius, 0.0], method="lm")
+    return Length(name, float(fit.x[4]), float(fit.x[3]), rms(fit.fun))

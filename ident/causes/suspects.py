@@ -34,7 +34,7 @@ from ident.causes.agreement import (
     motion_of,
     tool_path,
 )
-from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
+from ident.causes.channels import channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.lengths import single_lengths
 from ident.causes.robot_log import PLURAL
@@ -240,32 +240,32 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
     """Sentences about errors of single channels that a complete fit cannot contain; may be empty.
 
     names : of the recordings. The size of such an error is not stated: the fit has made up for a
-    part of it.
+    part of it. Of a gear it is said how recordings differ, as the model has what they share.
     """
     errors = channel_errors_beside(cell, fit)
-    sentences = []
+    sentences = {}
     for error in errors:
-        if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE:
-            continue
-        if any(error.channel == other.channel for other in errors[: errors.index(error)]):
+        if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE or error.channel in sentences:
             continue  # the same, seen from the other recording
+        name, encoder = names[error.recording], error.channel.startswith("encoder")
+        single = encoder or len(names) == 1
+        words = {
+            (True, True): ("late", "early"),
+            (True, False): ("too large", "too small"),
+            (False, True): ("later", "earlier"),
+            (False, False): ("larger", "smaller"),
+        }[single, error.late]
+        cause = f"{error.channel} is logged {words[0] if error.size > 0 else words[1]}"
+        if not single:
+            cause = f"{cause} in {name} than elsewhere"
+        elif len(names) > 1:
+            cause = f"{name}: {cause}"
         evidence = (
             f"so corrected, the complete model leaves {_percent(max(0.0, error.left))} of what it "
             "leaves without"
         )
-        sentences.append(str(Suspect(_of_one_recording(error, names), evidence, _remedy(error))))
-    return " Or ".join(sentences)
-
-
-def _of_one_recording(error: ChannelError, names: Sequence[str]) -> str:
-    """The cause in words; of a gear how recordings differ, as the model has what they share."""
-    name, more = names[error.recording], error.size > 0
-    if len(names) == 1 or error.channel.startswith("encoder"):
-        late, scaled = ("late", "too large") if more else ("early", "too small")
-        prefix = f"{name}: " if len(names) > 1 else ""
-        return f"{prefix}{error.channel} is logged {late if error.late else scaled}"
-    late, scaled = ("later", "larger") if more else ("earlier", "smaller")
-    return f"{error.channel} is logged {late if error.late else scaled} in {name} than elsewhere"
+        sentences[error.channel] = str(Suspect(cause, evidence, error.remedy))
+    return " Or ".join(sentences.values())
 
 
 def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
@@ -275,23 +275,13 @@ def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
         if error.left > COMPARABLE * errors[0].left:
             continue
         evidence = f"so corrected, kinematics leave {_percent(error.left)} of the squared residual"
+        percent = significant_text(100.0 * abs(error.size), 2)
+        how = f"{percent} % too {'large' if error.size > 0 else 'small'}"
         if error.late:
-            when = "late" if error.size > 0 else "early"
-            cause = f"{error.channel} is logged {abs(error.size) * 1e3:.1f} ms {when}"
-        else:
-            size = "large" if error.size > 0 else "small"
-            percent = significant_text(100.0 * abs(error.size), 2)
-            cause = f"{error.channel} is logged {percent} % too {size}"
+            how = f"{abs(error.size) * 1e3:.1f} ms {'late' if error.size > 0 else 'early'}"
         hopeless = error.channel.startswith("encoder")
-        yield Suspect(cause, evidence, _remedy(error), hopeless=hopeless)
-
-
-def _remedy(error: ChannelError) -> str:
-    if error.late:
-        return "Log all channels of a row at one instant"
-    if error.channel.startswith("encoder"):
-        return "Correct its lines and bits in recording.yaml"
-    return "Correct its gear ratio in the robot's file, or the unit of its column"
+        cause = f"{error.channel} is logged {how}"
+        yield Suspect(cause, evidence, error.remedy, hopeless=hopeless)
 
 
 def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterator[Suspect]:
@@ -312,29 +302,20 @@ def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterato
         if abs(length.change) < LENGTH_ERROR:
             continue
         if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms):
+            parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
+            what = f"{length.name} of the file of robot {cell.robot.name}"
+            if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":
+                what = f"the length of plate {cell.plate.name} ({length.name})"
+            elif parameter.kind == "theta":
+                joint, size = parameter.row + 1, f"{np.rad2deg(length.change):+.2f} deg"
+                what = f"the zero of joint {joint} in the robot's log or file ({length.name})"
             yield Suspect(
-                f"{_what(cell, length.name)} is wrong by {_size(length.change, length.name)}",
+                f"{what} is wrong by {size}",
                 f"so changed, the tool's path is {length.rms * 1e3:.1f} mm rms off a sphere, as "
                 f"stated {path.rms * 1e3:.1f} mm",
                 "Correct the file, or name that of the cell that was recorded",
                 hopeless=False,
             )
-
-
-def _what(cell: Cell, name: str) -> str:
-    parameter = parameter_named(name)
-    last = parameter.row == cell.robot.joints - 1
-    if last and parameter.kind == "a":
-        return f"the length of plate {cell.plate.name} (ra{cell.robot.joints})"
-    if parameter.kind == "theta":
-        return f"the zero of joint {parameter.row + 1} in the robot's log or file ({name})"
-    return f"{name} of the file of robot {cell.robot.name}"
-
-
-def _size(value: float, name: str, sign: str = "+") -> str:
-    if parameter_named(name).is_length:
-        return f"{value * 1e3:{sign}.1f} mm"
-    return f"{np.rad2deg(value):{sign}.2f} deg"
 
 
 def _duration(logs: Logs) -> Iterator[Suspect]:

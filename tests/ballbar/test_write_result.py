@@ -21,12 +21,7 @@ from acquisition.recording import Recording
 from ballbar.result import calibration
 from ballbar.result import write_calibration as writer
 from ballbar.result.calibration import Calibration, load_calibration
-from ballbar.result.machine_entries import (
-    CovarianceEntry,
-    MassesEntry,
-    covariance_entry,
-    masses_entry,
-)
+from ballbar.result.machine_entries import CovarianceEntry, MassesEntry, covariance_entry
 from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
@@ -239,8 +234,7 @@ def test_the_masses_of_a_fit_are_those_of_its_file() -> None:
         significant=False,
         covariance=np.eye(28),
     )
-    entry = masses_entry(estimate)
-    assert entry is not None
+    entry = writer._content(MassesEntry, estimate)
     read = MassesEntry.model_validate_json(entry.model_dump_json(), strict=False)
     used, again = (with_payload(cell, p) for p in (estimate.payload, read.payload))
     pairs = zip(
@@ -255,7 +249,3 @@ def test_the_masses_of_a_fit_are_those_of_its_file() -> None:
     assert again.robot.required("links")[2].com != pytest.approx(
         cell.robot.required("links")[2].com, abs=1e-4
     )
-
-
-def test_a_fit_with_the_masses_of_the_files_holds_none() -> None:
-    assert masses_entry(None) is None

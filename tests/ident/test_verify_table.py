@@ -16,7 +16,6 @@ from cell.arrays import Array
 from cell.errors import InputError
 from cell.placement import Placement
 from cell.poses import PoseTable
-from ident.estimator.robust_fit import fit_unweighted
 from ident.options import FitOptions
 from ident.robot.identified import IdentifiedRobot
 from ident.table_fit import fit_table
@@ -122,30 +121,28 @@ def test_a_single_change_is_found_and_named(robot: Stored) -> None:
     assert right >= 23
 
 
-def named_of(name: str, checks: int, **changes: Array) -> list[list[tuple[str, str]]]:
-    """Causes that are named in each of some checks of a robot with one change since."""
-    robot, out = stored(name, seed=1), []
-    for k in range(checks):
+TURNED = TARGET + 6e-4 * np.cross([0.0, 0.0, 1.0], TARGET) / np.linalg.norm(TARGET[:2])
+BEHIND_A_ROD = 1.5e-3 * np.array([0.0, 1.0, -1.0, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "change", "expected"),
+    [
+        ("irb1600", {"target": TURNED}, [("axis", "6"), ("target", "reflector")]),
+        ("irb2400", {"zero": BEHIND_A_ROD}, [("axis", "2")]),
+    ],
+)
+def test_a_turn_of_the_target_and_an_axis_of_two_joints_are_what_they_are(
+    name: str, change: dict[str, Array], expected: list[tuple[str, str]]
+) -> None:
+    """0.6 mm of the only target were called the zero of joint 6 in 8 of 12 checks. Causes were
+    joints, and the zero of axis 2, which a parallel rod couples to joint 3, was never named."""
+    robot = stored(name, seed=1)
+    for k in range(4):
         rng = np.random.default_rng([9, k])
-        table = point_table(robot.drawn, robot.angles(rng), NOISE, rng, **changes)
-        out.append(names(robot.check(table)))
-    return out
-
-
-@pytest.mark.slow
-def test_a_target_turned_about_the_last_axis_is_not_told_from_its_zero() -> None:
-    """0.6 mm of the only target were called the zero of joint 6 in 8 of 12 checks."""
-    turned = TARGET + 6e-4 * np.cross([0.0, 0.0, 1.0], TARGET) / np.linalg.norm(TARGET[:2])
-    for named in named_of("irb1600", 4, target=turned):
-        assert named == [("axis", "6"), ("target", "reflector")]
-
-
-@pytest.mark.slow
-def test_axis_2_of_a_parallel_rod_is_named_though_it_moves_two_joints() -> None:
-    """Causes were joints, and the zero of axis 2 was never named."""
-    zero = 1.5e-3 * np.array([0.0, 1.0, -1.0, 0.0, 0.0, 0.0])
-    for named in named_of("irb2400", 4, zero=zero):
-        assert named == [("axis", "2")]
+        table = point_table(robot.drawn, robot.angles(rng), NOISE, rng, **change)
+        assert names(robot.check(table)) == expected
 
 
 @pytest.mark.slow
@@ -222,11 +219,6 @@ def test_poses_beyond_a_fitted_range_do_not_count_and_too_few_are_refused(robot:
         robot.check(point_table(robot.drawn, q[2:5], NOISE, rng))
     with pytest.raises(InputError, match="all poses are outside the fitted range of axis 2"):
         robot.check(point_table(robot.drawn, q[:2], NOISE, rng))
-
-
-def test_every_pose_counts_in_full_in_an_unweighted_fit() -> None:
-    """The robust weights of an identification would hide one bad pose."""
-    assert "robust" not in fit_unweighted.__annotations__
 
 
 def test_poses_at_one_spot_hold_nothing_that_is_worth_saying(robot: Stored) -> None:

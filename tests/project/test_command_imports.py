@@ -77,6 +77,15 @@ def test_help_version_and_completion_load_no_library_and_no_command(
     assert not modules & {"sim", "acquisition", "ident", "planning"}
 
 
+@pytest.mark.slow
+def test_options_are_described_where_python_leaves_docstrings_out() -> None:
+    command = [sys.executable, "-OO", "-m", "ballbar", "new", "--help"]
+    wide = os.environ | {"COLUMNS": "200"}
+    done = subprocess.run(command, env=wide, capture_output=True, text=True, check=True)
+    assert "Recording folder to make." in done.stdout
+    assert "Lines of the encoders per turn." in done.stdout
+
+
 @pytest.mark.parametrize("module", sorted(set(MODULES.values())))
 def test_the_options_of_a_command_need_no_slow_library(module: str) -> None:
     """So its own help and the completion of its options answer at once."""
