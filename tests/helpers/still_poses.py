@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -189,6 +190,12 @@ def group(
         rows=np.arange(2, len(q) + 2),
         file=file,
     )
+
+
+def with_group(table: PoseTable, **changes: Any) -> PoseTable:
+    """The table with changes of its only group."""
+    (group,) = table.groups
+    return replace(table, groups=(replace(group, **changes),))
 
 
 def verdict_of(poses: TableEstimate, *, elsewhere: bool = False) -> Verdict:

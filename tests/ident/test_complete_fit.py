@@ -314,10 +314,3 @@ def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
     known = np.sqrt(variance) < 0.1 * single.model.unknowns.sigma[position]  # not by the prior
     assert known.sum() > 10
     assert gain[known] == pytest.approx(np.full(known.sum(), np.sqrt(2.0)), rel=0.05)
-
-
-def test_a_pose_is_a_model_and_where_its_fit_begins(rippled: RecordingFit) -> None:
-    pose = posed(CELL, [rippled], formed(()), OPTIONS)
-    assert isinstance(pose, Pose)
-    assert np.array_equal(pose.x, pose.model.unknowns.mean)
-    assert pose.ballbars[0].shape == (rippled.samples.times.size, 5)

@@ -12,7 +12,7 @@ from ident.findings import LEAST_SCALE, last_moves
 from ident.options import FitOptions
 from ident.table_estimate import TableEstimate
 from ident.table_fit import fit_table
-from tests.helpers.still_poses import angles, table_of, true_robot, verdict_of
+from tests.helpers.still_poses import angles, table_of, true_robot, verdict_of, with_group
 
 Q = np.array([[0.0, 0.0], [0.1, 0.2], [0.4, 0.1]])  # three poses [rad]
 
@@ -94,6 +94,6 @@ def test_rows_within_the_declared_noise_are_no_outliers() -> None:
     (own,) = table.groups
     values = own.values.copy()
     values[40] += 3e-5  # thirty times the noise that is there, and half of what is declared
-    wide = replace(own, values=values, sigma=np.full(values.shape, 6e-5))
-    result = fit_table(replace(table, groups=(wide,)), FitOptions(joint_errors="none"))
+    wide = with_group(table, values=values, sigma=np.full(values.shape, 6e-5))
+    result = fit_table(wide, FitOptions(joint_errors="none"))
     assert result.findings.outliers.size == 0

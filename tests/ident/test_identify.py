@@ -26,7 +26,7 @@ from ident import complete_fit
 from ident.complete_fit import fit_pose
 from ident.estimator.fit import Fit
 from ident.identify import identify
-from ident.options import FitOptions, Listener
+from ident.options import FitOptions
 from ident.result import Identification, RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import SCALE
@@ -377,21 +377,6 @@ def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
     assert result.verdict.status == "ambiguous"
     assert "clock offsets" in result.verdict.sentence
     assert not result.verdict.acceptable
-
-
-@pytest.mark.slow
-def test_stages_are_told_to_the_listener(recorded: Recorded) -> None:
-    recording = read_recording(recorded.folder)
-    stages: list[str] = []
-    identify(
-        recorded.simulation.cell,
-        recording.robot_log,
-        recording.ballbar_log,
-        options=FitOptions(samples=300, model="dh"),
-        listener=Listener(stages.append),
-    )
-    assert stages[0] == "smoothing both logs"
-    assert "fitting" in stages
 
 
 @pytest.mark.slow

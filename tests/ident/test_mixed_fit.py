@@ -54,6 +54,8 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
     assert seat.whole
     assert np.abs(seat.placement.origin - [2.5, -1.0, 0.3]).max() < 5.0 * seat.sigma.max()
     assert mixed.poses.ignored == 1
+    assert any("1 pose far from the model" in warning for warning in mixed.verdict.warnings)
+    assert mixed.poses.cross_validation.mean < 8.0 * SIGMA  # of poses that the recording predicts
     errors = np.delete(mixed.poses.errors[0], 4)
     assert SIGMA < errors.mean() < 8.0 * SIGMA  # the robot's own scatter at rest is above it
 

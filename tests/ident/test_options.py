@@ -1,11 +1,11 @@
-"""Options of an identification, and who hears of its progress."""
+"""Options of an identification."""
 
 from __future__ import annotations
 
 import pytest
 
 from ident.corrections import CORRECTIONS
-from ident.options import DEFAULT_SAMPLES, DEFAULTS, SILENT, FitOptions, Listener
+from ident.options import DEFAULT_SAMPLES, DEFAULTS, FitOptions
 
 
 def test_by_default_the_data_decide() -> None:
@@ -26,10 +26,3 @@ def test_an_unknown_correction_is_refused_with_the_ones_there_are() -> None:
 @pytest.mark.parametrize("names", [(), ("rod_strain",), tuple(CORRECTIONS)])
 def test_known_corrections_are_taken_in_any_number(names: tuple[str, ...]) -> None:
     assert FitOptions(corrections=names).corrections == names
-
-
-def test_a_silent_listener_hears_everything_and_says_nothing() -> None:
-    SILENT.progress("fitting")
-    heard: list[str] = []
-    Listener(progress=heard.append).progress("fitting")
-    assert heard == ["fitting"]

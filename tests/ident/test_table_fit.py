@@ -36,6 +36,7 @@ from tests.helpers.still_poses import (
     table_of,
     true_robot,
     verdict_of,
+    with_group,
 )
 
 PLAIN = FitOptions(joint_errors="none")
@@ -137,10 +138,9 @@ def test_stated_regions_hold_as_often_as_they_say() -> None:
 def test_outliers_are_named_and_do_not_spoil_the_robot() -> None:
     true = true_robot("ur5")
     table = table_of(true, count=200)
-    group = table.groups[0]
-    values = group.values.copy()
+    values = table.groups[0].values.copy()
     values[[5, 50, 120]] += [[2e-3, 0.0, 0.0], [0.0, 5e-3, 0.0], [0.0, 0.0, 0.2]]
-    result = fit_table(replace(table, groups=(replace(group, values=values),)), PLAIN)
+    result = fit_table(with_group(table, values=values), PLAIN)
     assert result.findings.outliers.tolist() == [5, 50, 120]
     remark = next(table_remarks(Evidence(table=result)))
     assert "3 poses far from the model" in remark
@@ -161,8 +161,7 @@ def test_poses_read_before_the_robot_stood_still_are_left_out() -> None:
     early = np.array([20, 60, 61, 130])
     read = q.copy()
     read[early] -= 2e-3 * (q[early] - q[early - 1])  # the last 0.2 % of the move were missing
-    group = replace(table.groups[0], q=read)
-    result = fit_table(replace(table, groups=(group,)), PLAIN)
+    result = fit_table(with_group(table, q=read), PLAIN)
     assert set(early) <= set(result.findings.unsettled.tolist())
     assert any("before the robot stood still" in w for w in verdict_of(result).warnings)
     assert tcp_error(result, true) < 1.5e-5
@@ -176,8 +175,7 @@ def test_angles_that_are_all_read_too_early_are_reported() -> None:
     assert fit_table(table, PLAIN).findings.unfinished == 0.0
     read = q.copy()
     read[1:] -= 5e-4 * np.diff(q, axis=0)
-    early = replace(table, groups=(replace(table.groups[0], q=read),))
-    result = fit_table(early, PLAIN)
+    result = fit_table(with_group(table, q=read), PLAIN)
     assert abs(result.findings.unfinished) == pytest.approx(5e-4, rel=0.3)
     assert any("of the last move missing" in warning for warning in verdict_of(result).warnings)
 
@@ -186,12 +184,9 @@ def test_a_drifting_base_is_reported() -> None:
     true = true_robot("ur5")
     table = table_of(true, count=300)
     time = np.linspace(0.0, 3600.0, 300)
-    group = replace(table.groups[0], time=time)
-    steady = fit_table(replace(table, groups=(group,)), PLAIN)
-    assert steady.findings.drifts == ()
-    drift = np.outer(time / 3600.0, [1e-4, 0.0, 0.0])
-    moved = replace(group, values=group.values + drift)
-    result = fit_table(replace(table, groups=(moved,)), PLAIN)
+    assert fit_table(with_group(table, time=time), PLAIN).findings.drifts == ()
+    moved = table.groups[0].values + np.outer(time / 3600.0, [1e-4, 0.0, 0.0])
+    result = fit_table(with_group(table, time=time, values=moved), PLAIN)
     (found,) = result.findings.drifts
     assert found.shift == pytest.approx(1e-4, rel=0.2)
     assert any("drifts against the robot by 0.1" in w for w in verdict_of(result).warnings)
@@ -205,7 +200,7 @@ def test_rounded_angles_are_seen_in_their_digits() -> None:
     assert not rounding(np.deg2rad(np.round(np.rad2deg(q)))).any()  # whole degrees: commanded
     true = true_robot("ur5")
     table = table_of(true, q=q)
-    result = fit_table(replace(table, groups=(replace(table.groups[0], q=tenths),)), PLAIN)
+    result = fit_table(with_group(table, q=tenths), PLAIN)
     assert any("rounded to 0.1 deg" in w for w in verdict_of(result).warnings)
     assert tcp_error(result, true) < 2e-4
 
@@ -231,10 +226,8 @@ def test_sag_far_beyond_its_prior_is_identified() -> None:
 def test_a_scale_of_the_measured_values_is_named() -> None:
     """One per cent: the links would take it up, all in one proportion."""
     table = table_of(true_robot("ur5"), count=60)
-    group = table.groups[0]
     assert fit_table(table, PLAIN).scale_pull is None
-    long = replace(table, groups=(replace(group, values=1.01 * group.values),))
-    result = fit_table(long, PLAIN)
+    result = fit_table(with_group(table, values=1.01 * table.groups[0].values), PLAIN)
     assert result.scale_pull is not None
     assert result.scale_pull[0] == pytest.approx(0.01, abs=0.003)
     assert any("all in one proportion" in warning for warning in verdict_of(result).warnings)
@@ -255,25 +248,18 @@ def test_a_program_that_is_repeated_does_not_pass_for_many_poses() -> None:
 def test_a_robot_that_came_out_worse_than_nominal_is_not_acceptable() -> None:
     """Ten poses, eight of them with an instrument that had been moved."""
     table = table_of(true_robot("ur5"), count=40)
-    group = table.groups[0]
-    values = group.values + np.where(np.arange(40) % 3 == 0, 8e-3, 0.0)[:, None]
-    result = fit_table(replace(table, groups=(replace(group, values=values),)), PLAIN)
-    assert not verdict_of(result).acceptable
+    values = table.groups[0].values + np.where(np.arange(40) % 3 == 0, 8e-3, 0.0)[:, None]
+    assert not verdict_of(fit_table(with_group(table, values=values), PLAIN)).acceptable
 
 
-def test_another_robot_is_not_the_declared_one() -> None:
-    table = table_of(true_robot("ur10"), count=100)
-    result = fit_table(replace(table, robot=load_robot("ur5")), PLAIN)
-    assert verdict_of(result).status is Status.IMPLAUSIBLE
-    assert "Not the declared robot" in verdict_of(result).sentence
-
-
-def test_exchanged_joint_columns_are_not_the_declared_robot() -> None:
+def test_another_robot_and_exchanged_joint_columns_are_not_the_declared_robot() -> None:
+    other = replace(table_of(true_robot("ur10"), count=100), robot=load_robot("ur5"))
     table = table_of(true_robot("ur5"), count=100)
-    group = table.groups[0]
-    swapped = replace(group, q=group.q[:, [0, 2, 1, 3, 4, 5]])
-    result = fit_table(replace(table, groups=(swapped,)), PLAIN)
-    assert verdict_of(result).status is Status.IMPLAUSIBLE
+    swapped = with_group(table, q=table.groups[0].q[:, [0, 2, 1, 3, 4, 5]])
+    for wrong in (other, swapped):
+        verdict = verdict_of(fit_table(wrong, PLAIN))
+        assert verdict.status is Status.IMPLAUSIBLE
+        assert "Not the declared robot" in verdict.sentence
 
 
 def test_too_few_poses_are_refused_with_the_number_that_is_needed() -> None:
