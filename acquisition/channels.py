@@ -114,10 +114,8 @@ def _columns(
     """The channels that are read. Raises LogError if there are none, or one does not exist."""
     for name in channels:
         if name not in names:
-            raise LogError(
-                f"{path.name}: no column {name!r}; the header has {', '.join(names)}. Name one of "
-                "them."
-            )
+            what = f"no column {name!r}; the header has {', '.join(names)}."
+            raise LogError.at(path.name, what, "Name one of them.")
     if channels:
         return list(dict.fromkeys(channels))
     separator = likely_separator(text)

@@ -161,11 +161,8 @@ def joint_columns(context: TableContext, text: LogText, kind: FileKind) -> tuple
     columns = context.declared.joints.columns or AXES_OF.get(kind, ())
     named = spread([str(c) for c in columns], axes) if len(columns) == 1 else columns
     if len(named) != axes:
-        raise context.wrong(
-            "joints.columns",
-            f"{len(named)} columns, but {context.robot.name} has {axes} axes. Name one column for "
-            "each, in their order.",
-        )
+        what = f"{len(named)} columns, but {context.robot.name} has {axes} axes."
+        raise context.wrong("joints.columns", f"{what} Name one column for each, in their order.")
     joints = quantities(named, header_names(text))
     selected = [joint.terms for joint in joints]
     if twice := [terms[0][1] for terms in selected if selected.count(terms) > 1]:

@@ -66,9 +66,7 @@ def speeds(t: Array, angles: Array) -> Iterator[Array]:
     """
     m = _window(t)
     if t.size < 2 * m + 1:
-        raise ValueError(
-            f"a log of {t.size} samples is shorter than {2 * WINDOW} s, too short for a speed"
-        )
+        raise ValueError(f"a log of {t.size} samples is shorter than {2 * WINDOW} s")
     times = _box_means(t - t[0], m)
     apart = times[m + 1 :] - times[: -m - 1]
     for angle in angles.T:

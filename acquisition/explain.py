@@ -41,7 +41,7 @@ def explain_lines(folder: Path) -> list[str]:
         source = log_source(folder, name, declared, encoders=dict(sorted(encoders.items())))
         count = len(declared.files)
         lines.append(
-            f"{name}: dialect {declared.dialect}, as recording.yaml declares; {count} file(s)"
+            f"{name}: dialect {declared.dialect}, as recording.yaml has it; {count} file(s)"
         )
         lines += [f"  {line}" for line in _meaning(source, encoders)]
         if declared.quantised:

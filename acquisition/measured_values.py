@@ -102,11 +102,9 @@ def refuse_quaternions(declared: ValueColumns, rows: PoseRows, raw: Array) -> No
     norm = np.linalg.norm(raw[:, 3:], axis=1)
     wrong = np.flatnonzero(np.abs(norm - 1.0) > 0.01)
     if declared.quaternions and wrong.size:
-        raise LogError(
-            f"{rows.location(wrong[0])}: the quaternion has length {norm[wrong[0]]:.4g}, "
-            "expected 1. Name the four columns of the quaternion, in the order of "
-            f"{declared.rotation}."
-        )
+        what = f"the quaternion has length {norm[wrong[0]]:.4g}, expected 1."
+        remedy = f"Name its four columns, in the order of {declared.rotation}."
+        raise LogError.at(rows.location(wrong[0]), what, remedy)
 
 
 def constant_sigma(sigma: Sigma, instrument: Instrument, count: int) -> Array:
@@ -127,10 +125,8 @@ def with_sigma_of_instrument(
     """
     if (sigma < 0.0).any():
         row = np.argwhere(sigma < 0.0)[0][0]
-        raise LogError(
-            f"{rows.location(row)}: a standard deviation is negative. Name the columns of the "
-            "deviations under sigma."
-        )
+        remedy = "Name the columns of the deviations under sigma."
+        raise LogError.at(rows.location(row), "a standard deviation is negative.", remedy)
     zero = (sigma == 0.0).any(axis=1)
     sentence = f"a standard deviation is 0; that of {instrument.name} is taken for the pose."
     stated = np.where(zero[:, None], instrument.sigma(values), sigma)

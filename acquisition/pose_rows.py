@@ -112,11 +112,9 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
     )
     complete = ~np.any([np.isnan(numbers.parts[part]).any(axis=1) for part in _NEEDED], axis=0)
     if not complete.any():
-        raise LogError(
-            f"{file}: no row has all numbers that {context.path.name} names. Are these "
-            "the columns? A workbook stores results of formulas only once it was saved by the "
-            "program that computes them."
-        )
+        what = f"no row has all numbers that {context.path.name} names. Are these the columns?"
+        remedy = "Of a workbook, save it with the program that computes its formulas."
+        raise LogError.at(file, what, remedy)
     logged = numbers.parts["joints"]
     refuse_other_unit(context.robot, declared.joints, numbers.reading, joint_rows, logged)
     poses = _poses(context, columns, numbers.take(complete))

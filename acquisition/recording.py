@@ -9,7 +9,7 @@ stands in the import report; what cannot be repaired is an error with file and l
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -36,18 +36,10 @@ from acquisition.faults.robot_angles import (
     with_limits_checked,
     without_sentinels,
 )
-from acquisition.fit_rows import Channels, choose_rows, cut_rows, fit_rows, rows_in_time
+from acquisition.fit_rows import choose_rows, cut_rows, fit_rows, rows_in_time
 from acquisition.flags import RowFlag, usable
 from acquisition.report import ImportReport
-from acquisition.sources import (
-    Fitted,
-    ImportLog,
-    LogRows,
-    joined,
-    log_source,
-    read_files,
-    refuse_few,
-)
+from acquisition.sources import Fitted, ImportLog, LogRows, log_source, read_files, refuse_few
 from acquisition.stamps.order import seconds
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
@@ -86,10 +78,8 @@ def read_recording(folder: Path) -> Recording:
     file cannot be trusted.
     """
     if not folder.is_dir():
-        raise DescriptionError(
-            f"{folder}: no such folder. A recording is a folder with recording.yaml and the device "
-            "files. Check the name."
-        )
+        what = "no such folder. A recording is a folder with recording.yaml and the device files."
+        raise DescriptionError.at(folder, what, "Check the name.")
     description = load_recording_file(folder)
     _check_encoders(folder, description)
     robot = load_robot(description.robot, relative_to=folder)
@@ -126,35 +116,27 @@ def read_recording(folder: Path) -> Recording:
 def _check_encoders(folder: Path, description: RecordingFile) -> None:
     location, fitted = folder / "recording.yaml", description.encoders
     if fitted and description.sources.ballbar is None:
-        raise DescriptionError(
-            f"{location}: encoders {', '.join(fitted)} are declared, but no sources.ballbar to "
-            f"read them from. Name its files, or write `encoders: {{}}` for a ball-bar without "
-            "sensors."
-        )
+        what = f"encoders {', '.join(fitted)} are declared, but no sources.ballbar."
+        remedy = "Name its files, or write `encoders: {}` for a ball-bar without sensors."
+        raise DescriptionError.at(location, what, remedy)
     if description.sources.ballbar is not None and not fitted:
-        raise DescriptionError(
-            f"{location}: sources.ballbar is given, but no encoder is declared. Declare those that "
-            "are fitted."
-        )
+        what = "sources.ballbar is given, but no encoder is declared."
+        raise DescriptionError.at(location, what, "Declare those that are fitted.")
     columns = [encoder.column for encoder in fitted.values()]
     require(columns, f"{location}: encoders")
     for column in columns:
         if (count := columns.count(column)) > 1:
-            raise DescriptionError(
-                f"{location}: encoders: column {column} is declared for {count} encoders. Name the "
-                "column of each."
-            )
+            what = f"encoders: column {column} is declared for {count} encoders."
+            raise DescriptionError.at(location, what, "Name the column of each.")
 
 
 def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotLog, ImportLog]:
     """The robot's log of a recording, and what was found in its files."""
-    source = log_source(folder, "robot", declared, axes=robot.joints)
-    dialect, reading = (
-        source.dialect,
-        AngleReading(source.dialect.angle_kind, source.dialect.angle_unit),
-    )
-    tables, summaries = read_files(source)
-    table = joined([without_sentinels(table, dialect.angles) for table in tables])
+    read = read_files(log_source(folder, "robot", declared, axes=robot.joints))
+    dialect = read.source.dialect
+    reading = AngleReading(dialect.angle_kind, dialect.angle_unit)
+    tables = [without_sentinels(table, dialect.angles) for table in read.tables]
+    table = replace(read, tables=tables).joined()
     t = seconds(table)
     table = with_frozen_motion_checked(table, t, reading.scales(robot, dialect.angles))
     torques = [name for name in dialect.torque_columns if name in table.columns]
@@ -162,12 +144,11 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     angles = pop_angles_inplace(robot, table, t, dialect.angles, reading)
     table, reset = with_angle_jumps_checked(table, angles)
     names = [f"joint {k}" for k in range(1, robot.joints + 1)]
-    channels = Channels(source, summaries, names)
-    table, segments = cut_rows(channels, table, angles.joints, reset=reset)
+    table, segments = cut_rows(table, angles.joints, names, reset=reset)
     chosen = choose_rows(with_limits_checked(table, angles), segments)
     q = chosen.of(angles.joints)
     del angles  # more than a fit takes of a log of hours
-    rows = rows_in_time(channels, chosen, q)
+    rows = rows_in_time(read, chosen, q)
     torque = gear_torques(robot, rows.table, dialect)
     log = RobotLog(rows.t, rows.values, torque, rows.segment, rows.table.flags)
     return log, rows.imported
@@ -181,30 +162,27 @@ def read_ballbar(
     robot_moves : whether standing counters are a fault.
     """
     fitted = dict(sorted(encoders.items()))
-    source = log_source(folder, "ballbar", declared, encoders=fitted)
-    status = {k: column for k, column in source.dialect.status.items() if k in fitted}
-    tables, summaries = read_files(source)
-    tables = [with_status_checked(table, status) for table in tables]
+    read = read_files(log_source(folder, "ballbar", declared, encoders=fitted))
+    status = {k: column for k, column in read.source.dialect.status.items() if k in fitted}
+    tables = [with_status_checked(table, status) for table in read.tables]
     for table in tables:
         if not usable(table.flags).any():
-            raise LogError(
-                f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report "
-                "faults throughout. Check their cables."
-            )
-    table = joined(tables)
+            what = f"no usable row is left of {len(table)}; the encoders report faults throughout."
+            raise LogError.at(table.files[0], what, "Check their cables.")
+    table = replace(read, tables=tables).joined()
     words, t = counter_words(table, fitted), seconds(table)
     table = with_frozen_motion_checked(table, t, counter_scales(fitted), WORD)
     for encoder in fitted.values():
         table.columns.pop(encoder.column)  # now in `words`
     table = with_jumps_checked(table, t, words, fitted)
     angles = encoder_angles(words, usable(table.flags), fitted)
-    channels = Channels(source, summaries, [f"encoder {name}" for name in fitted])
+    names = [f"encoder {name}" for name in fitted]
     reset = np.flatnonzero(table.flags & np.uint32(RowFlag.PRESET))
     restarted = partial(powered_up, words, fitted)
-    table, segments = cut_rows(channels, table, angles, reset=reset, powered_up=restarted)
+    table, segments = cut_rows(table, angles, names, reset=reset, powered_up=restarted)
     refuse_standing(table, words, fitted, robot_moves=robot_moves)
     chosen = choose_rows(table, segments)
-    rows = rows_in_time(channels, chosen, chosen.of(angles))
+    rows = rows_in_time(read, chosen, chosen.of(angles))
     joints = tuple(int(name[1]) for name in fitted)
     log = BallBarLog(rows.t, rows.values, joints, rows.segment, rows.table.flags)
     return log, rows.imported
@@ -214,34 +192,29 @@ def _read_length(
     folder: Path, declared: LengthFile, instrument: Instrument
 ) -> tuple[LengthLog, ImportLog]:
     """The log of a length sensor. Raises LogError if the instrument cannot be that long."""
-    source = log_source(folder, "length", declared)
-    tables, summaries = read_files(source)
-    table, unit = joined(tables), METRES[declared.unit]
+    read = read_files(log_source(folder, "length", declared))
+    table, unit = read.joined(), METRES[declared.unit]
     length = table.columns[declared.column] * unit + declared.zero_m
     table = with_frozen_motion_checked(table, seconds(table), {declared.column: unit})
-    rows = fit_rows(Channels(source, summaries, ["length"]), table, length[:, None])
+    rows = fit_rows(read, table, length[:, None], ["length"])
     length, margin = rows.values[:, 0], REACH * (instrument.upper - instrument.lower)
     outside = (length < instrument.lower - margin) | (length > instrument.upper + margin)
     if outside.any():
         row = int(np.argmax(outside))
-        raise LogError(
-            f"{rows.table.location(row)}: a length of {length[row]:.6g} m, and "
-            f"{instrument.title} reaches from {instrument.lower:g} to {instrument.upper:g} m. Is "
-            f"{declared.column} in {declared.unit}, and zero at {declared.zero_m:g} m? Correct "
-            "unit or zero_m of sources.length in recording.yaml."
-        )
+        what = f"a length of {length[row]:.6g} m, and {instrument.title} reaches from "
+        what += f"{instrument.lower:g} to {instrument.upper:g} m."
+        remedy = "Correct unit or zero_m of sources.length in recording.yaml."
+        raise LogError.at(rows.table.location(row), what, remedy)
     return LengthLog(rows.t, length, rows.segment, rows.table.flags), rows.imported
 
 
 def read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]:
     """The log of a force sensor of a recording, and what was found in its files."""
-    source = log_source(folder, "force", declared)
-    names = source.dialect.wrench
-    tables, summaries = read_files(source)
-    table = with_frozen_loads_checked(joined(tables), dict.fromkeys(names))
+    read = read_files(log_source(folder, "force", declared))
+    names = read.source.dialect.wrench
+    table = with_frozen_loads_checked(read.joined(), dict.fromkeys(names))
     wrench = np.stack([table.columns[name] for name in names], axis=1)
-    channels = Channels(source, summaries, names, scale=load_scale(wrench))
-    rows = fit_rows(channels, table, wrench)
+    rows = fit_rows(read, table, wrench, names, scale=load_scale(wrench))
     return ForceLog(rows.t, rows.values), rows.imported
 
 
@@ -249,10 +222,9 @@ def _read_tracker(
     folder: Path, declared: TrackerFile, robot: Robot, robot_log: RobotLog
 ) -> tuple[TrackerLog, ImportLog]:
     """The log of an optical tracker. Raises LogError if the tool cannot move that far."""
-    source = log_source(folder, "tracker", declared)
-    tables, summaries = read_files(source)
-    table = joined(tables)
-    points = np.stack([table.columns[name] for name in source.dialect.point], axis=1)
+    read = read_files(log_source(folder, "tracker", declared))
+    table = read.joined()
+    points = np.stack([table.columns[name] for name in read.source.dialect.point], axis=1)
     points *= METRES[declared.unit]
     hidden = (points == 0.0).all(axis=1)
     if hidden.any():
@@ -260,14 +232,12 @@ def _read_tracker(
         kind, flag = "hidden LED", RowFlag.INVALID
         table = table.remarked(kind, sentence, rows=hidden, flag=flag)
         refuse_few(table, int(np.count_nonzero(~hidden)))
-    rows = fit_rows(Channels(source, summaries, ["x", "y", "z"]), table, points)
+    rows = fit_rows(read, table, points, ["x", "y", "z"])
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
     seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
     if not travel / SIMILAR_EXTENT < seen < travel * SIMILAR_EXTENT:
-        raise LogError(
-            f"{rows.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
-            f"over {travel:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
-            "sources.tracker in recording.yaml."
-        )
+        what = f"the points spread over {seen:.3g} m rms, the flange over {travel:.3g} m."
+        remedy = f"Are they in {declared.unit}? Correct unit of sources.tracker in recording.yaml."
+        raise LogError.at(rows.table.location(0), what, remedy)
     log = TrackerLog(rows.t, rows.values, declared.accuracy_m, rows.segment)
     return log, rows.imported

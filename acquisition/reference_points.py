@@ -40,11 +40,9 @@ def steadied(files: Sequence[FilePoses]) -> list[FilePoses]:
         _refuse_unfit(seat)
         fit, knocks = fit_with_knocks(seat.readings, seat.sigma, seat.elapsed)
         if fit.scale > _RIGID:
-            raise LogError(
-                f"{seat.lines[0][0]}: the reference points of seat {name} do not keep their "
-                f"distances: they scatter by {_scatter(seat, fit)}. Name x y z of each point, in "
-                "the same order in every table, or correct sigma_m."
-            )
+            what = f"the reference points of seat {name} scatter by {_scatter(seat, fit)}."
+            remedy = "Name x y z of each, in the same order in every table, or correct sigma_m."
+            raise LogError.at(seat.lines[0][0], what, remedy)
         points = np.array([files[k].group.values[i, :3] for k, i in seat.rows])
         added = fit.sigma(points, seat.measurement)
         findings = _findings(seat, fit, knocks, points, added)
@@ -120,11 +118,9 @@ def _seat(name: str, files: Sequence[FilePoses]) -> _Seat:
     first = np.flatnonzero(new)
     often = np.flatnonzero((~empty[first].any(axis=2)).sum(axis=0) >= _FEWEST)
     if often.size < _FEWEST:
-        raise LogError(
-            f"{file}: of the {count} reference points of seat {name} {often.size} are read "
-            f"{_FEWEST} times or more; {_FEWEST} are needed. Correct the columns, or leave "
-            "reference out."
-        )
+        what = f"of {count} reference points of seat {name} {often.size} are read {_FEWEST} times."
+        remedy = f"{_FEWEST} points are needed. Correct the columns, or leave reference out."
+        raise LogError.at(file, what, remedy)
     elapsed = np.diff(time[first]).astype(float)
     floor = 1e-3 * elapsed.mean() or 1.0
     return _Seat(
@@ -145,22 +141,18 @@ def _refuse_unfit(seat: _Seat) -> None:
     middle = np.nanmedian(seat.readings, axis=0)
     length, width, _ = np.linalg.svd(middle - middle.mean(axis=0))[1] / np.sqrt(len(middle))
     if width < _WIDTH * length:
-        raise LogError(
-            f"{seat.lines[0][0]}: the reference points of seat {seat.name} lie on a line "
-            f"({length * 1e3:.3g} mm along it, {width * 1e3:.2g} mm across, rms), and do not show "
-            "a turn about it. Put up another one beside it, or correct the columns."
-        )
+        what = f"the reference points of seat {seat.name} lie on a line: {width * 1e3:.2g} mm rms."
+        remedy = "They do not show a turn about it: put up another one, or correct the columns."
+        raise LogError.at(seat.lines[0][0], what, remedy)
     away = np.linalg.norm(seat.readings - middle, axis=2)
     away[(~np.isnan(away)).sum(axis=1) < _FEWEST] = np.nan
     least = np.fmin.reduce(away, axis=1)
     far = np.flatnonzero(least > _FAR)
     if far.size:
         file, line = seat.lines[seat.first[far[0]]]
-        raise LogError(
-            f"{file}:{line}: the reference points lie {least[far[0]] * 1e3:.4g} mm or more from "
-            f"where most measurements of seat {seat.name} have them. If the instrument was set up "
-            "anew, give each set-up its own seat; else name the same points in the same order."
-        )
+        what = f"the reference points lie {least[far[0]] * 1e3:.4g} mm from where they mostly are."
+        remedy = f"Name them in one order, and give each set-up of {seat.name} a seat of its own."
+        raise LogError.at(f"{file}:{line}", what, remedy)
 
 
 def _scatter(seat: _Seat, fit: ReferenceFit) -> str:
@@ -191,7 +183,7 @@ def _findings(
     findings = [finding("moving seat", file, sentence, count=1)]
     if fit.scale > _SCATTER:
         sentence = (
-            f"those of seat {seat.name} scatter about a rigid motion by {_scatter(seat, fit)}."
+            f"of seat {seat.name} they scatter about a rigid motion by {_scatter(seat, fit)}."
         )
         findings.append(finding("loose reference points", file, sentence, count=1))
     for knock in knocks:

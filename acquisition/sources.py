@@ -141,55 +141,52 @@ def _dialect(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
     except DescriptionError as error:
         raise DescriptionError(f"{location}.dialect: {error}") from None
     if dialect.source != name:
-        raise DescriptionError(
-            f"{location}.dialect: {source.dialect} describes logs of the "
-            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped? "
-            "Exchange them, or name another dialect."
-        )
+        devices = f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped?"
+        what = f"{source.dialect} describes logs of the {devices}"
+        raise DescriptionError.at(f"{location}.dialect", what, "Exchange them, or name another.")
     if source.time is not None:
         checked_form(source.time, f"{location}.time")
     return dialect
 
 
-def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
-    """All files of one source, each with stamps in order, and how each was read.
+@dataclass(frozen=True, eq=False)
+class SourceFiles:
+    """The files of one source, each a table with stamps in order."""
+
+    source: LogSource
+    tables: list[Table]
+    summaries: list[FileSummary]
+
+    def joined(self) -> Table:
+        """All files as one table. Raises LogError if they overlap, or hold too few rows."""
+        table = join(self.tables)
+        refuse_few(table, len(table))
+        return table
+
+
+def read_files(source: LogSource) -> SourceFiles:
+    """All files of one source.
 
     Raises LogError for columns that only some files have: joining would lose them to all.
     """
     if twice := repeated(source.folder, source.declared.files):
-        raise DescriptionError(
-            f"{source.folder / 'recording.yaml'}: sources.{source.name}.files: {twice[0]!r} and "
-            f"{twice[1]!r} are one file. Name it once."
-        )
+        what = f"sources.{source.name}.files: {twice[0]!r} and {twice[1]!r} are one file."
+        raise DescriptionError.at(source.folder / "recording.yaml", what, "Name it once.")
     read = [_read_file(source, file) for file in source.declared.files]
     tables, together = [table for table, _ in read], source.layout.together
     without = [table.files[0] for table in tables if not table.columns.keys() >= set(together)]
     if without and len(without) < len(tables):
-        raise LogError(
-            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source "
-            "have them. Log them in every file, or remove them from all."
-        )
-    return tables, [summary for _, summary in read]
-
-
-def joined(tables: list[Table]) -> Table:
-    """All files of one source as one table.
-
-    Raises LogError if they overlap, or hold too few rows.
-    """
-    table = join(tables)
-    refuse_few(table, len(table))
-    return table
+        what = f"columns {', '.join(together)} missing, and other files of this source have them."
+        raise LogError.at(without[0], what, "Log them in every file, or remove them from all.")
+    return SourceFiles(source, tables, [summary for _, summary in read])
 
 
 def refuse_few(table: Table, rows: int) -> None:
     """Raises LogError if so many rows of a table are too few for a fit."""
     if rows < MINIMUM_ROWS:
         files = ", ".join(table.files)
-        raise UnfinishedLogError(
-            f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed. "
-            "Log a longer run, or at a higher rate."
-        )
+        what = f"{rows} usable rows; at least {MINIMUM_ROWS} are needed."
+        raise UnfinishedLogError.at(files, what, "Log a longer run, or at a higher rate.")
 
 
 def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
@@ -218,10 +215,8 @@ def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
             half = columns.pop(name)
             outside = np.flatnonzero((half < 0) | (half >= 2 ** (32 - k)))
             if outside.size:
-                raise LogError(
-                    f"{table.location(outside[0])}: column {name}: {half[outside[0]]} is no half "
-                    "of a 64-bit time. Log both halves as UDINT."
-                )
+                what = f"column {name}: {half[outside[0]]} is no half of a 64-bit time."
+                raise LogError.at(table.location(outside[0]), what, "Log both halves as UDINT.")
             cells |= half << (32 * k)
     else:
         column, cells = time.column, columns.pop(time.column)

@@ -156,10 +156,8 @@ def form_shown(time: TimeCells, forms: Sequence[TimeForm], declare: str) -> Time
     shown = {recognised(str(time.cells[row]), forms) for row in rows} - {None}
     if len(shown) == 1:
         return next(form for form in forms if form in shown)
-    raise LogError(
-        f"{time.location(0)}: the form of the time stamps does not show. Declare it {declare}; "
-        f"forms: {', '.join(TIME_FORMS)}."
-    )
+    remedy = f"Declare it {declare}; forms: {', '.join(TIME_FORMS)}."
+    raise LogError.at(time.location(0), "the form of the time stamps does not show.", remedy)
 
 
 def stamps_ns(time: TimeCells, form: TimeForm) -> tuple[Stamps, tuple[Finding, ...]]:

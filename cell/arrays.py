@@ -32,10 +32,8 @@ def finite_rows(values: ArrayLike, row: tuple[int, ...], what: str, unit: str) -
         raise InputError(f"{what}: of shape {rows.shape}. {expected}")
     finite = np.isfinite(rows).all(axis=tuple(range(1, rows.ndim)))
     if not finite.all():
-        raise InputError(
-            f"{what}: row {int((~finite).argmax())} of {len(rows)} (counted from 0) is not finite. "
-            "Leave such rows out."
-        )
+        wrong = f"row {int((~finite).argmax())} of {len(rows)} (counted from 0) is not finite."
+        raise InputError.at(what, wrong, "Leave such rows out.")
     return rows
 
 

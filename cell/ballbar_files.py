@@ -9,16 +9,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from cell.description_files import (
-    DHRowFile,
-    Length,
-    LinkFile,
-    NotNegative,
-    NotNegative5,
-    Positive,
-    metres,
-)
-from cell.schema import EncoderLines, Line, Strict
+from cell.description_files import DHRowFile, Length, LinkFile, NotNegative5, metres
+from cell.schema import EncoderLines, Line, NotNegative, Positive, Strict
 from cell.schema_errors import wrong_key
 
 

@@ -14,11 +14,6 @@ from cell.descriptions import Cell, Link, Robot
 from cell.geometry import nominal_chain
 
 
-def robot_bodies(cell: Cell) -> list[Link]:
-    """Links 1..J of the cell's robot, each in the frame that turns with its joint."""
-    return link_bodies(cell.robot)
-
-
 def link_bodies(robot: Robot) -> list[Link]:
     """Links 1..J of a robot, each in the frame that turns with its joint."""
     return _local(nominal_chain(robot), robot.required("links")[1:])
@@ -30,7 +25,7 @@ def carried_bodies(cell: Cell) -> list[list[Link]]:
     plate = cell.plate.body
     inertia = rotation @ plate.inertia @ rotation.T
     on_last = Link(plate.mass, flange + rotation @ plate.com, inertia)
-    bodies = [[link] for link in robot_bodies(cell)]
+    bodies = [[link] for link in link_bodies(cell.robot)]
     bodies[-1].append(on_last)
     return bodies
 

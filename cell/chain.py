@@ -41,7 +41,7 @@ class Chain:
             values = read_only(getattr(self, field.name))
             if values.shape != np.shape(self.a) or values.ndim != 1:
                 raise ValueError(
-                    f"chain: {field.name} has shape {values.shape}, a has {np.shape(self.a)}"
+                    f"chain: {field.name} has shape {values.shape}, a {np.shape(self.a)}"
                 )
             object.__setattr__(self, field.name, values)
 

@@ -21,15 +21,6 @@ REACHED = 1e-9  # [m, rad] of a pose that is taken, and of offsets that are none
 # [rad] twists of the arms that have a closed form; with s = -1 alpha_4 and alpha_5 are mirrored
 _SPHERICAL = np.array([-1.0, 0.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
 _PARALLEL = np.array([1.0, 0.0, 0.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
-_TOLERANCE = 0.1  # [rad] of the twists of an identified robot
-
-
-def has_arm_structure(chain: Chain) -> bool:
-    """Whether a robot is nearly built as `robot_branches` needs."""
-    return chain.rows == _SPHERICAL.size and any(
-        np.allclose(chain.alpha, alpha, rtol=0.0, atol=_TOLERANCE)
-        for alpha in (_SPHERICAL, _mirrored(_SPHERICAL))
-    )
 
 
 def has_closed_form(chain: Chain) -> bool:

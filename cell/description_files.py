@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from cell.descriptions import ProgramLanguage
-from cell.schema import Line, Strict
+from cell.schema import Line, NotNegative, Positive, Strict
 from cell.schema_errors import Loc, wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
@@ -60,8 +60,6 @@ def _degrees(value: float) -> float:
     return value
 
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 Length = Annotated[float, AfterValidator(metres)]
 NominalAngle = Annotated[float, Field(ge=-360.0, le=360.0), AfterValidator(_degrees)]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
@@ -136,11 +134,8 @@ class TransmissionErrorFile(Strict):
     @model_validator(mode="after")
     def _one_amplitude_a_harmonic(self) -> Self:
         if len(self.amplitude_rad) != len(self.cycles_per_turn):
-            raise wrong_key(
-                "amplitude_rad",
-                message=f"expected {len(self.cycles_per_turn)} values, one for each of "
-                "cycles_per_turn",
-            )
+            message = f"expected {len(self.cycles_per_turn)}, one for each of cycles_per_turn"
+            raise wrong_key("amplitude_rad", message=message)
         return self
 
 

@@ -122,17 +122,13 @@ class Dialect(Strict):
         if self.source == "robot" and len(kinds) != 1:
             raise ValueError("a robot's dialect names one of motors, axes and joints")
         if self.source != "robot" and (kinds or self.torques):
-            raise ValueError(
-                f"motors, axes, joints and torques are a robot's, not of a {self.source} log"
-            )
+            raise ValueError(f"motors, axes, joints, torques are a robot's, not of a {self.source}")
         if (self.source == "force") != bool(self.wrench):
             raise ValueError("wrench: six columns, of a force sensor's log only")
         for key in (*kinds, "torques"):
             columns = self._selectors(key)
             if columns and not 5 <= len(columns) <= 8:
-                raise ValueError(
-                    f"{key}: one column for each axis, 5 to 8, or one `re:` that finds them"
-                )
+                raise ValueError(f"{key}: one column for each axis, 5 to 8, or one `re:` for all")
         if self.wrench and len(self.wrench) != 6:
             raise ValueError("wrench: six columns")
         if len(self.point) != (3 if self.source == "tracker" else 0):

@@ -20,8 +20,6 @@ def frame(message: bytes) -> bytes:
     Raises ValueError if it is empty or longer than a datagram.
     """
     if not 0 < len(message) <= LONGEST_MESSAGE:
-        raise ValueError(
-            f"an EGM message has 1 to {LONGEST_MESSAGE} bytes, this one {len(message)}"
-        )
+        raise ValueError(f"an EGM message has 1 to {LONGEST_MESSAGE} bytes, not {len(message)}")
     length = len(message).to_bytes(4, "little")
     return FRAME.pack(len(message), zlib.crc32(message, zlib.crc32(length))) + message

@@ -4,9 +4,18 @@ Wrong input ends a command with exit code 2, work that fails with 1. The text na
 place, and the remedy.
 """
 
+from __future__ import annotations
+
+from typing import Self
+
 
 class InputError(ValueError):
     """Bad input: a file, a column, a key or a value that cannot be used as it stands."""
+
+    @classmethod
+    def at(cls, place: object, what: str, remedy: str) -> Self:
+        """The error about a place, such as `robot.csv:7`: what is wrong, and how to mend it."""
+        return cls(f"{place}: {what} {remedy}")
 
 
 class DescriptionError(InputError):

@@ -139,14 +139,11 @@ def _chain(path: Path, kind: ExtendableKind) -> list[YamlDocument]:
         file, where = _base_of(chain[-1], kind)
         names = " extends ".join(document.path.name for document in chain)
         if any(file.resolve() == document.path.resolve() for document in chain):
-            raise DescriptionError(
-                f"{where}: a circle, {names} extends {file.name}. Remove one of these lines."
-            )
+            what = f"a circle, {names} extends {file.name}."
+            raise DescriptionError.at(where, what, "Remove one of these lines.")
         if len(chain) > MAX_BASES:
-            raise DescriptionError(
-                f"{where}: {names} extends more than {MAX_BASES} files one after the other. Merge "
-                "some of them."
-            )
+            what = f"{names} extends more than {MAX_BASES} files one after the other."
+            raise DescriptionError.at(where, what, "Merge some of them.")
         chain.append(load_yaml(file))
     return chain
 
@@ -250,15 +247,12 @@ def _step(node: Value, rest: str, key: str) -> tuple[str | int, Value, str]:
     head, _, below = rest.partition(".")
     if isinstance(node, list):
         if not head.isdecimal() or int(head) >= len(node):
-            raise InputError(
-                f"{key}: the list has no item {head}; its {len(node)} items count from 0. "
-                "Name one of these"
-            )
+            what = f"the list has no item {head}; its {len(node)} items count from 0."
+            raise InputError.at(key, what, "Name one of these")
         return int(head), node[int(head)], below
     if node is not None and not isinstance(node, dict):
-        raise InputError(
-            f"{key}: the value {node!r} above {head} has no keys of its own. Name a key that exists"
-        )
+        what = f"the value {node!r} above {head} has no keys of its own."
+        raise InputError.at(key, what, "Name a key that exists")
     held: dict[str, Value] = node or {}
     for written in sorted(held, key=len, reverse=True):
         if rest == written or rest.startswith(f"{written}."):

@@ -54,10 +54,8 @@ def require_writable(folder: Path) -> None:
     if not existing.is_dir():
         raise InputError(f"{existing}: is no folder, so {folder} cannot be made. Choose another.")
     if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(
-            f"{existing}: cannot be written to (permission denied); nothing was written. Change "
-            "its permissions, or choose another folder."
-        )
+        what = "cannot be written to (permission denied); nothing was written."
+        raise InputError.at(existing, what, "Change its permissions, or choose another folder.")
 
 
 def write_new(path: Path, content: bytes) -> None:
@@ -72,9 +70,8 @@ def write_new_together(contents: Mapping[Path, bytes]) -> None:
     """
     for path in contents:
         if path.exists():
-            raise InputError(
-                f"{path}: exists already; nothing was written. Name another file with --out."
-            )
+            what = "exists already; nothing was written."
+            raise InputError.at(path, what, "Name another file with --out.")
         path.parent.mkdir(parents=True, exist_ok=True)
     with ExitStack() as written:
         for path, content in contents.items():
@@ -137,9 +134,8 @@ def new_folder(path: Path) -> Iterator[Path]:
     """
     if path.exists():
         if path.is_file() or any(path.iterdir()):
-            raise InputError(
-                f"{path}: exists and holds something; nothing was written. Choose another folder."
-            )
+            what = "exists and holds something; nothing was written."
+            raise InputError.at(path, what, "Choose another folder.")
         if path.samefile(Path.cwd()):
             raise InputError(f"{path}: you are in this folder. Name a new one.")
     require_writable(path.absolute().parent)
@@ -196,10 +192,8 @@ def _locked(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError(
-                f"{folder}: another process writes to this folder. Wait for it, or choose another "
-                "folder with --out."
-            ) from None
+            remedy = "Wait for it, or choose another folder with --out."
+            raise InputError.at(folder, "another process writes to this folder.", remedy) from None
         yield
     finally:
         os.close(descriptor)

@@ -16,13 +16,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cell.arrays import Array
-from cell.description_files import NominalAngle, NotNegative, Positive
+from cell.description_files import NominalAngle
 from cell.descriptions import BallBar, Link
 from cell.geometry import ROD_ROW
 from cell.instruments import kinds
 from cell.instruments.base import Kind
 from cell.inverse import BAR_ALPHA
-from cell.schema import Line, Strict
+from cell.schema import Line, NotNegative, Positive, Strict
 from cell.schema_errors import wrong_key
 
 JointKind = Literal["revolute", "prismatic", "universal", "ball"]

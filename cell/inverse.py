@@ -90,22 +90,23 @@ def refine(
         except np.linalg.LinAlgError:
             bad = int(np.abs(np.linalg.det(jacobian)).argmin())
             angles = " ".join(f"{angle:.1f}" for angle in np.degrees(q[bad]))
-            raise UnreachableError(
-                f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) leads to a singular "
-                f"posture of the robot, joints at {angles} deg. Move the start or the pose away "
-                "from it."
-            ) from None
+            what = f"leads to a singular posture of the robot, joints at {angles} deg."
+            remedy = "Move the start or the pose away from it."
+            raise UnreachableError(f"{_pose(bad, q)} {what} {remedy}") from None
         # a step of more than 0.3 rad is a sign of a singularity, not of progress
         q += np.clip(step, -0.3, 0.3)
         reached = chain.rows >= 6 or np.abs(error).max() < REACHED
         if np.abs(step).max() < tolerance and reached:
             return q
     bad = int(np.abs(step).max(axis=1).argmax())
-    raise UnreachableError(
-        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) is not reached in "
-        f"{iterations} steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into "
-        "the reach of the arm, or start closer to it."
-    )
+    left = np.linalg.norm(error[:3, bad]) * 1e3
+    what = f"is not reached in {iterations} steps; {left:.3g} mm are left."
+    remedy = "Move it into the reach of the arm, or start closer to it."
+    raise UnreachableError(f"{_pose(bad, q)} {what} {remedy}")
+
+
+def _pose(k: int, q: Array) -> str:
+    return f"inverse kinematics: pose {k} of {len(q)} (counted from 0)"
 
 
 def refine_reachable(

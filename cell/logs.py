@@ -61,9 +61,7 @@ class BallBarLog:
         _protect(self)
         _check("ball-bar log", self, self.angles, len(self.joints))
         if list(self.joints) != sorted(set(self.joints)) or not set(self.joints) <= {1, 2, 3, 4, 5}:
-            raise ValueError(
-                f"ball-bar log: joints {self.joints} are not distinct, increasing and within 1..5"
-            )
+            raise ValueError(f"ball-bar log: joints {self.joints} do not increase within 1..5")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,12 +13,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.description_files import Positive
 from cell.errors import DescriptionError
 from cell.file_units import AngleUnit, LengthUnit
 from cell.instrument import Instrument
 from cell.poses import KnownDistance
-from cell.schema import Strict
+from cell.schema import Positive, Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 
@@ -117,9 +116,7 @@ class ReferencePoints(Strict):
             message = f"{len(self.columns)} columns; expected x y z of each point"
             raise wrong_key("columns", message=message)
         if points < 3:
-            message = (
-                f"{points} points; expected 3 or more, since fewer do not show how the seat turns"
-            )
+            message = f"{points} points; expected 3 or more, which show how the seat turns"
             raise wrong_key("columns", message=message)
         return self
 
@@ -199,10 +196,8 @@ def known_distances(
         stated = (entry.length_m, entry.sigma_m)
         length, sigma = stated if None not in stated else instrument.distance or (None, None)
         if length is None or sigma is None:
-            raise DescriptionError(
-                f"distances[{k}]: length_m is missing, and {instrument.name} states no distance of "
-                "its own. Add length_m and sigma_m."
-            )
+            what = f"length_m is missing, and {instrument.name} states no distance of its own."
+            raise DescriptionError.at(f"distances[{k}]", what, "Add length_m and sigma_m.")
         for seat in (seat for pair in entry.pairs for seat in pair):
             if seat not in names:
                 raise DescriptionError(

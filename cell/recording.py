@@ -109,9 +109,7 @@ class RecordingFile(Strict):
             raise wrong_key("ballbar", message=message)
         of_length = self.sources.length is not None
         if of_length != (self.instrument is not None):
-            message = (
-                "expected sources.length of an instrument that measures a length, and only then"
-            )
+            message = "expected sources.length of an instrument that measures a length alone"
             raise wrong_key("sources", message=message)
         if of_length and (self.sources.ballbar is not None or self.encoders):
             message = "an instrument that measures a length has no encoders; leave out " + (
@@ -133,7 +131,6 @@ def load_recording_file(folder: Path) -> RecordingFile:
     """
     file = folder / "recording.yaml"
     if not file.exists() and (folder / "recording" / file.name).exists():
-        raise DescriptionError(
-            f"{file}: no such file. Is {folder / 'recording'} meant? Name that folder."
-        )
+        what = f"no such file. Is {folder / 'recording'} meant?"
+        raise DescriptionError.at(file, what, "Name that folder.")
     return load_model(file, RecordingFile)

@@ -9,9 +9,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.description_files import Positive
 from cell.pose_file import KnownDistances
-from cell.schema import Name, Strict
+from cell.schema import Name, Positive, Strict
 from cell.schema_errors import wrong_key
 from planning.workspace import Axes, AxisMargin, KeepOut, StatedWorkspace
 from sim.settings import Vector3

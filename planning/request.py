@@ -12,9 +12,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cell.description_files import Positive
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
-from cell.schema import Strict
+from cell.schema import Positive, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
 from planning.pose_request import POSE_SCHEMA, Cone, PlanName, PosePlanRequest, Seed

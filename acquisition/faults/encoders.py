@@ -98,9 +98,7 @@ def with_status_checked(table: Table, status: Mapping[EncoderName, str]) -> Tabl
     """
     silent = [encoder for encoder, column in status.items() if column not in table.columns]
     if silent:
-        sentence = (
-            f"encoders {', '.join(silent)} have no status column, so their faults cannot be seen."
-        )
+        sentence = f"encoders {', '.join(silent)} have no status column: their faults are not seen."
         table = table.remarked("no status word", sentence, count=len(silent))
     for encoder, column in status.items():
         if encoder not in silent:
@@ -128,9 +126,7 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
     stale = np.concatenate(([False], np.diff(word & TOGGLE) == 0))
     if stale.sum() > (1.0 - _TOGGLES) * len(table):
         return table  # not every bus cycle is logged
-    sentence = (
-        f"the toggle bit of encoder {encoder} stands still: its data are those of the row before."
-    )
+    sentence = f"the toggle bit of encoder {encoder} stands still: data of the row before."
     return table.remarked("stale process data", sentence, rows=stale, flag=RowFlag.STALE)
 
 
@@ -153,20 +149,15 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
         limit = WORD if counter.min() >= 0 else WORD // 2
         outside = np.flatnonzero((counter >= limit) | (counter < -WORD // 2))
         if outside.size:
-            raise LogError(
-                f"{table.location(outside[0])}: column {encoder.column}: {counter[outside[0]]} is "
-                f"no 32-bit counter word. Expected UDINT, 0 to {WORD - 1}, or DINT, {-WORD // 2} "
-                f"to {WORD // 2 - 1}. Log it as one of these."
-            )
+            what = f"column {encoder.column}: {counter[outside[0]]} is no 32-bit counter word."
+            raise LogError.at(table.location(outside[0]), what, "Log it as UDINT or DINT.")
         rows = np.flatnonzero(usable(table.flags))
         counter = counter[rows]
         wraps = np.flatnonzero(np.abs(np.diff(counter)) > SHORT_WORD // 2)
         if wraps.size > SOME_WRAPS and np.ptp(counter) < SHORT_WORD:
             raise LogError(
-                f"{table.location(rows[wraps[0] + 1])}: column {encoder.column}: the counter lies "
-                f"within {counter.min()} to {counter.max()} and jumps from one end to the other "
-                f"{wraps.size} times, as the lower 16 bits of a counter do. Log the whole word, "
-                "UDINT or DINT."
+                f"{table.location(rows[wraps[0] + 1])}: column {encoder.column}: {wraps.size} "
+                "wraps as of the lower 16 bits of a counter. Log the whole word, UDINT or DINT."
             )
     return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
 
@@ -201,10 +192,8 @@ def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) ->
         return table
     row = jumps.lasting[0]
     size = np.abs(signed_word(words[row] - words[row - 1])) * scale
-    sentence = (
-        f"the counter of encoder {names[int(size.argmax())]} jumps by {size.max():.4g} rad: reset, "
-        "or moved on unseen."
-    )
+    jumped = names[int(size.argmax())]
+    sentence = f"encoder {jumped} jumps by {size.max():.4g} rad: reset, or moved on unseen."
     reset, flag = rows[jumps.lasting], RowFlag.PRESET
     return table.remarked("counter jumped", sentence, rows=reset, flag=flag)
 
@@ -243,8 +232,7 @@ def refuse_standing(table: Table, words: Counts, fitted: Fitted, *, robot_moves:
     standing = [k for k, column in enumerate(words.T) if (column[valid] == first[k]).all()]
     if standing and (robot_moves or len(standing) < len(fitted)):
         name, encoder = list(fitted.items())[standing[0]]
-        raise LogError(
-            f"{table.files[0]}: encoder column without counts: column {encoder.column} of encoder "
-            f"{name} is {first[standing[0]]} in every row while the others or the robot move. "
-            "Check the cable, or remove the encoder from recording.yaml."
-        )
+        what = f"encoder column without counts: column {encoder.column} of encoder {name} is "
+        what += f"{first[standing[0]]} in every row while the others or the robot move."
+        remedy = "Check the cable, or remove the encoder from recording.yaml."
+        raise LogError.at(table.files[0], what, remedy)

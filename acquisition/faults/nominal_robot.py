@@ -167,11 +167,11 @@ def _off_nominal(
             f"({mirror * 1e3:.3g} mm against {direct * 1e3:.3g} mm): the frame is left-handed. "
             "Is an axis missing its sign, or are two columns swapped? Correct the columns."
         )
-    sentence = (
-        f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: "
-        "another robot, another order of the joints, or angles of another kind?"
+    return rows.remark(
+        "far from the nominal robot",
+        f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: another "
+        "robot, another order of the joints, or angles of another kind?",
     )
-    return rows.remark("far from the nominal robot", sentence)
 
 
 def refuse_radians(
@@ -270,10 +270,7 @@ def check_rotations(
             f"{robot.name} does ({np.rad2deg(off):.3g} deg off, median); with `{how}` they do "
             f"({np.rad2deg(least):.2g} deg). Write so under values in poses.yaml."
         )
-    sentence = (
-        f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of the flange of the "
-        f"catalogue robot {robot.name}: another convention, or another robot?"
-    )
+    sentence = f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of {robot.name}."
     return rows.remark("rotations off the nominal robot", sentence)
 
 

@@ -69,9 +69,7 @@ def with_angle_jumps_checked(table: Table, angles: RobotAngles) -> tuple[Table, 
     if jumps.fast.size or not (moves(angles.joints) and within_reach):
         _refuse_other_angles(table, angles)
     reset = rows[jumps.lasting]
-    sentence = (
-        "the angles jump here and do not come back: another start of the logger; a new segment."
-    )
+    sentence = "the angles jump here and do not come back: the logger started again; a new segment."
     table = table.remarked("angles jump", sentence, rows=reset)
     return table, reset[np.diff(angles.t)[reset - 1] > 0]  # where the clock goes on
 
@@ -112,11 +110,10 @@ def _refuse_other_angles(table: Table, angles: RobotAngles) -> None:
         return
     if others := _others_that_fit(angles):
         span = np.rad2deg(np.ptp(angles.joints, axis=0).max())
-        raise LogError(
-            f"{table.location(rows[0])}: {_either(others)} where {angles.reading} are declared? As "
-            f"declared they turn no axis by more than {span:.2g} deg, the other way they fit the "
-            "axis limits. Name the dialect of what was logged, or convert the log."
-        )
+        what = f"{_either(others)} where {angles.reading} are declared? So they turn no axis "
+        what += f"by more than {span:.2g} deg."
+        remedy = "Name the dialect of what was logged, or convert the log."
+        raise LogError.at(table.location(rows[0]), what, remedy)
 
 
 def _question(angles: RobotAngles) -> str:
@@ -141,6 +138,7 @@ def _exchanged_columns(angles: RobotAngles) -> list[str]:
 
 
 def _other_reading(angles: RobotAngles) -> str:
+    """A question that names the readings with which all axes stay within their limits."""
     reading, others = angles.reading, _others_that_fit(angles)
     degrees = AngleReading(reading.kind, "deg")
     if reading.unit == "rad" and degrees not in others:
@@ -152,16 +150,15 @@ def _other_reading(angles: RobotAngles) -> str:
             f"Is this the log of the robot that recording.yaml names, and does it hold {reading}? "
             "Correct its robot or dialect."
         )
-    robot_question = f" Or is it the log of another robot than {angles.robot.name}?"
+    question = f"{_either(others)} where {reading} are declared?"
     if reading.unit == "rad" and degrees in others:
-        further = [other for other in others if other != degrees]
-        question = f" Or {' or '.join(map(str, further))}?" if further else ""
-        return (
-            "Degrees where radians are declared? Read as degrees, all axes stay within their "
-            f"limits: convert the log, or declare degrees.{question}{robot_question}"
-        )
-    stay = "That way all axes stay within their limits: convert the log, or name its dialect."
-    return f"{_either(others)} where {reading} are declared? {stay}{robot_question}"
+        others.remove(degrees)
+        further = "".join(f" Or {other}?" for other in others)
+        question = f"Degrees where radians are declared?{further}"
+    return (
+        f"{question} That way all axes stay within their limits: convert the log, or declare what "
+        f"it holds. Or is it the log of another robot than {angles.robot.name}?"
+    )
 
 
 def _either(readings: list[AngleReading]) -> str:

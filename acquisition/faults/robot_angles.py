@@ -57,19 +57,14 @@ def gear_torques(robot: Robot, table: Table, dialect: Dialect) -> Array | None:
     heavy = np.abs(torque) > HEAVY * full_weight(robot)
     if heavy.any():
         row, motor = (int(index) for index in np.argwhere(heavy)[0])
-        value = f"{logged[row, motor]:.5g} N m"
-        if at_motors:
-            value += f" at the motor would be {abs(torque[row, motor]):.3g} N m"
-        doubt, place = (
-            ("At the gear's output, in percent", "at the motor")
-            if at_motors
-            else ("In percent", "behind the gear")
-        )
+        side = "motor" if at_motors else "gear's output"
+        times = abs(torque[row, motor]) / full_weight(robot)
         raise LogError(
-            f"{table.location(row)}: column {columns[motor]}: {value} at the gear's output of axis "
-            f"{motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
-            f"{int(heavy.any(axis=1).sum())} such rows. {doubt}, in N mm? Here are N m {place}. "
-            "Convert the log, or name its dialect in recording.yaml."
+            f"{table.location(row)}: column {columns[motor]}: {logged[row, motor]:.5g} N m at the "
+            f"{side}: at the gear's output of axis {motor + 1} that is {times:.3g} times the "
+            "weight of the whole arm stretched out. "
+            f"{int(heavy.any(axis=1).sum())} such rows. In percent, in N mm, or on the other side "
+            "of the gear? Convert the log, or name its dialect in recording.yaml."
         )
     return torque
 
@@ -221,10 +216,8 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
     absent = np.abs(angles) >= SENTINEL
     if absent.all(axis=0).any():
         column = columns[int(np.argmax(absent.all(axis=0)))]
-        raise LogError(
-            f"{table.location(0)}: column {column}: 9E9 in every row, which stands for an axis "
-            "that is not there. Name the columns of the axes that are."
-        )
+        what = f"column {column}: 9E9 in every row, which stands for an axis that is not there."
+        raise LogError.at(table.location(0), what, "Name the columns of the axes that are.")
     drop = absent.any(axis=1)
     if drop.any():
         sentence = "9E9 stands for no value; row left out."
@@ -251,8 +244,6 @@ def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
         if not rows.size:
             continue
         beyond = np.rad2deg(max(lower - angle[rows].min(), angle[rows].max() - upper))
-        sentence = (
-            f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the right robot?"
-        )
+        sentence = f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the robot?"
         table = table.remarked("axis beyond its limits", sentence, rows=rows)
     return table

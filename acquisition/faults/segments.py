@@ -99,12 +99,9 @@ def find_segments(
     boundary[0] = False
     rows = np.flatnonzero(boundary)
     if rows.size > MOST:
-        raise LogError(
-            f"{table.location(rows[0])}: the log falls into {rows.size + 1} segments, since stamps "
-            f"go back, rows are missing for more than {PAUSE:g} s or counters jump. Is it a log of "
-            "one run, and its clock the one that is declared? "
-            "If not, cut it before this line, or correct `time` in recording.yaml."
-        )
+        what = f"the log falls into {rows.size + 1} segments: is it of one run, and of this clock?"
+        remedy = "If not, cut it before this line, or correct `time` in recording.yaml."
+        raise LogError.at(table.location(rows[0]), what, remedy)
     log = _Log(
         angles=angles,
         valid=usable(table.flags),
@@ -136,31 +133,20 @@ def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
     duration = amount(abs(elapsed) * 1e-9)
     if elapsed <= 0:
         if before is not None and behind is not None and _goes_on(log, stamps, row, before, behind):
-            sentence = (
-                f"the clock was set back by {duration} while the motion went on; the rows behind "
-                "are put one period after the last, and identification measures the rest."
-            )
+            sentence = f"the clock was set back by {duration} while the motion went on; joined on."
             shift = round(log.period - elapsed)
             return _Boundary("clock set back", sentence, shift=shift)
-        sentence = (
-            f"the stamp goes back by {duration} and the motion does not go on: the time between is "
-            "unknown."
-        )
+        sentence = f"the stamp goes back by {duration} and the motion does not go on."
         return _Boundary("logger restarted", sentence, separates=True)
     if row in log.reset:
         if elapsed <= GAP * log.period:
             return _Boundary("")
-        sentence = (
-            f"a counter was reset while rows are missing for {duration}: its zero is another."
-        )
+        sentence = f"a counter was reset while rows are missing for {duration}; its zero is new."
         return _Boundary("counter reset", sentence, separates=True)
     if elapsed <= log.pause:
         return _Boundary("")
     if log.powered_up is not None and log.powered_up(before, behind):
-        sentence = (
-            f"all counters start near zero after {duration} without rows: switched off and on, "
-            "their zeros are others."
-        )
+        sentence = f"all counters start near zero after {duration} without rows: switched off."
         return _Boundary("counter reset", sentence, separates=True)
     sentence = f"{duration} without rows: a pause, or the clock was set; a new segment."
     return _Boundary("pause or clock jump", sentence)

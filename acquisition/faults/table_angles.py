@@ -58,23 +58,15 @@ def refuse_other_unit(
     named = axis < len(declared.columns)
     column = f"column {declared.columns[axis]}" if named else f"angle {axis + 1}"
     lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
-    others = [
-        words
-        for words, other in (
-            ("`unit: deg`", AngleReading(reading.kind, "deg")),
-            ("`unit: rad`", AngleReading(reading.kind, "rad")),
-            ("`angles: joints`", AngleReading("joints", unit)),
-            ("`angles: axes`", AngleReading("axes", unit)),
-        )
-        if other != reading and fits(robot, other, angles)
-    ]
-    remedy = (
-        "Name the columns that hold the robot's angles, in the order of its axes, and the right "
-        "robot."
-    )
+    readings = {
+        **{f"`unit: {other}`": AngleReading(reading.kind, other) for other in RADIANS},
+        **{f"`angles: {kind}`": AngleReading(kind, unit) for kind in ("joints", "axes")},
+    }
+    others = [k for k, other in readings.items() if other != reading and fits(robot, other, angles)]
+    remedy = "Name the columns of the robot's angles, in the order of its axes; is it the robot?"
     if others:
-        remedy = f"With {' or '.join(others)} all angles stay within the limits: write so under"
-        remedy += " joints in poses.yaml."
+        stay = "all angles stay within the limits: write so under joints in poses.yaml."
+        remedy = f"With {' or '.join(others)} {stay}"
     raise LogError(
         f"{rows.location(int(complete[row]))}: {column}: {angles[row, axis]:.6g} read as {unit} "
         f"puts axis {axis + 1} of {robot.name} at {np.rad2deg(axes[row, axis]):.5g} deg, far "
@@ -99,10 +91,8 @@ def angle_findings(
     axes = joints_to_axes(robot, q)
     over = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
     axis = int(over.max(axis=0).argmax())
-    sentence = (
-        f"axis {axis + 1} of {robot.name} lies up to {np.rad2deg(over[:, axis].max()):.3g} deg "
-        "beyond its limits."
-    )
+    worst = np.rad2deg(over[:, axis].max())
+    sentence = f"axis {axis + 1} of {robot.name} lies up to {worst:.3g} deg beyond its limits."
     findings = [*rows.remark("beyond axis limits", sentence, (over > _BEYOND).any(axis=1))]
     still = np.ptp(logged, axis=0) * RADIANS[reading.unit] < _STANDS
     if still.all() and len(logged) > 1:

@@ -113,9 +113,7 @@ def read_frames(raw: bytes) -> EgmFrames:
             if copied
             else " Name its dialect."
         )
-        raise LogError(
-            f"the file does not begin with {FILE_START!r}: no file of raw EGM messages.{hint}"
-        )
+        raise LogError(f"the file does not begin with {FILE_START!r}: no raw EGM messages.{hint}")
     messages, numbers, damaged = list[bytes](), list[int](), list[int]()
     at, end = len(FILE_START), len(raw.rstrip(b"\0"))
     while at < len(raw):

@@ -22,7 +22,7 @@ _AXES = tuple(f"J{axis}" for axis in range(1, 7))
 # Messages that a network may hold back; a sequence number further back is a restart.
 _REORDERED = 100
 _SIGNALS = 12  # channels of test signals that an ABB controller has
-_FEEDBACK = "feedback"  # column of indices into the decoded messages
+_FEEDBACK = "feedback"  # column of the decoded messages
 
 
 def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
@@ -39,11 +39,11 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     except LogError as error:
         raise LogError(f"{file}: {error}") from None
     findings = (*content.findings, *_frame_findings(frames, content.raw, file))
-    feedback = _feedback(frames, file)
-    rows = {_FEEDBACK: np.arange(len(feedback))}
-    table = one_file(rows, file, np.array(frames.numbers, dtype=np.int64), findings)
-    table = _from_first_angles(_in_sequence(table, feedback), feedback)
-    feedback = [feedback[i] for i in table.columns[_FEEDBACK]]
+    rows = np.empty(len(frames.messages), dtype=object)
+    rows[:] = _feedback(frames, file)
+    table = one_file({_FEEDBACK: rows}, file, np.array(frames.numbers, dtype=np.int64), findings)
+    table = _from_first_angles(_in_sequence(table))
+    feedback = table.columns[_FEEDBACK].tolist()
     angles = np.array([entry.joints_deg for entry in feedback])
     far = np.argwhere(np.abs(angles) > 1e6)  # 9E9 is ABB's mark of an axis that is not there
     if far.size:
@@ -78,23 +78,18 @@ def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
                 f"{file}: damaged at byte {first}: {len(frames.messages)} messages stand before "
                 f"it, {last - first + 1} bytes behind it. Cut the file there."
             )
-        sentence = (
-            f"the file ends within a message or in NUL bytes (bytes {first} to {last}); left out."
-        )
+        sentence = f"the file ends within a message or in NUL (bytes {first} to {last}); left out."
         findings.append(finding("torn end", file, sentence, count=1))
     damaged, count = frames.damaged, len(frames.messages) + len(frames.damaged)
     if len(damaged) > max(1.0, DAMAGED_LIMIT * count):
-        raise LogError(
-            f"{file}:{damaged[0]}: {len(damaged)} of {count} messages have a wrong checksum: the "
-            "file is damaged. Copy it again."
-        )
+        what = f"{len(damaged)} of {count} messages have a wrong checksum: the file is damaged."
+        raise LogError.at(f"{file}:{damaged[0]}", what, "Copy it again.")
     if damaged:
         sentence = "message damaged; dropped."
         findings.append(finding("checksum", file, sentence, lines=damaged))
     if not frames.messages:
-        raise LogError(
-            f"{file}: no complete message. Copy it again, or record while the robot sends EGM."
-        )
+        what = "no complete message."
+        raise LogError.at(file, what, "Copy it again, or record while the robot sends EGM.")
     return findings
 
 
@@ -114,11 +109,12 @@ def _feedback(frames: EgmFrames, file: str) -> list[EgmFeedback]:
     return feedback
 
 
-def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
+def _in_sequence(table: Table) -> Table:
     """The messages in order of their sequence numbers, each once; lost ones are reported.
 
     As they came if the numbers start again.
     """
+    feedback = table.columns[_FEEDBACK]
     numbers = [entry.seqno for entry in feedback if entry.seqno is not None]
     if len(numbers) < len(feedback):
         return table
@@ -150,15 +146,13 @@ def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
     return table
 
 
-def _from_first_angles(table: Table, feedback: list[EgmFeedback]) -> Table:
+def _from_first_angles(table: Table) -> Table:
     """Without the messages before the first feedback, which have no joint angles or only zeros."""
-    angles = [feedback[i].joints_deg for i in table.columns[_FEEDBACK]]
+    angles = [entry.joints_deg for entry in table.columns[_FEEDBACK]]
     start = _first(map(any, angles))
     if start is None:
-        raise LogError(
-            f"{table.files[0]}: no message has joint angles other than zero. Record again while "
-            "the robot sends its feedback."
-        )
+        what = "no message has joint angles other than zero."
+        raise LogError.at(table.files[0], what, "Record again while the robot sends its feedback.")
     missing = _first(not entry for entry in angles[start:])
     if missing is not None:
         raise LogError(
@@ -195,18 +189,13 @@ def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np
     """(N,) [ns] of the controller's clock at the feedback, or of sending if no message has it."""
     times: Sequence[int | None] = [entry.time_ns for entry in feedback]
     if all(time is None for time in times):
-        sentence = (
-            "no time in the feedback (RobotWare before 6.07): the time of sending is used, in "
-            "whole milliseconds."
-        )
+        sentence = "no time in the feedback (RobotWare before 6.07): that of sending is used."
         table = table.remarked("time of sending", sentence, count=len(times))
         times = [None if e.tm_ms is None else e.tm_ms * 1_000_000 for e in feedback]
     missing = _first(time is None for time in times)
     if missing is not None:
-        raise LogError(
-            f"{table.location(missing)}: no time in this message. Cut the file before it, or "
-            "record again."
-        )
+        what = "no time in this message."
+        raise LogError.at(table.location(missing), what, "Cut the file before it, or record again.")
     return table, np.array(times, dtype=np.int64)
 
 

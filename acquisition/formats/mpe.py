@@ -48,10 +48,8 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     header, at = _text(raw, at, file)
     names = header.split(",")
     if len(set(names)) < len(names) or time not in names:
-        raise LogError(
-            f"{file}: the columns are {header!r}; expected {time} and the axes, each once. "
-            "Log each axis once, or name the dialect of this file."
-        )
+        what = f"the columns are {header!r}; expected {time} and the axes, each once."
+        raise LogError.at(file, what, "Log each axis once, or name the dialect of this file.")
     wanted = (time, *wanted_columns(layout, time, names, file))
     width = 4 * len(names)
     torn = (len(raw) - at) % width
@@ -93,10 +91,8 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
     stop = at + 4 + int(length)
     text = raw[at + 4 : stop]
     if len(text) < length or not all(32 <= byte < 127 for byte in text):
-        raise LogError(
-            f"{file}: a text of the head (byte {at}) is not plain ASCII: {text[:40]!r}. "
-            "Copy it again, or name its dialect."
-        )
+        what = f"a text of the head (byte {at}) is not plain ASCII: {text[:40]!r}."
+        raise LogError.at(file, what, "Copy it again, or name its dialect.")
     return text.decode("ascii"), stop
 
 

@@ -58,7 +58,7 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     chosen = np.flatnonzero(holds & (stamps != 0))
     if not chosen.size:
         raise LogError(
-            f"{file}: header.stamp is zero in all messages; the publisher must stamp them."
+            f"{file}: header.stamp is zero in all messages: stamp them in the publisher."
         )
     table = table.take(chosen)
     positions = {n: np.array([states[i].positions[n] for i in chosen]) for n in wanted}
@@ -101,10 +101,8 @@ def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[Jo
             number = len(states) + 1
             raise LogError(f"{file}: {topic}: message {number}: {error}") from None
     if not topics:
-        raise LogError(
-            f"{file}: the bag holds no message of type {_JOINT_STATE}. "
-            "Record the topic of the joint states."
-        )
+        what = f"the bag holds no message of type {_JOINT_STATE}."
+        raise LogError.at(file, what, "Record the topic of the joint states.")
     return topics
 
 
@@ -121,17 +119,13 @@ def _holder(
         if any(set(wanted) <= set(state.positions) for state in several)
     ]
     if len(holders) > 1:
-        raise LogError(
-            f"{file}: the joints stand on several topics: {', '.join(holders)}. Keep one: `ros2 "
-            "bag convert` filters topics."
-        )
+        what = f"the joints stand on several topics: {', '.join(holders)}."
+        raise LogError.at(file, what, "Keep one: `ros2 bag convert` filters topics.")
     if not holders:
         names = {name: None for several in states.values() for s in several for name in s.positions}
         wanted_columns(layout, time, list(names), file)  # says which are missing
-        raise LogError(
-            f"{file}: no message holds all of the joints {', '.join(wanted)}. "
-            "Record them in one message, or correct the names in recording.yaml."
-        )
+        remedy = "Record them in one message, or correct the names in recording.yaml."
+        raise LogError.at(file, f"no message holds all of the joints {', '.join(wanted)}.", remedy)
     return holders[0], states[holders[0]]
 
 
@@ -139,10 +133,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
     """Topic and CDR bytes of each JointState of a database, which is never written to."""
     log = path.with_name(path.name + "-wal")
     if log.is_file() and log.stat().st_size:
-        sentence = (
-            f"{log.name} beside it holds messages that the recorder had not yet moved in; run "
-            "`ros2 bag reindex` or convert."
-        )
+        sentence = f"{log.name} holds messages not yet moved in: run `ros2 bag reindex`."
         findings.append(finding("write-ahead log", file, sentence, count=1))
     _check_size(path, file)
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
@@ -165,10 +156,8 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         }
         for name, form in topics.values():
             if form != "cdr":
-                raise LogError(
-                    f"{file}: topic {name} is encoded as {form!r}; ROS 2 writes cdr. "
-                    "Record it again with ROS 2."
-                )
+                what = f"topic {name} is encoded as {form!r}; ROS 2 writes cdr."
+                raise LogError.at(file, what, "Record it again with ROS 2.")
         lost, last = 0, 0
         query = "SELECT id, topic_id, data FROM messages ORDER BY id"
         for number, key, data in connection.execute(query):
@@ -184,25 +173,19 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
             sentence = "the numbers of the messages have gaps."
             findings.append(finding("missing messages", file, sentence, count=lost))
     except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
-        raise LogError(
-            f"{file}: the database cannot be read ({error}): damaged, or cut off. SQLite's "
-            "`.recover` may save it."
-        ) from None
+        what = f"the database cannot be read ({error}): damaged, or cut off."
+        raise LogError.at(file, what, "SQLite's `.recover` may save it.") from None
     finally:
         connection.close()
 
 
 def _refuse_other_tables(connection: sqlite3.Connection, file: str) -> None:
-    query = (
-        "SELECT name, sql FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
-        "'table'"
-    )
-    tables = {name: str(sql).lower() for name, sql in connection.execute(query)}
+    query = "SELECT name, sql FROM sqlite_master WHERE type = 'table'"
+    plain = ("topics", "messages")
+    tables = {n: str(sql).lower() for n, sql in connection.execute(query) if n in plain}
     if len(tables) < 2 or any("virtual" in sql or "generated" in sql for sql in tables.values()):
-        raise LogError(
-            f"{file}: a SQLite database without the plain tables `topics` and `messages` of a ROS "
-            "2 bag. Copy the bag again, or name the dialect of what it is."
-        )
+        what = "a SQLite database without the plain tables `topics` and `messages` of a ROS 2 bag."
+        raise LogError.at(file, what, "Copy the bag again, or name the dialect of what it is.")
 
 
 def _check_size(path: Path, file: str) -> None:
@@ -222,13 +205,9 @@ def _check_size(path: Path, file: str) -> None:
 
 def _blob(data: object, location: str) -> bytes:
     if not isinstance(data, bytes) or len(data) > _LARGEST_BLOB:
-        raise LogError(
-            f"{location}: a message that is no bytes, or more than {_LARGEST_BLOB}. "
-            "Copy the bag again."
-        )
+        what = f"a message that is no bytes, or more than {_LARGEST_BLOB}."
+        raise LogError.at(location, what, "Copy the bag again.")
     if data[:4] == b"\x28\xb5\x2f\xfd":
-        raise LogError(
-            f"{location}: messages are packed (compression_mode: message). Unpack the bag with "
-            "`ros2 bag convert`."
-        )
+        what = "messages are packed (compression_mode: message)."
+        raise LogError.at(location, what, "Unpack the bag with `ros2 bag convert`.")
     return data

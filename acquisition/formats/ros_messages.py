@@ -55,9 +55,7 @@ def decode(message: bytes) -> JointState:
         raise LogError(f"JointState: {reason}. {_REMEDY}") from None
     stamp, names, positions = state.header.stamp, state.name, state.position.tolist()
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
-        raise LogError(
-            f"JointState: a stamp of {stamp.sec} s and {stamp.nanosec} ns cannot be. {_REMEDY}"
-        )
+        raise LogError(f"JointState: no stamp is {stamp.sec} s {stamp.nanosec} ns. {_REMEDY}")
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
         raise LogError(
             f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}. "
@@ -98,10 +96,8 @@ def mcap_messages(
     ):
         size, complete = len(stream), 0
         if stream[: len(_MAGIC)] != _MAGIC:
-            raise LogError(
-                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}. "
-                "Copy it again, or name the dialect of what it is."
-            )
+            what = f"no MCAP bag: it does not begin with {_MAGIC!r}."
+            raise LogError.at(file, what, "Copy it again, or name the dialect of what it is.")
         try:
             for record in _records(stream, size):
                 complete = stream.tell()
@@ -123,10 +119,7 @@ def mcap_messages(
                 raise LogError(
                     f"{file}: damaged behind byte {complete}: {error}. {_RECOVER}"
                 ) from None
-            sentence = (
-                f"the bag is cut off: no whole record behind byte {complete} of {size}; what "
-                "stands before it is read."
-            )
+            sentence = f"no whole record behind byte {complete} of {size}; what is before is read."
             findings.append(finding("torn end", file, sentence, count=1))
 
 

@@ -87,9 +87,8 @@ def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table,
     wanted = wanted_columns(layout, time, names, file)
     for name in wanted:
         if (count := names.count(name)) > 1:
-            raise LogError(
-                f"{file}: {count} channels are called {name!r}. Rename them in the Scope."
-            )
+            what = f"{count} channels are called {name!r}."
+            raise LogError.at(file, what, "Rename them in the Scope.")
     positions = {name: k for name, k in export.channels if name in wanted}
     present, findings = _present(export)
     # Blank lines part preamble, metadata and data.
@@ -108,10 +107,8 @@ def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table,
         findings += _scaling_findings(export, position, wanted[name])
     common = reduce(np.intersect1d, [part.columns[time] for part in parts])
     if not common.size:
-        raise LogError(
-            f"{file}: the channels {', '.join(wanted)} have no common times. Record them with one "
-            "sample time."
-        )
+        what = f"the channels {', '.join(wanted)} have no common times."
+        raise LogError.at(file, what, "Record them with one sample time.")
     if missing := max(map(len, parts)) - common.size:
         sentence = f"{missing} times at which not every channel has a value; left out."
         findings.append(finding("channels of different length", file, sentence, count=missing))
@@ -128,9 +125,8 @@ def _group_table(
     """The columns of a time, named first in `kinds`, and of channels behind it in some rows."""
     text, (time, *names) = export.text, kinds
     if not rows.size:
-        raise LogError(
-            f"{text.file}: no value of {names[0]!r}. Record it in the Scope, and export again."
-        )
+        wrong = f"no value of {names[0]!r}."
+        raise LogError.at(text.file, wrong, "Record it in the Scope, and export again.")
     lines = ["\t".join(export.rows[k][p].strip() for p in positions) for k in rows]
     number = np.concatenate(([0], export.number[rows]))
     plain = LogText(text.file, text.encoding, ["\t".join(kinds), *lines], number, quoted=False)
@@ -225,10 +221,7 @@ def _end_findings(export: _Export, times: list[Stamps]) -> list[Finding]:
     if abs(last - export.end) <= max(int(np.diff(stamps).max(initial=1)) for stamps in times):
         return []
     last, end = last - export.start, export.end - export.start
-    sentence = (
-        f"the last row is at {last / 1e9:.9g} s, the preamble ends the export at {end / 1e9:.9g} "
-        "s. Is the file cut?"
-    )
+    sentence = f"the last row is at {last / 1e9:.9g} s, the end of the export at {end / 1e9:.9g} s."
     return [finding("end of export", export.text.file, sentence, count=1)]
 
 
@@ -246,10 +239,8 @@ def _scaling_findings(export: _Export, position: int, kind: str) -> list[Finding
     )
     if kind == "integer" and (scaled or data_type not in _INTEGERS):
         why = "scaled in the Scope (offset, scale factor or unit)" if scaled else data_type
-        raise LogError(
-            f"{file}: channel {name!r} is {why}; a counter must be a whole number as the PLC has "
-            "it. Record it so in the Scope."
-        )
+        what = f"channel {name!r} is {why}; a counter must be a whole number as the PLC has it."
+        raise LogError.at(file, what, "Record it so in the Scope.")
     if unknown := [key for key in _UNSCALED if key not in meta]:
         sentence = f"no line {', '.join(unknown)}: whether {name!r} was scaled is unknown."
         return [finding("scaling unknown", file, sentence, count=1)]
@@ -283,10 +274,8 @@ def _read_export(text: LogText) -> _Export:
     start, end = (_filetime(lines[:head], key, separator, file) for key in ("Starttime", "Endtime"))
     if "EOF" in lines[body:-1]:
         row = body + lines[body:].index("EOF")
-        raise LogError(
-            f"{file}:{number[row]}: `EOF` stands here, and lines follow. Two exports in one file? "
-            "Split it."
-        )
+        what = "`EOF` stands here, and lines follow. Two exports in one file?"
+        raise LogError.at(f"{file}:{number[row]}", what, "Split it.")
     rows = [line.split(separator) for line in lines[body:] if line != "EOF"]
     if not rows:
         raise _wrong(file, None, "metadata but no data below them.")

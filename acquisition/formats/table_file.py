@@ -65,9 +65,8 @@ def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
             )
         book = openpyxl.load_workbook(io.BytesIO(content.raw), read_only=True, data_only=True)
     except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
-        raise LogError(
-            f"{file}: is no workbook (.xlsx), or damaged: {error}. Save it again, or as .csv."
-        ) from None
+        what = f"is no workbook (.xlsx), or damaged: {error}."
+        raise LogError.at(file, what, "Save it again, or as .csv.") from None
     names = book.sheetnames
     if sheet is not None and sheet not in names:
         raise LogError(f"{file}: no sheet {sheet!r}; it has {', '.join(names)}. Name one of them.")
@@ -79,9 +78,8 @@ def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
             number.append(row)
     book.close()
     if not lines:
-        raise LogError(
-            f"{file}: sheet {sheet or names[0]!r} is empty. Name another: {', '.join(names)}."
-        )
+        what = f"sheet {sheet or names[0]!r} is empty."
+        raise LogError.at(file, what, f"Name another: {', '.join(names)}.")
     width = max(line.count("\t") for line in lines)
     for k, line in enumerate(lines):
         # columns that a line of names leaves without name get `-`
@@ -132,26 +130,19 @@ def jointtarget_text(text: LogText) -> LogText:
         at = statement.start() + (statement[0].find("[") if "[" in statement[0] else 0)
         if len(targets) != len(_LIST.findall(statement[0])) or not statement[0].endswith(";"):
             line = int(text.number[np.searchsorted(starts, at, side="right") - 1])
-            raise LogError(
-                f"{text.file}:{line}: expected a jointtarget of six angles and six external axes, "
-                "such as [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]. Correct the line; is the file "
-                "cut off?"
-            )
+            what = "expected a jointtarget of six angles and six external axes."
+            raise LogError.at(f"{text.file}:{line}", what, "Correct the line; is the file cut off?")
         for target in targets:
             place = statement.start() + target.start()
             line = int(text.number[np.searchsorted(starts, place, side="right") - 1])
             if any(float(angle) > 8.9e9 for angle in target.groups()):
-                raise LogError(
-                    f"{text.file}:{line}: 9E9 for a robot axis, which stands for an axis that is "
-                    "not there. Remove the target."
-                )
+                what = "9E9 for a robot axis, which stands for an axis that is not there."
+                raise LogError.at(f"{text.file}:{line}", what, "Remove the target.")
             rows.append("\t".join(target.groups()))
             number.append(line)
     if len(rows) == 1:
-        raise LogError(
-            f"{text.file}: RAPID code without jointtargets that hold angles. Positions of the tool "
-            "(robtarget) do not state joint angles: export jointtargets."
-        )
+        remedy = "Positions of the tool (robtarget) do not state joint angles: export jointtargets."
+        raise LogError.at(text.file, "RAPID code without jointtargets that hold angles.", remedy)
     return replace(text, lines=rows, number=np.array(number, dtype=np.int64), quoted=False)
 
 
@@ -178,10 +169,8 @@ def pose_text(path: Path, file: str, sheet: str | None = None) -> tuple[LogText,
     kind = container_of(content.raw)
     text = text_of(content, file) if kind in ("text", "kuka-rsi", "twincat-scope") else None
     if text is None:
-        raise LogError(
-            f"{file}: a log ({kind}), not a table of still poses. Record one row for each pose, or "
-            "read the log as a recording (recording.yaml)."
-        )
+        remedy = "Record one row for each pose, or read the log as a recording (recording.yaml)."
+        raise LogError.at(file, f"a log ({kind}), not a table of still poses.", remedy)
     if kind == "kuka-rsi":
         return rsi_text(text), "kuka-rsi"
     if holds_jointtargets(text):

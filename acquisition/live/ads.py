@@ -75,9 +75,7 @@ class AdsMemory:
         except (pyads.ADSError, RuntimeError) as error:
             raise DeviceSilentError(f"PLC {self._address}: {_words(error)}") from None
         if raw is None:
-            raise DeviceSilentError(
-                f"PLC {self._address}: not connected. Check its power and its cable"
-            )
+            raise DeviceSilentError(f"PLC {self._address}: not connected. Check power and cable")
         return bytes(raw)
 
     def close(self) -> None:

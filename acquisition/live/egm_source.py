@@ -65,9 +65,7 @@ class EgmSource:
                 errno.EADDRNOTAVAIL: "no network card has this address",
             }
             reason = reasons.get(error.errno or 0, error.strerror)
-            raise InputError(
-                f"--egm {address}:{port}: {reason}. Name another port or address."
-            ) from None
+            raise InputError(f"--egm {address}:{port}: {reason}. Name another port.") from None
         self.quiet = "no EGM message at {}:{} yet".format(*self.address)
         self._sender: tuple[str, int] | None = None
         self._last_seqno: int | None = None

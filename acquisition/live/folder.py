@@ -52,10 +52,8 @@ class RecordingFolder:
         copied = {file.name: file.read_bytes() for file in own_files}
         remains = [] if not path.exists() else _without_records(path, copied)
         if remains is None:
-            raise InputError(
-                f"{path}: exists already; nothing was written. A recording needs a folder that is "
-                "new or empty."
-            )
+            what = "exists already; nothing was written."
+            raise InputError.at(path, what, "A recording needs a folder that is new or empty.")
         require_writable(path)
         for file in remains:
             file.unlink()

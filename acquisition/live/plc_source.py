@@ -116,11 +116,8 @@ class RingReader:
                 "does not run yet. Load and start that program"
             )
         if not 0 < fitted < 32 or not 8 <= bits <= 13:
-            raise DeviceSilentError(
-                f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = "
-                f"{bits}. "
-                "Correct them in the PLC's program"
-            )
+            what = f"fitted = {fitted}, bits = {bits}. Correct them in the PLC's program"
+            raise DeviceSilentError(f"the ring names no encoder, or none of an EL5021: {what}")
         encoders = Encoders(tuple(j for j in range(1, 6) if fitted >> (j - 1) & 1), bits)
         return _Header(capacity, int(raw["started"]), int(raw["written"]), encoders)
 

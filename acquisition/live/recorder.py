@@ -247,9 +247,7 @@ def notes(progress: Progress) -> list[str]:
         for i, event in enumerate(progress.events, start=1)
     ]
     if progress.lost:
-        sentences.append(
-            f"{progress.name}: {progress.lost} records were lost before the recorder got them."
-        )
+        sentences.append(f"{progress.name}: {progress.lost} records were lost before they came.")
     if progress.refused:
         sentences.append(
             f"{progress.name}: {progress.refused} datagrams were not of this robot and were left "

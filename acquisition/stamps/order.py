@@ -91,14 +91,10 @@ def _without_strays(table: Table) -> Table:
     if not rows.size:
         return table
     if rows.size > max(1.0, STRAY_LIMIT * stamps.size):
-        raise LogError(
-            f"{table.location(rows[0])}: the stamp stands out of the order of its neighbours, and "
-            f"so in {rows.size} of {stamps.size} rows. Rows that come late need a sequence number "
-            "to be put in order: log it, or the time at which they were taken."
-        )
-    sentence = (
-        "the stamp stands out of the order of its neighbours, so it is damaged; row left out."
-    )
+        what = f"out of the order of its neighbours, and so in {rows.size} of {stamps.size} rows."
+        remedy = "Log the time at which rows were taken, or a sequence number to put them in order."
+        raise LogError.at(table.location(rows[0]), f"the stamp stands {what}", remedy)
+    sentence = "the stamp stands out of the order of its neighbours: damaged; row left out."
     return table.remarked("damaged stamp", sentence, rows=rows).take(~stray)
 
 
@@ -119,11 +115,9 @@ def in_order(table: Table) -> Table:
         if name != STAMP and column.dtype != object:
             differs |= column[repeated] != column[repeated - 1]
     if differs.sum() > COARSE * len(table):
-        raise LogError(
-            f"{table.location(repeated[0])}: {differs.sum()} of {len(table)} rows have the stamp "
-            "of the row before but other values. The clock is too coarse for the rows: log a "
-            "finer one, or declare `quantised: true` if the rows were taken evenly."
-        )
+        what = f"{differs.sum()} of {len(table)} rows have the stamp of the row before."
+        remedy = "Log a finer clock, or declare `quantised: true` if the rows were taken evenly."
+        raise LogError.at(table.location(repeated[0]), f"{what} The clock is too coarse.", remedy)
     sentence = "same stamp as the row before; the first row of each stamp is kept."
     table = table.remarked("duplicate stamp", sentence, rows=repeated)
     first = np.concatenate(([True], step != 0))
@@ -143,11 +137,9 @@ def join(tables: list[Table]) -> Table:
     for before, after in pairwise(ordered):
         overlap = float(before.columns[STAMP].max() - after.columns[STAMP][0]) * 1e-9
         if overlap >= 0.0:
-            raise LogError(
-                f"{after.location(0)}: starts {amount(overlap)} before {before.files[0]} ends. "
-                "The files of one source must follow one another on one clock. "
-                "Set it right at the logger, or make a recording of each file."
-            )
+            what = f"starts {amount(overlap)} before {before.files[0]} ends."
+            remedy = "Set the clock right at the logger, or make a recording of each file."
+            raise LogError.at(after.location(0), what, remedy)
     common = [name for name in ordered[0].columns if all(name in t.columns for t in tables)]
     index = np.repeat(np.arange(len(ordered), dtype=np.int64), [len(table) for table in ordered])
     begins = np.concatenate([table.begins for table in ordered])
@@ -187,18 +179,16 @@ def with_periods_checked(table: Table, t: Array, usual_s: tuple[float, float]) -
     period = float(np.median(step))
     if not usual_s[0] <= period <= usual_s[1]:
         usual = f"logs of this dialect have {amount(usual_s[0])} to {amount(usual_s[1])}"
-        sentence = (
-            f"the median period is {amount(period)}; {usual}. Is the time column in the declared "
-            "unit?"
-        )
+        sentence = f"the median period is {amount(period)}; {usual}. Is it in the declared unit?"
         table = table.remarked("unusual period", sentence, count=1)
     gap = step > GAP * period
     overrun = (step > OVERRUN * period) & ~gap
-    table = _with_late_rows(table, "overrun", overrun, step, period)
-    table = _with_late_rows(table, "gap", gap, step, period)
-    table = _with_irregular(table, step, period, gap | overrun)
-    table = table.flagged(np.flatnonzero(gap) + 1, RowFlag.GAP)
-    return table.flagged(np.flatnonzero(overrun) + 1, RowFlag.OVERRUN)
+    late = (("overrun", overrun, RowFlag.OVERRUN), ("gap", gap, RowFlag.GAP))
+    for kind, steps, flag in late:
+        most = amount(float(step[steps].max(initial=0.0)))
+        sentence = f"rows up to {most} after the one before; nominal period {amount(period)}."
+        table = table.remarked(kind, sentence, rows=np.flatnonzero(steps) + 1, flag=flag)
+    return _with_irregular(table, step, period, gap | overrun)
 
 
 def _with_irregular(table: Table, step: Array, period: float, known: NDArray[np.bool_]) -> Table:
@@ -219,23 +209,6 @@ def _with_irregular(table: Table, step: Array, period: float, known: NDArray[np.
     most, others = amount(float(off[odd - 1].max())), amount(max(usual, 1e-9))
     sentence = f"up to {most} off the period, which the other rows keep to {others}."
     return table.remarked("irregular stamp", sentence, rows=odd)
-
-
-def _with_late_rows(
-    table: Table, kind: str, late: NDArray[np.bool_], step: Array, period: float
-) -> Table:
-    """The table with one finding for each file that has late rows.
-
-    late : (N-1,) whether the row behind each step (N-1,) [s] is late. period : [s].
-    """
-    for index in np.unique(table.file[1:][late]):
-        rows = np.flatnonzero(late & (table.file[1:] == index))
-        most = amount(float(step[rows].max()))
-        sentence = (
-            f"rows up to {most} after the one before; the nominal period is {amount(period)}."
-        )
-        table = table.remarked(kind, sentence, rows=rows + 1)
-    return table
 
 
 def amount(seconds: float) -> str:

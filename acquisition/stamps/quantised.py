@@ -69,12 +69,9 @@ def spread(table: Table, declared: bool | None = None) -> Table:
     if next(every, None):
         return table
     if len(lines) > max(2 + cuts.size, stamps.size / SHORTEST):
-        raise LogError(
-            f"{table.location(lines[1][0])}: declared as quantised, but the rows do not come "
-            f"evenly: within {stamps.size} rows they are late or missing at "
-            f"{len(lines) - 1 - cuts.size} places. Only evenly taken rows have a place between two "
-            "stamps; log a finer time."
-        )
+        what = f"late or missing at {len(lines) - 1 - cuts.size} places within {stamps.size} rows."
+        what = f"declared as quantised, but the rows do not come evenly: {what}"
+        raise LogError.at(table.location(lines[1][0]), what, "Log a finer time.")
     longest = max(lines, key=lambda line: line[1] - line[0])
     period = _fitted(shown[slice(*longest)])[1]
     times = np.concatenate([_times(shown[first:stop], period) for first, stop in lines])
@@ -115,10 +112,8 @@ def _step(table: Table) -> int:
     steps = np.diff(table.columns[STAMP])
     forward = steps[steps > 0]
     if not forward.size:
-        raise LogError(
-            f"{table.location(0)}: all rows have the same stamp. Log the time at which they were "
-            "taken."
-        )
+        what = "all rows have the same stamp."
+        raise LogError.at(table.location(0), what, "Log the time at which they were taken.")
     exact = int(np.gcd.reduce(forward))
     if not (steps == 0).any():
         return exact

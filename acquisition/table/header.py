@@ -187,10 +187,8 @@ def _declared_names(line: _HeaderLine, cells: list[str], layout: Layout) -> list
     counted = [f"#{i + 1}" for i in range(len(cells))]
     names = counted if layout.names is None else list(layout.names)
     if len(names) != len(cells):
-        raise LogError(
-            f"{line.location}: {len(cells)} fields, but recording.yaml names {len(names)} columns. "
-            "Name every column once, in their order."
-        )
+        what = f"{len(cells)} fields, but recording.yaml names {len(names)} columns."
+        raise LogError.at(line.location, what, "Name every column once, in their order.")
     return names
 
 
@@ -212,10 +210,8 @@ def _columns_in(
     _refuse_incomplete(line, names, unused, layout)
     if line.separator not in layout.separators:
         allowed = " or ".join(SEPARATORS[s] for s in layout.separators)
-        raise LogError(
-            f"{line.location}: fields are separated by {SEPARATORS[line.separator]}; "
-            f"this dialect has {allowed}. Export again, or name the dialect of this file."
-        )
+        what = f"fields are separated by {SEPARATORS[line.separator]}; this dialect has {allowed}."
+        raise LogError.at(line.location, what, "Export again, or name the dialect of this file.")
     _refuse_several(line, names, positions)
     columns = wanted | {name: kind for name, kind in layout.optional.items() if positions[name]}
     findings: tuple[Finding, ...] = ()
@@ -285,10 +281,8 @@ def _refuse_several(
 ) -> None:
     for selector, several in sorted(positions.items()):
         if len(several) > 1 and selector in names:
-            raise LogError(
-                f"{line.location}: column {selector} stands {len(several)} times in the header. "
-                "Remove the others."
-            )
+            what = f"column {selector} stands {len(several)} times in the header."
+            raise LogError.at(line.location, what, "Remove the others.")
         if len(several) > 1:
             raise LogError(
                 f"{line.location}: {selector} finds {len(several)} columns: "
@@ -297,10 +291,8 @@ def _refuse_several(
     for i, name in enumerate(names):
         selected = [selector for selector, several in positions.items() if several == [i]]
         if len(selected) > 1:
-            raise LogError(
-                f"{line.location}: {' and '.join(selected)} are the same column {name!r}. "
-                "Name another column for one of them."
-            )
+            what = f"{' and '.join(selected)} are the same column {name!r}."
+            raise LogError.at(line.location, what, "Name another column for one of them.")
 
 
 def _listed(names: list[str]) -> str:

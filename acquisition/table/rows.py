@@ -8,7 +8,7 @@ separators, which naive readers load with no error.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import repeat
 from operator import contains
 from typing import NoReturn
@@ -29,37 +29,24 @@ _END = "EOF"  # last line of TwinCAT exports
 
 @dataclass(frozen=True, eq=False)
 class PlainRows:
-    """The complete rows below the header."""
+    """The rows below the header, complete once they are plain."""
 
     file: str
     lines: list[str]  # as written
-    plain: list[str]  # without quotes and decimal commas
-    separator: str  # of the plain lines
     number: NDArray[np.int64]  # (N,) line number, counted from 1
     begins: NDArray[np.bool_]  # (N,) whether the header stands again before the row
-    repaired: NDArray[np.bool_]  # (N,) whether something in this very line was repaired
-    decimal: str
-    findings: tuple[Finding, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    """The lines below the header, on their way to plain rows."""
-
-    file: str
-    lines: list[str]
-    number: NDArray[np.int64]  # (N,)
-    begins: NDArray[np.bool_]  # (N,)
-    separator: str
+    separator: str  # of the plain lines
     width: int  # fields of the header
     quoted: bool
+    plain: list[str] = field(default_factory=list)  # without quotes and decimal commas
+    decimal: str = "point"
     findings: tuple[Finding, ...] = ()
 
-    def take(self, rows: NDArray[np.intp]) -> _Lines:
-        """The chosen lines; a row behind one that is left out begins what that one began."""
+    def take(self, rows: NDArray[np.intp]) -> PlainRows:
+        """The chosen rows; one behind one that is left out begins what that one began."""
         begins = np.diff(np.cumsum(self.begins)[rows], prepend=0) > 0
-        lines = [self.lines[i] for i in rows]
-        return replace(self, lines=lines, number=self.number[rows], begins=begins)
+        lines, plain = [self.lines[i] for i in rows], [self.plain[i] for i in rows if self.plain]
+        return replace(self, lines=lines, number=self.number[rows], begins=begins, plain=plain)
 
     def remarked(
         self,
@@ -68,8 +55,8 @@ class _Lines:
         *,
         lines: NDArray[np.int64] | tuple[int, ...] = (),
         count: int | None = None,
-    ) -> _Lines:
-        """The same lines with one finding more."""
+    ) -> PlainRows:
+        """The same rows with one finding more."""
         entry = finding(kind, self.file, sentence, lines=lines, count=count)
         return replace(self, findings=(*self.findings, entry))
 
@@ -88,10 +75,8 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
         rows = replace(rows, begins=again).take(np.flatnonzero(~again))
         rows = rows.remarked("header again", sentence, lines=number)
     if not rows.lines:
-        raise UnfinishedLogError(
-            f"{text.file}: a header but no complete row below it. Is the file cut off? "
-            "Copy it again."
-        )
+        what = "a header but no complete row below it. Is the file cut off?"
+        raise UnfinishedLogError.at(text.file, what, "Copy it again.")
     if rows.separator == " ":
         tabbed = ["\t".join(line.split()) for line in rows.lines]
         rows = replace(rows, lines=tabbed, separator="\t")
@@ -99,29 +84,17 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
     rows, commas = _with_decimal_commas(rows, header, layout)
     plain = [_unquoted(line, rows.separator) for line in rows.lines] if rows.quoted else rows.lines
     plain = [line.replace(",", ".") for line in plain] if commas else plain
-    repaired = np.zeros(len(rows.lines), dtype=bool)
-    repaired[0] = bool(header.glued)
-    return PlainRows(
-        file=text.file,
-        lines=rows.lines,
-        plain=plain,
-        separator=rows.separator,
-        number=rows.number,
-        begins=rows.begins,
-        repaired=repaired,
-        decimal="comma" if commas else "point",
-        findings=rows.findings,
-    )
+    return replace(rows, plain=plain, decimal="comma" if commas else "point")
 
 
-def _below_header(text: LogText, header: Header) -> _Lines:
+def _below_header(text: LogText, header: Header) -> PlainRows:
     lines, number = text.lines[header.row :], text.number[header.row :]
     if header.glued:
         lines = [header.glued, *lines]
         number = np.concatenate(([text.number[header.row - 1]], number))
     if lines and lines[-1].strip() == _END:
         lines, number = lines[:-1], number[:-1]
-    return _Lines(
+    return PlainRows(
         file=text.file,
         lines=lines,
         number=number,
@@ -132,7 +105,7 @@ def _below_header(text: LogText, header: Header) -> _Lines:
     )
 
 
-def _without_end(rows: _Lines) -> _Lines:
+def _without_end(rows: PlainRows) -> PlainRows:
     """The lines without a separator at their end, if they have one."""
 
     def closed(line: str) -> bool:
@@ -145,7 +118,7 @@ def _without_end(rows: _Lines) -> _Lines:
     return rows.remarked("separator at the line end", "left out.", count=len(lines))
 
 
-def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
+def _full_rows(rows: PlainRows, header: Header, remedies: Remedies) -> PlainRows:
     """The rows that have as many fields as the header."""
     if rows.quoted:
         counts = (_width(line, rows.separator) for line in rows.lines)
@@ -156,10 +129,8 @@ def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths(rows.take(torn), width[torn], header, remedies, total=width.size)
     if torn.size == width.size:
-        raise UnfinishedLogError(
-            f"{rows.file}: the only row below the header is torn. Is the file cut off? "
-            "Copy it again."
-        )
+        what = "the only row below the header is torn. Is the file cut off?"
+        raise UnfinishedLogError.at(rows.file, what, "Copy it again.")
     if not torn.size:
         return rows
     got = f"expected {rows.width} fields, got {width[torn[0]]}"
@@ -173,23 +144,19 @@ def _width(line: str, separator: str) -> int:
 
 
 def _refuse_widths(
-    torn: _Lines, width: NDArray[np.int64], header: Header, remedies: Remedies, *, total: int
+    torn: PlainRows, width: NDArray[np.int64], header: Header, remedies: Remedies, *, total: int
 ) -> NoReturn:
     """Raises LogError for rows with another number of fields (K,) than the header."""
     location = f"{torn.file}:{torn.number[0]}"
     expected, usual = torn.width, int(np.median(width))
     if header.separator == "," and 1.5 * expected <= usual <= 2 * expected:
-        raise LogError(
-            f"{location}: rows have {usual} fields, the header {expected}: decimal comma with "
-            "comma separator. Export again with decimal points, or with semicolons between the "
-            "fields."
-        )
+        what = f"{usual} fields, the header has {expected}: decimal comma with comma separator."
+        remedy = "Export again with decimal points, or with semicolons between the fields."
+        raise LogError.at(location, what, remedy)
     for other, name in SEPARATORS.items():
         if other not in (header.separator, " ") and _width(torn.lines[0], other) == expected:
-            raise LogError(
-                f"{location}: the header is separated by {SEPARATORS[header.separator]}, the rows "
-                f"by {name}. Use one of them."
-            )
+            what = f"the header is separated by {SEPARATORS[header.separator]}, the rows by {name}."
+            raise LogError.at(location, what, "Use one of them.")
     raise LogError(
         f"{location}: {width.size} of {total} rows do not have the header's number of fields: "
         f"expected {expected} fields, got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn "
@@ -197,7 +164,7 @@ def _refuse_widths(
     )
 
 
-def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[_Lines, bool]:
+def _with_decimal_commas(rows: PlainRows, header: Header, layout: Layout) -> tuple[PlainRows, bool]:
     """The rows, and whether they have decimal commas, which only another separator allows.
 
     Raises LogError if one column has both commas and points.
@@ -216,15 +183,11 @@ def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[
         if comma and point:
             both = (k for k, row in enumerate(cells) if _THOUSANDS.fullmatch(row[position]))
             if (k := next(both, None)) is not None:
-                raise LogError(
-                    f"{rows.file}:{rows.number[k]}: column {name}: {cells[k][position]!r} has a "
-                    "separator between the thousands. Export without thousands separators (German "
-                    "Excel: Tausendertrennzeichen)."
-                )
-            raise LogError(
-                f"{rows.file}: column {name} has decimal commas and decimal points: {comma!r} and "
-                f"{point!r}. Export it again."
-            )
+                what = f"column {name}: {cells[k][position]!r} has a separator of thousands."
+                remedy = "Export without it (German Excel: Tausendertrennzeichen)."
+                raise LogError.at(f"{rows.file}:{rows.number[k]}", what, remedy)
+            what = f"column {name} has decimal commas and decimal points: {comma!r} and {point!r}."
+            raise LogError.at(rows.file, what, "Export it again.")
         if comma and kind != "integer":
             commas.append(name)
         if point and kind != "integer" and layout.decimal == "comma":

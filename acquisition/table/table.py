@@ -138,12 +138,13 @@ def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
     rows = _with_zeros(plain_rows(text, header, layout), header, layout.all_empty)
     if layout.damaged_rows:
         rows = _without_damaged(rows, header, layout.damaged_rows)
+    glued = text.number[header.row - 1] if header.glued else -1
     table = Table(
         columns=_parse(rows, header, layout.remedies.damaged),
         files=(text.file,),
         file=np.zeros(rows.number.size, dtype=np.int64),
         line=rows.number,
-        flags=np.where(rows.repaired, np.uint32(RowFlag.REPAIRED), np.uint32(0)),
+        flags=np.where(rows.number == glued, np.uint32(RowFlag.REPAIRED), np.uint32(0)),
         begins=rows.begins,
         findings=(*text.findings, *header.findings, *rows.findings),
     )
@@ -239,16 +240,8 @@ def _without_damaged(rows: PlainRows, header: Header, limit: int) -> PlainRows:
     if not whole.size:
         raise LogError(f"{first} No row is left. Export the file again.")
     sentence = f"{reasons[damaged[0]]} Left out, as `damaged_rows: {limit}` allows."
-    entry = finding("damaged row", rows.file, sentence, lines=rows.number[damaged])
-    return replace(
-        rows,
-        lines=[rows.lines[k] for k in whole],
-        plain=[rows.plain[k] for k in whole],
-        number=rows.number[whole],
-        begins=np.diff(np.cumsum(rows.begins)[whole], prepend=0) > 0,
-        repaired=rows.repaired[whole],
-        findings=(*rows.findings, entry),
-    )
+    lines = rows.number[damaged]
+    return rows.take(whole).remarked("damaged row", sentence, lines=lines)
 
 
 def _damage(rows: PlainRows, header: Header, row: int) -> str:

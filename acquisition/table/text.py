@@ -138,10 +138,8 @@ def read_filled(path: Path, file: str) -> Content:
 def require_file(path: Path, file: str, description: str = "recording.yaml") -> None:
     """Raises LogError if there is no file at a path that `description` names `file`."""
     if not path.is_file():
-        raise LogError(
-            f"{file}: no such file (looked for {path}). Correct the name in {description}, or copy "
-            "the file there."
-        )
+        what = f"no such file (looked for {path})."
+        raise LogError.at(file, what, f"Correct the name in {description}, or copy the file there.")
 
 
 @contextmanager
@@ -168,9 +166,8 @@ def text_of(content: Content, file: str) -> LogText:
     if len(text) > _LARGE:
         ends = text.count("\n") + text.count("\r")
         if len(text) < _SHORTEST_ROW * ends or _QUOTES * len(text) < text.count('"'):
-            raise LogError(
-                f"{file}: hardly more than line ends or quotes. Copy it again from the logger."
-            )
+            what = "hardly more than line ends or quotes."
+            raise LogError.at(file, what, "Copy it again from the logger.")
     if stripped := (len(decoded.text) - len(text)) * decoded.width:
         first, last = decoded.size - stripped, decoded.size - 1
         sentence = f"bytes {first} to {last} are NUL (power loss); left out."
@@ -237,27 +234,22 @@ def _opened(path: Path, file: str) -> Iterator[tuple[BinaryIO, tuple[Finding, ..
             else:
                 yield source, ()
     except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
-        raise LogError(
-            f"{file}: is no {path.suffix} file, or damaged: {error}. Copy it again."
-        ) from None
+        what = f"is no {path.suffix} file, or damaged: {error}."
+        raise LogError.at(file, what, "Copy it again.") from None
     except OSError as error:
         if error.errno == errno.EFBIG:
             raise LogError(f"{file}: {error.strerror}. Split it into one file a run.") from None
-        raise LogError(
-            f"{file}: cannot be read: {error.strerror or error}. "
-            "Check its permissions, or copy it again."
-        ) from None
+        what = f"cannot be read: {error.strerror or error}."
+        raise LogError.at(file, what, "Check its permissions, or copy it again.") from None
 
 
 def check_unpacked(size: int, stored: int, file: str) -> None:
     """Raises LogError if a file of so many stored bytes unpacks to more than a log does."""
     most = min(MOST_BYTES, max(_UNPACKED_FREE, _UNPACKED_RATIO * stored))
     if size > most:
-        raise LogError(
-            f"{file}: unpacks to more than {most / 1e6:.0f} MB, which no log of its size does. If "
-            "you know what it holds, unpack it yourself and name the unpacked file, which has at "
-            f"most {MOST_BYTES / 1e6:.0f} MB."
-        )
+        what = f"unpacks to more than {most / 1e6:.0f} MB, which no log of its size does."
+        remedy = f"Unpack it yourself; at most {MOST_BYTES / 1e6:.0f} MB are read."
+        raise LogError.at(file, what, remedy)
 
 
 def _unpacked(packed: Any, file: str, stored: int) -> Content:

@@ -86,7 +86,15 @@ class Claim(Strict):
         return self
 
 
-class CurvesPlot(Strict):
+class RunsPlot(Strict):
+    """A plot of selected runs."""
+
+    title: Line
+    rows: Rows = Field({})
+    lines: str = Field(description="Column whose values are the lines, or the colours of bars.")
+
+
+class CurvesPlot(RunsPlot):
     """Curves over a varied value: the median, and a band from the smallest to the largest.
 
     Solid with the core set, dashed with all parameters. The distance has the largest error beside
@@ -94,49 +102,37 @@ class CurvesPlot(Strict):
     """
 
     kind: Literal["curves"]
-    title: Line
     x: str
     x_label: str
     x_factor: float = Field(1.0, description="Factor from the column's unit to the label's.")
-    lines: str = Field(description="Column whose values are the lines.")
-    rows: Rows = Field({})
     y: str = DISTANCE
     y_label: str = "distance [mm|mrad]"
     limit: float | None = Field(None, description="Horizontal line: the thesis's 0.5 mm|mrad.")
 
 
-class Ranking(Strict):
+class Ranking(RunsPlot):
     """Bars: how often each parameter is among the largest errors of a run."""
 
     kind: Literal["ranking"]
-    title: Line
     places: Annotated[int, Field(ge=1)]
-    rows: Rows = Field({})
-    lines: str
     thesis: dict[str, int] = Field({}, description="Counts of the thesis.")
     thesis_runs: Annotated[int, Field(ge=1)] = 1
 
 
-class IdentifiedPlot(Strict):
+class IdentifiedPlot(RunsPlot):
     """Bars: identified minus nominal of each parameter, a colour for each recording.
 
     As thesis Figs. 5.12 to 5.17; of the first seed.
     """
 
     kind: Literal["identified"]
-    title: Line
-    rows: Rows = Field({})
-    lines: str = Field(description="Column whose values are the colours.")
 
 
-class GroupedBars(Strict):
+class GroupedBars(RunsPlot):
     """Bars in groups, on a logarithmic scale: the median over the seeds."""
 
     kind: Literal["bars"]
-    title: Line
-    rows: Rows = Field({})
     groups: str = Field(description="Column whose values are the groups.")
-    lines: str = Field(description="Column whose values are the colours.")
     y: str
     y_label: str
     limit: float | None = Field(None, description="Horizontal line.")

@@ -15,7 +15,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.claims.file import AnyPlot, CurvesPlot, GroupedBars, IdentifiedPlot, PlatePlot, Ranking
+from ballbar.claims.file import (
+    AnyPlot,
+    CurvesPlot,
+    GroupedBars,
+    IdentifiedPlot,
+    PlatePlot,
+    Ranking,
+    RunsPlot,
+)
 from ballbar.claims.kinds import DISTANCE, LARGEST
 from ballbar.claims.table import IDENTIFIED, ClaimEvidence, places, selected
 from ballbar.figure_style import (
@@ -170,9 +178,7 @@ def _groups(axes: Axes, plot: GroupedBars, evidence: ClaimEvidence) -> None:
         axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
 
 
-def _lines(
-    plot: CurvesPlot | Ranking | IdentifiedPlot | GroupedBars, evidence: ClaimEvidence
-) -> Iterator[tuple[object, pd.DataFrame]]:
+def _lines(plot: RunsPlot, evidence: ClaimEvidence) -> Iterator[tuple[object, pd.DataFrame]]:
     """The value of each line of a plot, and its runs."""
     table = selected(evidence.table, plot.rows)
     for value in dict.fromkeys(table[plot.lines]):

@@ -24,7 +24,7 @@ from ident.thesis.names import ML, ParameterSet
 
 FOLDER = Path("scenarios/claims")  # claims of the project, relative to its folder
 FAILS = "fails its check"
-RESTS_ON: ParameterSet = "core"  # the set that the verdict rests on; why: ballbar.claims.page
+RESTS_ON: ParameterSet = "core"  # the set that the verdict rests on; why: ballbar.claims.show
 COST = "identify.cost"
 
 WorkersOf = Callable[[Task], AbstractContextManager[Workers]]

@@ -69,6 +69,11 @@ class UrdfJoint:
     speed: float | None = None  # [rad/s]
 
     @property
+    def turns(self) -> bool:
+        """Whether it is an axis of its own."""
+        return self.kind in TURNING and self.mimics is None
+
+    @property
     def pose(self) -> Array:
         """(4, 4) [m] pose T_parent_child at joint position zero."""
         pose = np.eye(4)

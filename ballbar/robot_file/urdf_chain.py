@@ -84,7 +84,7 @@ def chain_between(urdf: Urdf, base: str | None = None, tip: str | None = None) -
         if joint.kind == "fixed":
             before[-1] = before[-1] @ joint.pose
             continue
-        if joint.kind not in TURNING or joint.mimics is not None:
+        if not joint.turns:
             fault = (
                 f"is {joint.kind}; only turning joints have rows here. Choose --base and --tip on "
                 "the same side of it."
@@ -137,15 +137,9 @@ def bodies(urdf: Urdf, chain: UrdfChain) -> tuple[Link, ...] | str:
 def _longest_tip(urdf: Urdf) -> str:
     """The last link of the longest chain of turning joints from the root."""
     paths = {link: urdf.joints_to(link) for link in urdf.links}
-    turning = {
-        link: [j for j in path if j.kind in TURNING and j.mimics is None]
-        for link, path in paths.items()
-    }
-    plain = {
-        link
-        for link, path in paths.items()
-        if len(turning[link]) == sum(joint.kind != "fixed" for joint in path)
-    }
+    turning = {link: [j for j in path if j.turns] for link, path in paths.items()}
+    moving = {link: [j for j in path if j.kind != "fixed"] for link, path in paths.items()}
+    plain = {link for link in paths if turning[link] == moving[link]}
     longest = max(len(joints) for joints in turning.values())
     most = max(len(turning[link]) for link in plain)
     if most < longest:  # it holds another joint, which is then named

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.bodies import bar_bodies, flange_on_last_link, robot_bodies
+from cell.bodies import bar_bodies, flange_on_last_link, link_bodies
 from cell.chain import row_placements
 from cell.geometry import BAR_ROWS, Geometry
 from cell.rotation import quat_wxyz
@@ -126,7 +126,7 @@ def unloaded_robot_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
 def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
     cell, geometry, effects = plant.loaded, plant.geometry, plant.effects
     placements = row_placements(geometry.robot)
-    parent, rotation, position = add_links(spec, robot_bodies(cell), placements)
+    parent, rotation, position = add_links(spec, link_bodies(cell.robot), placements)
     turned, flange = flange_on_last_link(cell)
     plate = parent.add_body(name="plate", pos=flange, quat=quat_wxyz(turned))
     set_inertia(plate, cell.plate.body)

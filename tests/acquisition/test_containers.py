@@ -583,7 +583,7 @@ def test_a_damaged_egm_message_is_dropped_and_a_second_one_refused(tmp_path: Pat
 
 
 EGM_REFUSED = {
-    "another file": (lambda c: b"time,J1\n" + c, "no file of raw EGM messages"),
+    "another file": (lambda c: b"time,J1\n" + c, "no raw EGM messages"),
     "copied as text": (lambda c: c.replace(b"\r\n", b"\n"), "copied in text mode"),
     "a length of 2 GB": (
         lambda c: c[:11] + b"\xff\xff\xff\x7f" + c[15:],

@@ -121,16 +121,6 @@ def test_a_dialect_file_lies_in_the_recording_folder(tmp_path: Path) -> None:
             read_recording(write(folder, change=put("sources", "robot", "dialect", value=name)))
 
 
-def test_a_dialect_file_executes_nothing(tmp_path: Path) -> None:
-    folder = own(tmp_path, ["t;A1", "0;1"])
-    (folder / "logger.yaml").write_text(
-        f"schema: !!python/object/apply:os.system ['touch {tmp_path}/ran']\n"
-    )
-    with pytest.raises(DescriptionError, match=r"logger.yaml"):
-        read_recording(folder)
-    assert not (tmp_path / "ran").exists()
-
-
 def test_joint_2_comes_before_joint_10() -> None:
     names = ["joint10", "joint9", "time"]
     first, second = spread(["re:joint"], 2)
@@ -157,12 +147,3 @@ def test_a_record_of_ur_rtde(tmp_path: Path, separator: str) -> None:
     rows = [separator.join(f"{value:.12f}" for value in row) for row in table.tolist()]
     use = put("sources", "robot", "dialect", value="ur-rtde")
     assert_read(write(tmp_path, robot=[separator.join(names), *rows], change=use))
-
-
-def test_degrees_in_a_record_of_ur_rtde_are_refused(tmp_path: Path) -> None:
-    names = ["timestamp", *(f"actual_q_{k}" for k in range(6))]
-    table = np.column_stack((ROBOT_T, AXES_DEG))
-    rows = [" ".join(f"{value:.9f}" for value in row) for row in table.tolist()]
-    use = put("sources", "robot", "dialect", value="ur-rtde")
-    with pytest.raises(LogError, match="Degrees where radians are declared"):
-        read_recording(write(tmp_path, robot=[" ".join(names), *rows], change=use))

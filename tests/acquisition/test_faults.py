@@ -264,10 +264,7 @@ def test_torques_that_no_motor_has_are_refused(tmp_path: Path) -> None:
     ]
     with pytest.raises(
         LogError,
-        match=(
-            r"raw/robot.csv:\d+: column tau\d: .* N m at the motor would be .*At the gear's "
-            r"output"
-        ),
+        match=r"raw/robot.csv:\d+: column tau\d: .* N m at the motor: at the gear's output",
     ):
         read_recording(write(tmp_path, robot=[f"{robot_lines()[0]},{','.join(TORQUES)}", *rows]))
 
@@ -380,7 +377,7 @@ def test_a_time_in_two_halves_is_put_together(tmp_path: Path) -> None:
             "filetime",
             "is an empty cell",
         ),
-        ([f"DT#{text[:19]}" for text in DATES], None, "The clock is too coarse for the rows"),
+        ([f"DT#{text[:19]}" for text in DATES], None, "The clock is too coarse"),
     ],
 )
 def test_stamps_that_are_ambiguous_are_refused(
@@ -411,13 +408,8 @@ def test_a_damaged_stamp_is_left_out(tmp_path: Path) -> None:
             write(tmp_path, ballbar=change_line(bar_lines(), 100, stamped(bar_lines()[99], stamp)))
         )
         assert_rows(recording, np.delete(ALL, 98))
-        assert summaries(recording)[0] == (
-            "damaged stamp",
-            "repaired",
-            "raw/ballbar.csv",
-            (100,),
-            1,
-        )
+        damaged = ("damaged stamp", "repaired", "raw/ballbar.csv", (100,), 1)
+        assert summaries(recording)[0] == damaged
 
 
 def test_rows_out_of_order_are_put_in_order_by_their_sequence_number_only(tmp_path: Path) -> None:
@@ -460,18 +452,6 @@ def test_a_clock_that_was_set_back_while_the_motion_goes_on_is_joined(tmp_path: 
     assert summaries(recording) == [("clock set back", "repaired", "raw/ballbar.csv", (182,), 1)]
     assert "set back by 30 ms while the motion went on" in sentence(recording, "clock set back")
     assert segment_starts(recording.ballbar_log.segment) == (180,)
-
-
-def test_a_robot_clock_that_was_set_back_is_joined_too(tmp_path: Path) -> None:
-    lines = robot_lines()
-    lines[500:] = [
-        stamped(line, float(line.split(",")[0]) - 3600.0 + 10_000.0) for line in lines[500:]
-    ]
-    lines[1:500] = [stamped(line, float(line.split(",")[0]) + 10_000.0) for line in lines[1:500]]
-    recording = read_recording(write(tmp_path, robot=lines))
-    np.testing.assert_allclose(recording.robot_log.t, ROBOT_T, atol=2e-9)
-    np.testing.assert_allclose(recording.robot_log.q, joint_trajectory(ROBOT_T), atol=1e-12)
-    assert kinds(recording) == ["clock set back"]
 
 
 def test_a_logger_that_started_anew_leaves_the_longer_part_and_says_what_is_not_used(
@@ -528,9 +508,8 @@ def test_a_counter_that_was_reset_between_two_rows_keeps_both_sides(tmp_path: Pa
     assert segment_starts(recording.ballbar_log.segment) == (120,)
     assert recording.ballbar_log.flags[120] == RowFlag.PRESET
     step = np.diff(bar_angles(recording), axis=0)[119] * [1, -1, 1, -1]
-    np.testing.assert_allclose(
-        step, 9_000_000 / PER_RAD, atol=0.01
-    )  # left for identification, which measures it
+    # Left for identification, which measures it.
+    np.testing.assert_allclose(step, 9_000_000 / PER_RAD, atol=0.01)
 
 
 def test_counters_switched_off_and_on_in_a_pause_split_the_log(tmp_path: Path) -> None:
@@ -583,20 +562,6 @@ def test_a_stamp_that_goes_far_back_in_a_dwell_shows_nothing_of_the_time_between
         assert kinds(recording) == (
             ["clock set back"] if joined else ["logger restarted", "part not used"]
         )
-
-
-def test_decimal_seconds_since_1970_keep_their_nanoseconds(tmp_path: Path) -> None:
-    start = 1_700_000_000
-    lines = robot_lines()
-    stamps = [f"{start + k // 248}.{(k % 248) * 4_032_001:09d}" for k in range(800)]
-    recording = read_recording(
-        write(
-            tmp_path,
-            robot=[lines[0], *(stamped(row, s) for row, s in zip(lines[1:], stamps, strict=True))],
-        )
-    )
-    expected = np.array([(k // 248) * 10**9 + (k % 248) * 4_032_001 for k in range(800)])
-    np.testing.assert_array_equal(np.rint(recording.robot_log.t * 1e9), expected)
 
 
 def test_an_irregular_stamp_in_a_regular_log_is_warned_of(tmp_path: Path) -> None:

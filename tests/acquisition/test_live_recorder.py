@@ -120,15 +120,10 @@ def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(
         _, last = numbers_of((tmp_path / "r" / "raw" / "ballbar.csv").read_bytes(), plc)
     assert last >= made - 1
     (progress,) = recording.progress
-    assert (progress.state, progress.segments, progress.lost, progress.gaps) == (
-        RecorderState.END,
-        1,
-        0,
-        0,
-    )
-    assert progress.rate == pytest.approx(
-        rate, rel=0.01
-    )  # by the stamps, so it does not depend on the machine's load
+    assert progress.state is RecorderState.END
+    assert (progress.segments, progress.lost, progress.gaps) == (1, 0, 0)
+    # By the stamps, so it does not depend on the machine's load.
+    assert progress.rate == pytest.approx(rate, rel=0.01)
     read = read_recording(with_robot_log(tmp_path / "r"))
     assert read.ballbar_log is not None
     assert read.ballbar_log.t.size == progress.records
@@ -161,35 +156,6 @@ def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_not
     read = read_recording(with_robot_log(tmp_path / "r"))
     assert read.ballbar_log is not None
     assert read.ballbar_log.t.size == progress.records
-
-
-@pytest.mark.slow
-def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(
-    address: str, tmp_path: Path
-) -> None:
-    with Plc(address, 1000, capacity=600) as plc:
-        recording = started(tmp_path / "r", plc_source(plc))
-        until(lambda: recording.progress[0].records > 100)
-        plc.disconnect()
-        until(lambda: recording.progress[0].state is RecorderState.WAIT)
-        time.sleep(0.8)
-        plc.connect()
-        until(lambda: recording.progress[0].segments == 2)
-        recording.finish()
-        files = [tmp_path / "r" / "raw" / name for name in ("ballbar.csv", "ballbar_2.csv")]
-        numbers = [
-            n
-            for first, last in (numbers_of(file.read_bytes(), plc) for file in files)
-            for n in range(first, last + 1)
-        ]
-    (progress,) = recording.progress
-    assert progress.lost > 0
-    assert numbers == sorted(set(numbers))
-    assert len(numbers) + progress.lost == numbers[-1] - numbers[0] + 1
-    assert (
-        f"ballbar: {progress.lost} records were lost"
-        in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
-    )
 
 
 @pytest.mark.slow

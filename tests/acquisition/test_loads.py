@@ -11,7 +11,7 @@ import pytest
 from acquisition.recording import Recording, read_force, read_recording
 from acquisition.report import report_lines
 from acquisition.sources import ImportLog
-from cell.errors import DescriptionError, InputError, LogError
+from cell.errors import LogError
 from cell.load import load_robot
 from cell.logs import ForceLog, RobotLog
 from cell.recording import SourceFile
@@ -21,13 +21,10 @@ from tests.helpers.device_logs import (
     FORCE_T,
     ROBOT,
     ROBOT_T,
-    WRENCH_HEADER,
-    change_line,
     force_lines,
     joint_trajectory,
     put,
     robot_lines,
-    stamped,
     summaries,
     wrench_trajectory,
     write,
@@ -240,23 +237,6 @@ def test_torques_under_other_names_are_not_read_and_the_report_asks(tmp_path: Pa
     )
 
 
-@pytest.mark.parametrize(
-    ("cell", "message"),
-    [
-        ("nan", "raw/robot.csv:90: column tau6: 'nan' is not a number"),
-        ("ERR", "raw/robot.csv:90: column tau6: 'ERR' is not a number"),
-        ("", "raw/robot.csv:90: column tau6: '' is an empty cell; a number was expected"),
-    ],
-)
-def test_a_torque_that_is_no_number_is_refused_at_its_row(
-    tmp_path: Path, cell: str, message: str
-) -> None:
-    lines = torque_lines()
-    lines[89] = ",".join((*lines[89].split(",")[:-1], cell))
-    with pytest.raises(LogError, match=re.escape(message)):
-        read_recording(write(tmp_path, robot=lines))
-
-
 def test_torques_of_several_files_are_joined_and_must_be_in_all_of_them(tmp_path: Path) -> None:
     lines = torque_lines()
     write(
@@ -295,29 +275,6 @@ def test_a_force_log_needs_no_encoders(tmp_path: Path) -> None:
     np.testing.assert_array_equal(force_log(recording).wrench, wrench_trajectory())
     assert recording.ballbar_log is None
     assert summaries(recording) == []
-
-
-def test_damage_and_gaps_of_a_force_log_are_repaired_and_counted(tmp_path: Path) -> None:
-    t = FORCE_T.copy()
-    t[200:] += 0.1
-    lines = force_lines(t)
-    lines[50] = "torn"
-    lines.insert(101, lines[100].split(",")[0] + ",1,2,3,4,5,6")
-    write_force(tmp_path, lines)
-    file = tmp_path / "raw/force.csv"
-    file.write_bytes(file.read_bytes()[:-3])
-    recording = read_recording(tmp_path)
-    assert summaries(recording) == [
-        ("unterminated last line", "repaired", "raw/force.csv", (402,), 1),
-        ("torn line", "repaired", "raw/force.csv", (51,), 1),
-        ("duplicate stamp", "repaired", "raw/force.csv", (102,), 1),
-        ("overrun", "warning", "raw/force.csv", (52,), 1),
-        ("gap", "warning", "raw/force.csv", (203,), 1),
-    ]
-    remaining = np.delete(np.arange(FORCE_T.size), [49, -1])
-    np.testing.assert_allclose(force_log(recording).t, t[remaining], atol=1e-14)
-    np.testing.assert_array_equal(force_log(recording).wrench, wrench_trajectory()[remaining])
-    assert "  raw/force.csv: 398 of 400 rows used" in (report_lines(recording.report))
 
 
 def noisy_loads(rng: np.random.Generator, grain: float) -> list[list[str]]:
@@ -359,117 +316,6 @@ def test_a_force_far_outside_its_noise_is_left_out_and_reported(
     (finding,) = (one for one in imported.findings if one.kind == "implausible value")
     assert finding.lines == (row + 2,)
     assert "(fz)" in finding.sentence
-
-
-def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> None:
-    lines = force_lines()
-
-    def two_files(data: dict) -> None:
-        with_force(data)
-        data["sources"]["force"]["files"] = ["raw/force.csv", "raw/forceOld.csv"]
-
-    write_force(tmp_path, [lines[0], *lines[201:]], change=two_files)
-    (tmp_path / "raw/forceOld.csv").write_text("\n".join(lines[:201]) + "\n")
-    log = force_log(read_recording(tmp_path))
-    np.testing.assert_allclose(log.t, FORCE_T, atol=1e-14)
-    np.testing.assert_array_equal(log.wrench, wrench_trajectory())
-
-
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        (force_lines()[:1], "raw/force.csv: a header but no complete row below it"),
-        (force_lines()[:40], "raw/force.csv: 39 usable rows; at least 50 are needed"),
-        (
-            [line.rsplit(",", 2)[0] for line in force_lines()],
-            "raw/force.csv:1: columns ty, tz missing; the header has 'time', 'fx'",
-        ),
-        (
-            change_line(force_lines(), 1, "time,fx,fy,Fz,tx,ty,tz"),
-            "raw/force.csv:1: column fz missing; the header has 'time', 'fx', 'fy', 'Fz', 'tx', "
-            "'ty', 'tz'. Is 'Fz' meant?",
-        ),
-        (
-            force_lines()[1:],
-            "raw/force.csv:1: the first line holds numbers, not column names. Expected a header "
-            "with time, fx, fy, fz, tx",
-        ),
-        (
-            robot_lines(),
-            "raw/force.csv:1: columns fx, fy, fz, tx, ty, tz missing; the header has 'time', 'm1'",
-        ),
-        ([line.replace(".", ",") for line in force_lines()], "decimal comma with comma separator"),
-        (
-            change_line(force_lines(), 9, "17.014,1,2,nan,4,5,6"),
-            "raw/force.csv:9: column fz: 'nan' is not a number",
-        ),
-        (
-            change_line(force_lines(), 9, "17.014,1,2,3,4,5,inf"),
-            "raw/force.csv:9: column tz: 'inf' is not a number",
-        ),
-        (
-            change_line(force_lines(), 9, "17.014,1,2,,4,5,6"),
-            "raw/force.csv:9: column fz: '' is an empty cell; a number was expected",
-        ),
-        (
-            change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)),
-            "raw/force.csv:2: time stamp -1 s is negative",
-        ),
-    ],
-)
-def test_a_force_log_that_cannot_be_trusted_is_refused(
-    tmp_path: Path, lines: list[str], message: str
-) -> None:
-    with pytest.raises(LogError, match=re.escape(message)):
-        read_recording(write_force(tmp_path, lines))
-
-
-def test_stamps_of_a_force_log_in_milliseconds_are_warned_of(tmp_path: Path) -> None:
-    lines = [WRENCH_HEADER, *(stamped(row, 2.0 * i) for i, row in enumerate(force_lines()[1:]))]
-    recording = read_recording(write_force(tmp_path, lines))
-    assert summaries(recording) == [("unusual period", "warning", "raw/force.csv", (), 1)]
-    assert (
-        "the median period is 2 s; logs of this dialect have 0.1 ms to 100 ms"
-        in recording.report.findings[-1].sentence
-    )
-
-
-def test_a_force_log_that_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"raw/force.csv: no such file"):
-        read_recording(write(tmp_path, change=with_force))
-
-
-@pytest.mark.parametrize(
-    ("source", "dialect", "message"),
-    [
-        (
-            "force",
-            "abb-motor",
-            "sources.force.dialect: abb-motor describes logs of the robot, not of the force "
-            "sensor. Are the files swapped?",
-        ),
-        (
-            "robot",
-            "force-torque",
-            "sources.robot.dialect: force-torque describes logs of the force sensor, not of the "
-            "robot.",
-        ),
-        (
-            "force",
-            "force_torque",
-            "sources.force.dialect: unknown dialect 'force_torque'. Did you mean force-torque?",
-        ),
-    ],
-)
-def test_a_dialect_of_another_device_is_refused(
-    tmp_path: Path, source: str, dialect: str, message: str
-) -> None:
-    def change(data: dict) -> None:
-        with_force(data)
-        data["sources"][source]["dialect"] = dialect
-
-    with pytest.raises(DescriptionError, match=re.escape(message)):
-        read_recording(write_force(tmp_path, change=change))
 
 
 # --- what identification takes

@@ -158,7 +158,7 @@ def test_separators_between_the_thousands(tmp_path: Path, cell: str) -> None:
     fields = table[5].split(";")
     table[5] = ";".join([*fields[:7], cell, *fields[8:]])
     sentence = refused(write(tmp_path, table))
-    assert f"poses.csv:6: column y: '{cell}' has a separator between the thousands." in sentence
+    assert f"poses.csv:6: column y: '{cell}' has a separator of thousands." in sentence
     assert "Export without" in sentence
 
 
@@ -209,7 +209,7 @@ def test_columns_that_are_no_angles(tmp_path: Path) -> None:
     joints = {"columns": [*JOINTS[:3], "x", "y", "z"], "unit": "deg"}
     sockets = write(tmp_path, measured_by="socket_pair_50", joints=joints, values=None)
     sentence = refused(sockets)
-    assert "Name the columns that hold the robot's angles, in the order of its axes" in sentence
+    assert "Name the columns of the robot's angles, in the order of its axes" in sentence
 
 
 @pytest.mark.parametrize(("right", "wrong"), [("mm", "m"), ("m", "mm"), ("um", "mm")])

@@ -171,12 +171,7 @@ def test_a_log_with_rows_that_share_stamps_is_read_unless_they_are_declared_exac
             for line, stamp in zip(lines[1:], steps.tolist(), strict=True)
         ),
     ]
-    with pytest.raises(
-        LogError,
-        match=(
-            r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`"
-        ),
-    ):
+    with pytest.raises(LogError, match=r"clock is too coarse\. .* declare `quantised: true`"):
         read_recording(
             write(
                 tmp_path,

@@ -127,7 +127,7 @@ def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Pat
         ("gap", "warning", "raw/ballbar.csv", (202,), 1),
     ]
     assert (
-        "rows up to 210 ms after the one before; the nominal period is 10 ms"
+        "rows up to 210 ms after the one before; nominal period 10 ms"
         in recording.report.findings[-1].sentence
     )
     assert (flagged(recording, RowFlag.OVERRUN), flagged(recording, RowFlag.GAP)) == ([100], [200])
@@ -211,18 +211,6 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
     assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
 
 
-def test_degrees_where_radians_are_declared_are_refused_with_a_hint(tmp_path: Path) -> None:
-    degrees = np.rad2deg(joints_to_motors(ROBOT, joint_trajectory(ROBOT_T)))
-    with pytest.raises(
-        LogError,
-        match=(
-            r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees "
-            r"where radians"
-        ),
-    ):
-        read_recording(write(tmp_path, robot=motor_rows(degrees)))
-
-
 def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) -> None:
     small = np.rad2deg(
         joints_to_motors(ROBOT, 0.007 * np.sin(20.0 * ROBOT_T)[:, None] * np.ones(6))
@@ -232,17 +220,6 @@ def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) 
         match=r"axis \d of irb2400 would turn at .* rad/s; it reaches .*Degrees where radians",
     ):
         read_recording(write(tmp_path, robot=motor_rows(small)))
-
-
-def test_joint_angles_where_motor_angles_are_declared_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(
-        LogError,
-        match=(
-            r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in "
-            r"rad are declared"
-        ),
-    ):
-        read_recording(write(tmp_path, robot=motor_rows(joint_trajectory(ROBOT_T))))
 
 
 def test_a_robot_that_stands_at_zero_is_no_joint_side_log(tmp_path: Path) -> None:
@@ -288,7 +265,6 @@ def test_an_axis_beyond_its_limits_by_rounding_is_no_finding(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("robot", "ballbar", "message"),
     [
-        (robot_lines()[:1], None, "raw/robot.csv: a header but no complete row below it"),
         (robot_lines()[:40], None, "raw/robot.csv: 39 usable rows; at least 50 are needed"),
         (None, bar_lines()[:50], "raw/ballbar.csv: 49 usable rows; at least 50 are needed"),
         (
@@ -297,34 +273,14 @@ def test_an_axis_beyond_its_limits_by_rounding_is_no_finding(tmp_path: Path) -> 
             "raw/robot.csv:1: column m6 missing",
         ),
         (
-            None,
-            [line.rsplit(";", 1)[0] for line in bar_lines()],
-            "raw/ballbar.csv:1: column b5 missing",
-        ),
-        (
             bar_lines(),
             None,
             "raw/robot.csv:1: columns m1, m2, m3, m4, m5, m6 missing; the header has 'time', 'b1'",
         ),
         (
-            [line.replace(".", ",") for line in robot_lines()],
-            None,
-            "decimal comma with comma separator",
-        ),
-        (
-            change_line(robot_lines(), 9, "\0" * 50),
-            None,
-            "raw/robot.csv:9: NUL bytes inside the row",
-        ),
-        (
             change_line(robot_lines(), 2, stamped(robot_lines()[1], -1.5)),
             None,
             "raw/robot.csv:2: time stamp -1.5 s is negative",
-        ),
-        (
-            None,
-            change_line(bar_lines(), 7, stamped(bar_lines()[6], "1.1E+18")),
-            "raw/ballbar.csv:7: column time: '1.1E+18' is in exponent",
         ),
         (
             None,

@@ -178,8 +178,7 @@ def test_decimal_commas_are_read_where_the_separator_is_another(
 def test_decimal_commas_with_comma_separator_are_refused(tmp_path: Path) -> None:
     message = refusal(tmp_path, "time,m1,m2\n" + "0,004,1,5,2,5\n" * 60, MOTORS)
     assert (
-        "raw/log.csv:2: rows have 6 fields, the header 3: decimal comma with comma separator"
-        in message
+        "raw/log.csv:2: 6 fields, the header has 3: decimal comma with comma separator" in message
     )
 
 

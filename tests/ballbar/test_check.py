@@ -62,7 +62,7 @@ def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(recording: Pat
     _, out, _ = ballbar("check", "--explain", recording)
     reasons = out[: out.index("FILES")]
     for words in (
-        "robot: dialect abb-motor, as recording.yaml declares; 1 file(s)",
+        "robot: dialect abb-motor, as recording.yaml has it; 1 file(s)",
         "motor angles, in rad: the dialect says so; numbers that contradict it are refused",
         "encoder b2: counter in column b2, 3600 lines at 12 bits (recording.yaml): "
         "0.426 urad a count",

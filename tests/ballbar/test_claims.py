@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -212,27 +214,19 @@ def test_runs_that_fail_break_every_check_of_runs(tmp_path: Path) -> None:
     runs.to_parquet(tmp_path / "runs.parquet")
     evidence = runs_evidence(tmp_path / "runs.parquet", [])
     outcome = judge(check("at_most", limit=1e9), evidence)
-    assert (outcome.met, outcome.result, outcome.limits) == (
-        False,
-        "1 of 12 runs failed: no motion",
-        "no run fails",
-    )
-    assert measured(Measure(what="it"), evidence) == "1 of 12 runs failed: no motion"
-    assert judge(
-        check("formula", figure="rod_stretch", value=2.7, unit="um", tolerance=0.1), evidence
-    ).met
+    assert not outcome.met
+    assert outcome.limits == "no run fails"
+    assert outcome.result == "1 of 12 runs failed: no motion"
+    assert measured(Measure(what="it"), evidence) == outcome.result
+    formula = check("formula", figure="rod_stretch", value=2.7, unit="um", tolerance=0.1)
+    assert judge(formula, evidence).met
 
 
 def test_the_size_of_a_run_is_the_largest_of_its_keys(tmp_path: Path) -> None:
-    runs = pd.DataFrame(
-        {"a": [1.0, None, 3.0], "b": [None, 2.0, 1.0], "status": "done", "reason": None}
-    )
-    runs.to_parquet(tmp_path / "runs.parquet")
-    assert runs_evidence(tmp_path / "runs.parquet", ["a", "b"]).table["size"].tolist() == [
-        1.0,
-        2.0,
-        3.0,
-    ]
+    values = {"a": [1.0, None, 3.0], "b": [None, 2.0, 1.0]}
+    pd.DataFrame(values | {"status": "done", "reason": None}).to_parquet(tmp_path / "runs")
+    evidence = runs_evidence(tmp_path / "runs", ["a", "b"])
+    assert evidence.table["size"].tolist() == [1.0, 2.0, 3.0]
 
 
 @pytest.fixture(scope="module")
@@ -420,6 +414,13 @@ def silent(plan: Plan) -> Iterator[Progress]:
     yield lambda *_: None
 
 
+def judged_of(folder: Path, name: str, *, quick: bool = False) -> Judged:
+    """The claims of one file of a folder, judged."""
+    chosen = topics([str(folder / f"{name}.yaml")])
+    (judged,) = judge_all(chosen, folder / "work", inline, quick=quick, showing=silent)
+    return judged
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("quick", "runs"), [(False, 4), (True, 1)])
 def test_a_sweep_that_two_files_name_runs_once_with_each_parameter_set(
@@ -449,8 +450,7 @@ def test_ml_has_one_set_of_parameters_and_runs_once(tmp_path: Path) -> None:
     swept_topics(tmp_path)
     sweep = (tmp_path / "sweep.yaml").read_text()
     (tmp_path / "sweep.yaml").write_text(sweep.replace("transform]", "ml]"))
-    [topic] = topics([str(tmp_path / "one.yaml")])
-    [result] = judge_all([topic], tmp_path / "work", inline, quick=False, showing=silent)
+    result = judged_of(tmp_path, "one")
     assert result.evidence["core"].table["identify.cost"].tolist() == ["length"] * 2 + ["ml"] * 2
     assert result.evidence["all"].table["identify.cost"].tolist() == ["length"] * 2
 
@@ -476,8 +476,7 @@ def test_the_verdict_is_judged_with_each_set_and_guards_can_break_it(tmp_path: P
         text = text[: text.index("      - {kind")]
         check = "{kind: at_most, what: d, limit: %g, reason: r}"
         one.write_text(text + f"      - {check % limit}\n    guards:\n      - {check % guard}\n")
-        [topic] = topics([str(one)])
-        [result] = judge_all([topic], tmp_path / "work", inline, quick=False, showing=silent)
+        result = judged_of(tmp_path, "one")
         assert result.verdicts[0].word == word, result.verdicts[0]
 
 
@@ -485,28 +484,14 @@ def test_the_verdict_is_judged_with_each_set_and_guards_can_break_it(tmp_path: P
 def test_what_a_check_names_wrongly_is_told_with_file_and_line(tmp_path: Path) -> None:
     swept_topics(tmp_path)
     (tmp_path / "one.yaml").write_text(SWEPT.replace("statistic: max", "column: distance"))
-    with pytest.raises(
-        DescriptionError,
-        match=r"one.yaml:12: no run has a column distance. Did you mean distance_mm_mrad\?",
-    ):
-        judge_all(
-            topics([str(tmp_path / "one.yaml")]),
-            tmp_path / "work",
-            inline,
-            quick=True,
-            showing=silent,
-        )
+    words = r"one.yaml:12: no run has a column distance. Did you mean distance_mm_mrad\?"
+    with pytest.raises(DescriptionError, match=words):
+        judged_of(tmp_path, "one", quick=True)
     (tmp_path / "two.yaml").write_text(
         SWEPT.replace("identify.cost: [length]", "identify.cost: [lenght]")
     )
     with pytest.raises(DescriptionError, match="lenght"):
-        judge_all(
-            topics([str(tmp_path / "two.yaml")]),
-            tmp_path / "work",
-            inline,
-            quick=True,
-            showing=silent,
-        )
+        judged_of(tmp_path, "two", quick=True)
 
 
 SOURCES = [load_claims(file)[0] for file in sorted(CLAIMS.glob("*.yaml"))]
@@ -627,20 +612,8 @@ def test_the_plate_sinks_as_the_beam_equation_says() -> None:
 
 def test_width_and_thickness_are_those_that_sink_so_far() -> None:
     plate, force, allowed = beam.OFFSET_PLATE, 100.0, 10e-6
-    wide = beam.Cantilever(
-        plate.length,
-        beam.width_for(allowed, plate, force),
-        plate.thickness,
-        plate.modulus,
-        plate.density,
-    )
-    thick = beam.Cantilever(
-        plate.length,
-        plate.width,
-        beam.thickness_for(allowed, plate, force),
-        plate.modulus,
-        plate.density,
-    )
+    wide = replace(plate, width=beam.width_for(allowed, plate, force))
+    thick = replace(plate, thickness=beam.thickness_for(allowed, plate, force))
     assert beam.tip_deflection(wide, force) == pytest.approx(allowed, rel=1e-9)
     assert beam.tip_deflection(thick, force) == pytest.approx(allowed, rel=1e-9)
     assert beam.stretch(150.0, 0.5, 1e11, 1e-4) == pytest.approx(7.5e-6, rel=1e-12)
@@ -667,29 +640,19 @@ def test_with_the_sign_of_its_force_the_rods_deviation_is_found_and_does_no_harm
 
 
 def test_a_rod_that_does_not_deviate_is_found_not_to() -> None:
-    scenario = sampled(identify={"samples": 300})
-    samples, chosen = (
-        trial_samples(scenario, SAMPLED.parent),
-        cost_parameters(scenario, SAMPLED.parent),
-    )
-    fit = fit_cost(
-        cost_named("transform", "vector"),
-        samples.nominal,
+    scenario, place = sampled(identify={"samples": 300}), SAMPLED.parent
+    samples, chosen = trial_samples(scenario, place), cost_parameters(scenario, place)
+    signed = partial(
+        fit_cost,
+        start=samples.nominal,
         q=samples.q,
         b=samples.b,
         parameters=chosen,
         rod_sign=samples.sign,
     )
-    assert abs(fit.rod_deviation) < 1e-12  # rounding
+    assert abs(signed(cost_named("transform", "vector")).rod_deviation) < 1e-12  # rounding
     with pytest.raises(ValueError, match="linear in the signed components only"):
-        fit_cost(
-            cost_named("length", "thesis"),
-            samples.nominal,
-            q=samples.q,
-            b=samples.b,
-            parameters=chosen,
-            rod_sign=samples.sign,
-        )
+        signed(cost_named("length", "thesis"))
 
 
 @pytest.mark.parametrize("cost", ["position", "position_angles", "transform"])
@@ -731,11 +694,8 @@ def test_each_round_leaves_a_part_of_the_delay_and_the_clock_as_parameter_nothin
 
 
 def test_no_round_is_the_plain_fit_away_from_the_ends() -> None:
-    scenario = sampled(identify={"samples": 300})
-    samples, chosen = (
-        trial_samples(scenario, SAMPLED.parent),
-        cost_parameters(scenario, SAMPLED.parent),
-    )
+    scenario, place = sampled(identify={"samples": 300}), SAMPLED.parent
+    samples, chosen = trial_samples(scenario, place), cost_parameters(scenario, place)
     found = fit_cost_with_shift(
         cost_named("transform", "vector"),
         samples.nominal,

@@ -305,17 +305,8 @@ def test_an_encoder_that_slips_while_held_out_is_no_fault_of_the_machine(
     together: Together, tmp_path: Path
 ) -> None:
     folder = slipped(together.c, tmp_path / "C")
-    code, said, _ = ballbar(
-        "identify",
-        together.a,
-        together.b,
-        "--validate",
-        folder,
-        "--samples",
-        400,
-        "--out",
-        tmp_path / "out",
-    )
+    words = ("identify", together.a, together.b, "--validate", folder, "--samples", 400)
+    code, said, _ = ballbar(*words, "--out", tmp_path / "out")
     assert code == 0, said
     assert re.search(r"^step fault: C: encoder b4 slipped [+-]5 signal periods", said, re.MULTILINE)
     (held,) = load_calibration(tmp_path / "out/calibration.yaml").file.held_out
@@ -395,15 +386,6 @@ def test_recordings_of_another_cell_are_refused(
         (["--model", "dh", "--force", "none"], ["model dh has neither corrections nor loads"]),
         (["--force", "sensor"], ["has no log of a force sensor", "sources.force"]),
         (["--force", "torque"], ["has no motor torques", "tau1 to tau6"]),
-    ],
-    ids=[
-        "unknown correction",
-        "no correction",
-        "rod in mm",
-        "rod exact",
-        "dh with force",
-        "no sensor",
-        "no torque",
     ],
 )
 def test_options_that_cannot_be_met_exit_with_2_and_write_nothing(

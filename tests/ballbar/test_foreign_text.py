@@ -21,7 +21,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from ballbar.claims.page import page_text
+from ballbar.claims.show import page_text
 from ballbar.compensation.targets_file import TargetFile, joint_columns, targets_text
 from ballbar.export.formats import FORMATS, exported
 from ballbar.export.result import Result, load_result

@@ -754,16 +754,8 @@ def test_the_command_writes_the_program_and_says_what_changed_most(
     assert {t["name"] for t in data["targets"]} >= {"p10", "p20", "home", "row{1}", "MoveC"}
     assert max(t["position_error_m"] for t in data["targets"]) > 1e-3
     assert "Schwei\xdfen".encode("latin-1") in (tmp_path / "weld-corrected.mod").read_bytes()
-    code, out, _ = ballbar(
-        "correct",
-        program,
-        "--with",
-        result.file,
-        "--out",
-        tmp_path / "b.mod",
-        "--payload",
-        "tool0=1",
-    )
+    words = ("correct", program, "--with", result.file, "--out", tmp_path / "b.mod")
+    code, out, _ = ballbar(*words, "--payload", "tool0=1")
     assert code == 0
     assert "largest changes" in out
     assert "payload" not in out, "of both tools it is known"
@@ -772,23 +764,14 @@ def test_the_command_writes_the_program_and_says_what_changed_most(
     assert "exists already; nothing was written" in err
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"\0\0",
-        b"MODULE m\nMoveL",
-        b"MoveL [[[[[[",
-        b'"',
-        b"CONST robtarget",
-        b"PERS tooldata t:=",
-        b"CONST robtarget p{2",
-        b"MoveL " + 3000 * b"[",
-        b"MoveL p,v,z,;",
-        b"CONST robtarget p:=" + 3000 * b"[",
-        b"p := " + 3000 * b"[",
-        b"MoveL [[-\n10,0,0]]",
-    ],
-)
+HOSTILE = (
+    b"\0\0", b"MODULE m\nMoveL", b"MoveL [[[[[[", b'"', b"CONST robtarget", b"PERS tooldata t:=",
+    b"CONST robtarget p{2", b"MoveL p,v,z,;", b"p := " + 3000 * b"[", b"MoveL [[-\n10,0,0]]",
+    b"MoveL " + 3000 * b"[", b"CONST robtarget p:=" + 3000 * b"[",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("content", HOSTILE)
 @pytest.mark.parametrize("suffix", [".mod", ".src", ".pdl"])
 def test_hostile_text_is_refused_or_has_no_targets(
     tmp_path: Path, content: bytes, suffix: str

@@ -24,12 +24,13 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ndtri
 
 from ballbar.sweep import run as sweep_run
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
 from ballbar.sweep.chunk import Task, run_chunk, run_chunk_remotely, unpack
 from ballbar.sweep.file import Changes, Seeds
-from ballbar.sweep.folder import SweepFolder, open_folder
+from ballbar.sweep.folder import open_folder
 from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
 from ballbar.sweep.run import SweepError, SweepOutcome, dask_cluster, processes
 from ballbar.sweep.table import failures_of, grid_points, write_table
@@ -73,10 +74,6 @@ WRONG = yaml.safe_load(r"""
    "unknown key errors.joint_nose. Did you mean joint_noise?"]
 - ["vary:\n  errors.joint_noise.sigma_rad:\n    - 1.0e-5\n    - -1.0\nseeds: {count: 1}\n", 7,
    "sigma_rad = -1.0: expected 0 or more."]
-- ["vary: {identify.samples: [many]}\nseeds: {count: 1}\n", 4,
-   "identify.samples = 'many': expected a whole number"]
-- ["change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n", 6,
-   "unknown key errors.joint_noise.sigma."]
 - ["change: {cell.robot.a: 1}\nseeds: {count: 1}\n", 4,
    "cell.robot.a: the value 'irb2400' above a has no keys of its own"]
 - ["together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n", 6,
@@ -87,9 +84,6 @@ WRONG = yaml.safe_load(r"""
    "expected 0 or more"]
 - ["vary: {seed: [1, 2]}\nseeds: {count: 1}\n", 4,
    "vary.seed: the seeds of the runs are given under seeds."]
-- ["vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n", 5, "seeds.count = 0: expected 1 or more."]
-- ["vary: {clocks.skew: []}\nseeds: {count: 1}\n", 4,
-   "vary.clocks.skew: expected at least 1 items"]
 - ["draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n", 4,
    "the number of draws is missing: add `draws: N`"]
 - ["draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"]
@@ -105,7 +99,6 @@ WRONG = yaml.safe_load(r"""
    "clocks.skew is given under together already"]
 - ["vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n", null,
    "path.file = 'no.yaml': "]
-- ["loop: 3\nseeds: {count: 1}\n", 4, "unknown key loop."]
 """)
 
 
@@ -188,15 +181,10 @@ seeds: {first: 7, count: 2}
     plan = plan_of(tmp_path, text)
     runs = [run_of(plan, k) for k in range(plan.runs)]
     expected = itertools.product(["one", "two"], [100, 200], ["thesis_3_1", None], [7, 8])
-    assert [
-        (
-            run.values["label"],
-            run.scenario.identify.samples,
-            run.scenario.errors.static.table,
-            run.scenario.seed,
-        )  # type: ignore[union-attr]
-        for run in runs
-    ] == list(expected)
+    for run, (label, samples, table, seed) in zip(runs, expected, strict=True):
+        assert (run.values["label"], run.scenario.seed) == (label, seed)
+        assert run.scenario.identify.samples == samples
+        assert getattr(run.scenario.errors.static, "table", "") == table
     assert [run.point for run in runs] == [k // 2 for k in range(16)]
     assert [run.scenario.clocks.offset_s for run in runs] == [0.137] * 8 + [0.5] * 8
 
@@ -228,10 +216,7 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     [
         ("uniform: [-1.0, 3.0]", lambda u: -1.0 + 4.0 * u),
         ("log_uniform: [1.0e-2, 1.0]", lambda u: 10.0 ** (-2.0 + 2.0 * u)),
-        (
-            "normal: [2.0, 0.5]",
-            lambda u: 2.0 + 0.5 * float(np.sqrt(2.0)) * _inverse_erf(2.0 * u - 1.0),
-        ),
+        ("normal: [2.0, 0.5]", lambda u: 2.0 + 0.5 * float(ndtri(u))),
     ],
 )
 def test_draws_follow_their_distribution(
@@ -244,15 +229,7 @@ def test_draws_follow_their_distribution(
     drawn = np.sort([point_of(plan, i)["clocks.offset_s"] for i in range(plan.points)])
     for u in (0.1, 0.25, 0.5, 0.75, 0.9):
         share = float(np.mean(drawn < quantile(u)))
-        assert abs(share - u) < 4.0 * np.sqrt(
-            u * (1.0 - u) / 4000
-        )  # four standard deviations of a share
-
-
-def _inverse_erf(x: float) -> float:
-    from scipy.special import erfinv  # noqa: PLC0415
-
-    return float(erfinv(x))
+        assert abs(share - u) < 4.0 * np.sqrt(u * (1.0 - u) / 4000)  # standard deviations
 
 
 def _small_plan(
@@ -276,9 +253,8 @@ def _small_plan(
 @given(points=st.integers(1, 60), seeds=st.integers(1, 500))
 def test_every_run_is_in_exactly_one_chunk(points: int, seeds: int) -> None:
     plan = _small_plan({}, [], {"clocks.skew": [0.0] * points}, seeds)
-    assert [run for chunk in range(plan.chunks) for run in plan.chunk(chunk)] == list(
-        range(points * seeds)
-    )
+    runs = [run for chunk in range(plan.chunks) for run in plan.chunk(chunk)]
+    assert runs == list(range(points * seeds))
 
 
 def test_the_costs_of_one_recording_share_a_chunk_and_its_simulation() -> None:
@@ -319,10 +295,8 @@ def test_files_of_the_scenario_travel_with_the_plan(
     (tmp_path / "paths" / "a.yaml").write_text("two")
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "1")
-    assert (
-        run_chunk_remotely(sweep.plan.text, [0], sweep_work.path_text, sweep.files)[0]["text"]
-        == "one"
-    )
+    (row,) = run_chunk_remotely(sweep.plan.text, [0], sweep_work.path_text, sweep.files)
+    assert row["text"] == "one"
     assert plan_of(tmp_path, text).digest != sweep.plan.digest
     for elsewhere in ("here", "there"):
         unpack(sweep.files, tmp_path / elsewhere)
@@ -341,13 +315,8 @@ def test_a_row_says_what_was_run_and_what_came_out(tmp_path: Path) -> None:
     table = pd.read_parquet(outcome.folder.table)
     assert list(table.columns) == [
         *("sweep", "scenario", "version", "run", "point", "seed", "status", "reason"),
-        *(
-            "errors.joint_noise.sigma_rad",
-            "cell.ballbar_position_m.0",
-            "distance_mm_mrad",
-            "rows",
-            "cost",
-        ),
+        *("errors.joint_noise.sigma_rad", "cell.ballbar_position_m.0"),
+        *("distance_mm_mrad", "rows", "cost"),
     ]
     assert len(table) == sweep.plan.runs == 20
     assert (table["sweep"] == "tried").all()
@@ -375,11 +344,8 @@ def test_a_failed_run_is_a_row_with_its_reason(tmp_path: Path) -> None:
     assert table["distance_mm_mrad"].isna().sum() == 16
     assert list(table["extra"].dropna()) == [1.5] * 4
     failures = failures_of(outcome.folder.table)
-    assert (failures.count, failures.of_reason, failures.reason) == (
-        16,
-        8,
-        "no motion at 0.7 m in 4 s",
-    ), "whatever the numbers in it"
+    assert (failures.count, failures.of_reason) == (16, 8), "whatever the numbers in it"
+    assert failures.reason == "no motion at 0.7 m in 4 s"
 
 
 def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
@@ -396,17 +362,9 @@ def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
     varied = {"vary": [1, 0.5], "mixed": ["auto", 1, {"a": 1}]}
     write_table(files, varied, {"parquet": tmp_path / "t.parquet", "csv": tmp_path / "t.csv"})
     rows = pd.read_parquet(tmp_path / "t.parquet", dtype_backend="pyarrow")
-    assert [str(rows[name].dtype) for name in ("vary", "mixed", "a", "b", "c", "d", "e")] == [
-        *(
-            "double[pyarrow]",
-            "string[pyarrow]",
-            "double[pyarrow]",
-            "int64[pyarrow]",
-            "bool[pyarrow]",
-            "string[pyarrow]",
-            "double[pyarrow]",
-        )
-    ]
+    types = [str(rows[name].dtype) for name in ("vary", "mixed", "a", "b", "c", "d", "e")]
+    expected = ("double", "string", "double", "int64", "bool", "string", "double")
+    assert types == [f"{name}[pyarrow]" for name in expected]
     assert rows["b"][2] == 2**60
     assert rows["d"][2] == "u,\n\"'"
     assert list(pd.read_csv(tmp_path / "t.csv")["d"].fillna("")) == ["", "t", "u,\n\"'"]
@@ -570,10 +528,9 @@ def test_a_worker_of_a_cluster_with_several_threads_is_refused(
 
 
 def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -> None:
-    def started(plan: Plan) -> SweepFolder:
+    def started(plan: Plan) -> None:
         with open_folder(tmp_path / "out", plan) as folder:
             folder.start(())
-            return folder
 
     plan = plan_of(tmp_path, GRID)
     started(plan)
@@ -586,21 +543,6 @@ def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -
     with refused(r"plan\.yaml: its chunks were computed by version \S+, this is 0\.0\.9"):
         started(Plan(plan.text.replace(plan.data.version, "0.0.9")))
     started(plan)
-
-
-def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> None:
-    sweep = loaded(tmp_path, GRID)
-    with refused("exists and holds something else"):
-        swept(sweep, tmp_path, inline)
-
-
-def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
-    sweep = loaded(tmp_path, GRID)
-    with (
-        open_folder(tmp_path / "out", sweep.plan),
-        refused("another process writes to this folder"),
-    ):
-        swept(sweep, tmp_path / "out", inline)
 
 
 @pytest.mark.slow

@@ -135,14 +135,8 @@ def test_the_irb2400_transmission_is_the_matrix_of_the_thesis() -> None:
         rtol=1e-15,
     )
     one_turn_each = motors_to_joints(robot, np.full(6, 1.0))
-    expected = [
-        -5 / 648,
-        100 / 12999,
-        -100 / 12999 - 5 / 648,
-        -1 / 55,
-        -1 / 759 - 5 / 276,
-        -62 / 41745 - 5 / 552 - 1 / 44,
-    ]
+    main = [-5 / 648, 100 / 12999, -100 / 12999 - 5 / 648]
+    expected = [*main, -1 / 55, -1 / 759 - 5 / 276, -62 / 41745 - 5 / 552 - 1 / 44]
     np.testing.assert_allclose(one_turn_each, expected, rtol=1e-15)
 
 
@@ -150,9 +144,8 @@ def test_the_irb2400_transmission_is_the_matrix_of_the_thesis() -> None:
 def test_motor_and_axis_angles_lead_to_joint_angles_and_back(name: str) -> None:
     robot = load_robot(name)
     q = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 6))
-    np.testing.assert_allclose(
-        motors_to_joints(robot, joints_to_motors(robot, q)), q, atol=1e-14
-    )  # rounding of the inverse
+    # Rounding of the inverse.
+    np.testing.assert_allclose(motors_to_joints(robot, joints_to_motors(robot, q)), q, atol=1e-14)
     np.testing.assert_allclose(controller_to_joints(robot, joints_to_axes(robot, q)), q, atol=1e-14)
 
 
@@ -201,17 +194,10 @@ def test_the_urdf_of_the_nj220_and_our_dh_rows_are_the_same_machine() -> None:
     rotations, origins = nj220_urdf_frames((0, 0, -1, 0, 0, 0))
     robot = load_robot("nj220")
     ours = flange_frames(robot, np.zeros((1, 6)))
-    np.testing.assert_allclose(
-        origins[7], ours.tip[:, 0], atol=3.1e-4
-    )  # the URDF has 0.105 + 1.0203 m for 1.125 m
-    directions = [
-        -1.0,
-        1.0,
-        -1.0,
-        -1.0,
-        1.0,
-        -1.0,
-    ]  # thesis App. A: sign of each logged angle against the DH angle
+    # The URDF has 0.105 + 1.0203 m for 1.125 m.
+    np.testing.assert_allclose(origins[7], ours.tip[:, 0], atol=3.1e-4)
+    # Thesis App. A: sign of each logged angle against the DH angle.
+    directions = [-1.0, 1.0, -1.0, -1.0, 1.0, -1.0]
     for joint, direction in enumerate(directions):
         axis = rotations[joint + 1][:, 2]
         np.testing.assert_allclose(direction * axis, ours.z[joint, :, 0], atol=1e-15)
@@ -227,12 +213,9 @@ def test_the_nj220_mass_properties_are_those_of_the_urdf_seen_from_the_base() ->
         links, rotations[:7], origins[:7], NJ220_URDF_LINKS, strict=True
     ):
         inertia = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
-        assert link.mass == pytest.approx(
-            NJ220_MASS_SCALE * mass, abs=0.0051
-        )  # our file is rounded to 0.01 kg, 0.1 mm,
-        np.testing.assert_allclose(
-            link.com, origin + rotation @ com, atol=5.1e-5
-        )  # and 1e-4 kg m^2
+        # Our file is rounded to 0.01 kg, 0.1 mm and 1e-4 kg m^2.
+        assert link.mass == pytest.approx(NJ220_MASS_SCALE * mass, abs=0.0051)
+        np.testing.assert_allclose(link.com, origin + rotation @ com, atol=5.1e-5)
         np.testing.assert_allclose(link.inertia, NJ220_MASS_SCALE * inertia, atol=5.1e-5)
 
 
@@ -264,32 +247,17 @@ def test_every_inertia_is_that_of_a_real_body(name: str) -> None:
 
 def test_the_nj220_servo_is_that_of_the_irb2400_scaled_by_gear_stiffness() -> None:
     nj220, irb2400 = load_robot("nj220"), load_robot("irb2400")
-    stiffer = np.array([2.5e6, 3.0e6, 2.4e6, 4.0e5, 3.5e5, 4.0e5]) / [
-        6.0e5,
-        6.0e5,
-        4.5e5,
-        6.0e4,
-        5.0e4,
-        3.5e4,
-    ]
+    soft = np.array([6.0e5, 6.0e5, 4.5e5, 6.0e4, 5.0e4, 3.5e4])
+    stiffer = np.array([2.5e6, 3.0e6, 2.4e6, 4.0e5, 3.5e5, 4.0e5]) / soft
     for name in ("soft", "stiff"):
-        np.testing.assert_allclose(
-            nj220.servo[name].kp, stiffer * irb2400.servo[name].kp, rtol=1e-4
-        )  # four printed digits
-        np.testing.assert_allclose(
-            nj220.servo[name].kv, stiffer * irb2400.servo[name].kv, rtol=1e-3
-        )
+        ours, smaller = nj220.servo[name], irb2400.servo[name]
+        np.testing.assert_allclose(ours.kp, stiffer * smaller.kp, rtol=1e-4)  # printed digits
+        np.testing.assert_allclose(ours.kv, stiffer * smaller.kv, rtol=1e-3)
 
 
 def test_the_armature_is_the_rotor_inertia_seen_through_the_gear() -> None:
-    expected = [
-        21.8,
-        22.0,
-        21.8,
-        0.48,
-        0.55,
-        0.19,
-    ]  # 1.3e-3 kg m^2 times 129.6^2, and so on, to the printed digits
+    # 1.3e-3 kg m^2 times 129.6^2, and so on, to the printed digits.
+    expected = [21.8, 22.0, 21.8, 0.48, 0.55, 0.19]
     np.testing.assert_allclose(load_robot("irb2400").armature, expected, rtol=0.02)
 
 
@@ -341,9 +309,8 @@ def test_a_ball_bar_at_zero_stands_straight_up_with_its_rod_within(
     tube = length - 0.1  # [m] between the fittings
     assert bar.links[2].mass == pytest.approx(0.35 * tube + 2 * 0.10, abs=1e-9)
     across = 0.35 * tube**3 / 12.0 + 2 * 0.10 * (length / 2.0 - 0.05) ** 2
-    np.testing.assert_allclose(
-        np.diag(bar.links[2].inertia)[:2], across, atol=5e-6
-    )  # five printed decimals
+    # Five printed decimals.
+    np.testing.assert_allclose(np.diag(bar.links[2].inertia)[:2], across, atol=5e-6)
     np.testing.assert_allclose(bar.links[2].com, [0.0, 0.0, length / 2.0])
 
 

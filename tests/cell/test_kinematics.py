@@ -60,14 +60,6 @@ def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None
     assert worst < 1e-12
 
 
-def test_the_irb_2400_stands_up_with_its_flange_where_the_data_sheet_puts_it() -> None:
-    robot = load_cell("irb2400", "lund_600", "plate_250").robot
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
-    assert forward(chain, np.zeros((1, 6))).tip[:, 0] == pytest.approx(
-        [0.940, 0.0, 1.455], abs=1e-12
-    )
-
-
 def test_every_parameter_screw_is_the_central_difference_of_the_pose(nominal: Geometry) -> None:
     rng = np.random.default_rng(5)
     geometry = perturbed(nominal, rng, 0.05)
