@@ -75,18 +75,16 @@ def identify(
     from cell.pose_file import pose_file_path
     from cell.processes import second_process
 
-    names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
+        corrections,
         samples=samples,
         model=model,
-        corrections="auto" if corrections == "auto" else names,
         force=force,
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
     moving = not all(pose_file_path(recording).is_file() for recording in recordings)
-    first = recordings[0].parent if recordings[0].is_file() else recordings[0]
-    folder = out_dir or first.with_name(first.resolve().name + "-identified")
+    folder = out_dir or _beside(recordings[0])
     with (
         claimed_folder(folder, OUTPUTS if moving else POSE_OUTPUTS, "the result"),
         progress_bar() as progress,
@@ -115,13 +113,21 @@ def identify(
     raise typer.Exit(0 if run.acceptable else 1)
 
 
-def _settings(**options: object) -> IdentifySettings:
+def _beside(recording: Path) -> Path:
+    """The folder of a result where none is named."""
+    folder = recording.parent if recording.is_file() else recording
+    return folder.with_name(folder.resolve().name + "-identified")
+
+
+def _settings(corrections: str, **options: object) -> IdentifySettings:
     """The options as settings, checked by the schema of scenarios."""
     from pydantic import ValidationError
 
     from ballbar.identify_settings import IdentifySettings
     from cell.schema_errors import explain
 
+    names = [name.strip() for name in corrections.split(",")]
+    options["corrections"] = "auto" if corrections == "auto" else names
     try:
         return IdentifySettings.model_validate(options)
     except ValidationError as error:

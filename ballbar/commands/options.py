@@ -82,7 +82,7 @@ def command_line() -> str:
 
 
 def purpose(docstring: str) -> str:
-    """What a command is for, as its docstring says it: without example and parameters."""
+    """The purpose of a command in its docstring, without example and parameters."""
     return _ENTRY.split(docstring)[0].partition("\n\nExample: ")[0].strip()
 
 

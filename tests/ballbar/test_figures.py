@@ -1,4 +1,4 @@
-"""Plots drawn directly: what a reader, or the page's script, reads off them is what was given."""
+"""Figures of the report: curves, cells of the workspace and the sphere, style."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ballbar.report.drawing import INCH, LEFT, RIGHT, WIDTH
+from ballbar.figure_style import to_hundredths
+from ballbar.report.drawing import INCH, LEFT, RIGHT, WIDTH, linear_ticks, shade
 from ballbar.report.line_plot import (
     COLUMN,
     Curve,
@@ -20,6 +21,7 @@ from ballbar.report.line_plot import (
     draw,
     order_spectra,
 )
+from ballbar.report.maps import AFTER_SCALE, Sphere, cells_of, workspace_map
 from cell.arrays import Array
 
 HEIGHT = 3.0 * INCH
@@ -141,3 +143,59 @@ def test_spectra_show_the_score_of_each_order() -> None:
     assert [curve.name for curve in curves] == ["before", "after"] * 2
     assert curves[0].y == pytest.approx(before[0], abs=curves[0].half_line)
     assert curves[0].x == pytest.approx([0.87, 1.87, 2.87], abs=0.01)
+
+
+CELL = 0.13
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 300))
+def test_a_point_lies_in_the_nearest_cell_and_counts_once(seed: int, size: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, values = rng.normal(size=(size, 2)), rng.uniform(0.0, 2.0, size)
+    cells = cells_of(points, values, CELL)
+    away = np.linalg.norm(points[:, None] - cells.centres, axis=2)
+    nearest = away.argmin(axis=1)
+    assert away.min(axis=1).max() <= CELL / np.sqrt(3.0) + 1e-12  # a corner of the hexagon
+    means = [values[nearest == k].mean() for k in range(len(cells.centres))]
+    np.testing.assert_allclose(cells.values, means, rtol=1e-12)
+    between = np.linalg.norm(cells.centres[:, None] - cells.centres, axis=2)
+    assert (between + 10.0 * np.eye(len(between))).min() >= CELL - 1e-12
+
+
+def test_the_reduction_sees_all_values_of_a_cell() -> None:
+    points = np.array([[0.0, 0.0], [0.01, 0.0], [1.0, 0.0], [0.0, 0.01]])
+    cells = cells_of(points, np.array([1.0, 5.0, 7.0, 2.0]), CELL, np.max)
+    assert sorted(cells.values.tolist()) == [5.0, 7.0]
+
+
+def test_a_map_tells_its_values_and_marks_base_and_sphere() -> None:
+    rng = np.random.default_rng(1)
+    position, error = rng.uniform(-1.0, 1.0, (500, 3)), np.full(500, 2e-3)
+    sphere = Sphere(np.array([0.3, 0.0, 0.5]), 0.6)
+    svg = workspace_map(position, error, [sphere], label="error", colours=AFTER_SCALE)
+    titles = re.findall(r"<title>([^<]*)</title>", svg)
+    assert len(titles) > 100
+    assert set(titles) == {"2.00 mm"}
+    assert svg.count("<circle") == 4, "with a halo, from the side and from above"
+    assert "error [mm]" in svg
+    bare = workspace_map(position, np.zeros(500), [], label="", colours=AFTER_SCALE)
+    assert "<circle" not in bare
+
+
+def test_shades_run_through_the_colours_and_stop_at_the_ends() -> None:
+    colours = ("#000000", "#ff0000", "#ffffff")
+    shares = np.array([-1.0, 0.0, 0.25, 0.5, 1.0, 9.0])
+    expected = ["#000000", "#000000", "#800000", "#ff0000", "#ffffff", "#ffffff"]
+    assert shade(colours, shares) == expected
+
+
+@pytest.mark.parametrize("ends", [(0.0, 4.3), (-1.0, 1.0), (0.0, 3e-5)])
+def test_a_scale_has_round_numbers(ends: tuple[float, float]) -> None:
+    assert 3 <= len(linear_ticks(*ends, 5)) <= 7
+
+
+def test_coordinates_are_cut_and_what_is_written_is_not() -> None:
+    svg = '<path d="M 12.3456 7.8L 0.001 3"/><text x="1.23456">0.00125 of 0.001</text>'
+    cut = '<path d="M 12.34 7.8L 0.00 3"/><text x="1.23">0.00125 of 0.001</text>'
+    assert to_hundredths(svg) == cut
