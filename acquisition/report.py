@@ -78,7 +78,7 @@ class Finding:
 
     @property
     def severity(self) -> Severity:
-        """Whether something was mended, or is to be known."""
+        """`repaired`, or `warning` where the user has to do something."""
         return "warning" if self.kind in REMEDIES else "repaired"
 
     @property

@@ -128,7 +128,7 @@ def by_sockets(fitted: PoseTable, rest: PoseTable) -> Row:
 
 
 def by_truth(scenario: Scenario) -> Callable[[], Row]:
-    """What identifies a recording of the scenario, simulated once."""
+    """A function that identifies a recording of the scenario, which is simulated once."""
     simulation = simulate(scenario, relative_to=SCENARIOS)
     with tempfile.TemporaryDirectory() as work:
         write_recording(simulation, scenario, Path(work) / "recording")

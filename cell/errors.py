@@ -14,7 +14,7 @@ class InputError(ValueError):
 
     @classmethod
     def at(cls, place: object, what: str, remedy: str) -> Self:
-        """The error about a place, such as `robot.csv:7`: what is wrong, and how to mend it."""
+        """The error about a place, such as `robot.csv:7`: what is wrong, and the remedy."""
         return cls(f"{place}: {what} {remedy}")
 
 

@@ -1,4 +1,4 @@
-"""What was measured today, fitted to a machine that is held.
+"""Today's measurement, fitted to a machine that is held.
 
 Fitted is only what belongs to today: of a recording encoder offsets, base pose of the ball-bar,
 clock, tension of the rod and step faults, of still poses the seats and targets that the

@@ -80,7 +80,7 @@ class Explanation:
 
 
 def worded(kind: str, name: str, size: Array, sigma: Array | None = None) -> str:
-    """What changed, by how much (K,) [rad], [m] or [1], and what usually is behind it."""
+    """Words for a change of a size (K,) [rad], [m] or [1], and its usual reason."""
     words, behind, unit = WORDS[kind]
     words = words.format(name)
     if not unit:

@@ -22,7 +22,7 @@ LISTED = 5  # rows that a warning names
 
 
 def table_remarks(evidence: Evidence) -> Iterator[str]:
-    """What a user should know of the still poses of a fit; nothing where there are none."""
+    """Remarks on the still poses of a fit; none where it has no still poses."""
     estimate = evidence.table
     if estimate is None:
         return
@@ -74,7 +74,7 @@ def _findings(estimate: TableEstimate, findings: Findings) -> Iterator[str]:
 
 
 def _scale(estimate: TableEstimate) -> Iterator[str]:
-    """What only an instrument's scale, or rods from a few seats, tell of the robot."""
+    """Remarks where the robot's size follows from the instrument's scale or a few rods alone."""
     if estimate.scale_pull is not None:
         size, sigma = estimate.scale_pull
         yield (

@@ -34,7 +34,7 @@ SEEN = 4.0  # deviations by which a change must stand out
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """What was measured of a machine that is held, of unit covariance where nothing changed."""
+    """Today's measurement of a held machine, of unit covariance where nothing changed."""
 
     value: Array  # (W,)
     whitened: Callable[[Array], Array]  # of a cause's columns (C, K) how they move it (W, K)
@@ -65,7 +65,7 @@ class Score:
         return sorted((self.explanation(cause) for cause in causes), key=lambda e: -e.evidence)
 
     def beside(self, cause: Cause) -> Score:
-        """What a cause leaves, its size unknown within its prior."""
+        """The score without all that a cause can explain, its size unknown within its prior."""
         moved = self.moved(cause)
         root = np.linalg.cholesky(np.eye(self.value.size) + moved @ moved.T)
         return Score(
@@ -91,12 +91,12 @@ class Score:
         return float(np.quantile(best, 1.0 - FALSE_ALARMS))
 
 
-class Comparison(Protocol):
-    """What was measured today, fitted to a machine that is held."""
+class HeldMeasurement(Protocol):
+    """Today's measurement, fitted to a machine that is held."""
 
     @property
     def score(self) -> Score:
-        """What it says of the machine."""
+        """Its evidence about the machine."""
 
     def after(self, change: Explanation) -> Self:
         """The same with a machine, or with what was measured, after a change."""
@@ -105,10 +105,10 @@ class Comparison(Protocol):
         """Whether nothing speaks for a second change beside a cause of any size."""
 
 
-ComparisonT = TypeVar("ComparisonT", bound=Comparison)
+MeasurementT = TypeVar("MeasurementT", bound=HeldMeasurement)
 
 
-def followed(start: ComparisonT, best: Explanation) -> tuple[ComparisonT, Explanation, bool]:
+def followed(start: MeasurementT, best: Explanation) -> tuple[MeasurementT, Explanation, bool]:
     """A change taken away: what is left, its whole size, and whether it explains all."""
     now, step, size = start, best, best.size
     for _ in range(ROUNDS):
@@ -189,7 +189,7 @@ class Verification:
 
     @property
     def warnings(self) -> list[str]:
-        """What does not count, and changes that cannot show."""
+        """Rows that do not count, and changes that cannot be seen."""
         each = ", ".join(f"{axis} ({size * 1e3:.1f} mrad)" for axis, size in self.blind.items())
         unseen = (
             "changes of the zeros of these axes, up to the size named, would not show in what was "

@@ -220,4 +220,6 @@ def _compared(machine: Machine, recording: RecordingFit, options: FitOptions) ->
     score = Score(
         np.linalg.solve(root, free.x[at] - np.array(values)), lambda columns: shown @ columns
     )
-    return _Compared(machine, recording, options, closed, free, score, stated.blocks)
+    return _Compared(
+        machine, recording, options, closed=closed, free=free, score=score, blocks=stated.blocks
+    )

@@ -113,8 +113,8 @@ def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table,
         sentence = f"{missing} times at which not every channel has a value; left out."
         findings.append(finding("channels of different length", file, sentence, count=missing))
     parts = [part.take(np.searchsorted(part.columns[time], common)) for part in parts]
-    found = {name: values for part in parts for name, values in part.columns.items()}
-    columns = {time: common, **{name: found[name] for name in wanted}}
+    signals = {name: values for part in parts for name, values in part.columns.items()}
+    columns = {time: common, **{name: signals[name] for name in wanted}}
     form = Form(export.text.encoding, _SEPARATORS[export.separator], decimal, len(export.rows))
     return one_file(columns, file, parts[0].line, findings), form
 
@@ -284,7 +284,9 @@ def _read_export(text: LogText) -> _Export:
     if all(marked):
         row = max(marked[0][0], marked[1][0])
         raise _wrong(file, number[row], "decimal commas and decimal points in one file.")
-    return _Export(text, separator, start, end, meta, groups, rows, number)
+    return _Export(
+        text, separator, start=start, end=end, meta=meta, groups=groups, rows=rows, number=number
+    )
 
 
 def _filetime(preamble: list[str], key: str, separator: str, file: str) -> int:

@@ -184,7 +184,16 @@ def rehearse(
         out.print(f"{word} {stage.took:4.0f} s  {escape(f'{stage.name}: {stage.sentence}')}")
 
     with progress_bar() as progress:
-        day = Day(settings, scenario, folder, speed, fault, command_line(), show, progress=progress)
+        day = Day(
+            settings,
+            scenario,
+            folder,
+            speed=speed,
+            fault=fault,
+            command=command_line(),
+            show=show,
+            progress=progress,
+        )
         rehearsal = rehearse_into(day)
     if as_json:
         say_json(chain(rehearsal))

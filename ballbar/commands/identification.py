@@ -33,6 +33,7 @@ CorrectionNames = Annotated[
 @command(commands)
 def identify(
     recordings: list[Path],
+    *,
     validate: list[Path] | None = None,
     out_dir: Out = None,
     samples: Annotated[int, typer.Option(min=50, max=100_000)] = DEFAULT_SAMPLES,

@@ -30,6 +30,7 @@ Accuracy = Annotated[
 @command(commands)
 def record(
     folder: Path,
+    *,
     robot: str,
     ballbar: str,
     plate: str = "plate_250",

@@ -30,10 +30,10 @@ commands = typer.Typer()
 @with_options(Answers)
 def new(
     folder: Path,
+    *,
     robot_log: Annotated[Path | None, typer.Argument(exists=True, dir_okay=False)] = None,
     ballbar_log: Annotated[Path | None, typer.Argument(exists=True, dir_okay=False)] = None,
     poses: Annotated[list[Path] | None, typer.Option(exists=True)] = None,
-    *,
     options: Answers,
     yes: bool = False,
     as_json: AsJson = False,
@@ -165,6 +165,7 @@ def _read(path: Path, *, poses: bool) -> tuple[Recording | PoseImport, CoarseAli
 
 @command(commands)
 def align(
+    *,
     log_a: Annotated[Path, typer.Argument(exists=True)],
     log_b: Annotated[Path, typer.Argument(exists=True)],
     channel: list[str] | None = None,

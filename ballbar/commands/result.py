@@ -110,6 +110,7 @@ def export(
 @command(commands)
 def correct(
     path: Path,
+    *,
     result: Path,
     file: Path | None = None,
     payload: list[str] | None = None,

@@ -30,6 +30,7 @@ def robot() -> None:
 @command(group, AT_THE_CELL)
 def new(
     name: str,
+    *,
     urdf: Path | None = None,
     base: str | None = None,
     tip: str | None = None,

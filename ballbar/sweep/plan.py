@@ -57,7 +57,7 @@ class Factor:
         return next(iter(self.rows[0])) if self.section == "vary" else self.section
 
     def name(self, row: int) -> str | int:
-        """What a row is known by in plans that have grown: its content, or the number of a draw."""
+        """Name of a row in plans that have grown: its content, or the number of a draw."""
         return row if self.section == "draw" else plain_text(self.rows[row])
 
     @cached_property

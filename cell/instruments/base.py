@@ -140,7 +140,7 @@ class Kind(ABC):
     def seat_of(self, values: Array, points: Array) -> Placement | None:
         """Where the seat is about, by values (N, M) of known points (N, 3) [m], base frame.
 
-        None for kinds that sense the whole position: a linear problem finds their seats
+        None for kinds that measure the whole position: a linear problem finds their seats
         (ident.start.placements).
         """
         del values, points

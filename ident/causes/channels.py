@@ -50,7 +50,7 @@ class ChannelError:
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
+        """The remedy, as a sentence without its full stop."""
         if self.late:
             return "Log all channels of a row at one instant"
         if self.channel.startswith("encoder"):

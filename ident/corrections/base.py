@@ -10,7 +10,9 @@ multiply them; so the derivative of the residual is the channel's own column tim
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial, wraps
+from typing import Any, ParamSpec
 
 import numpy as np
 
@@ -95,7 +97,7 @@ def sign_slope(load: Array, width: Array | float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """One error source."""
+    """One error source; to be pickled, its maker is a `remade` one."""
 
     name: str
     sentence: str
@@ -103,6 +105,23 @@ class Correction:
     regressors: Callable[[State], Sequence[Array]]  # (N,) each, one a coefficient
     # derivative of each regressor with the rod's tension; None where no load enters
     slopes: Callable[[State], Sequence[Array]] | None = None
+    made_by: Callable[[], Correction] | None = None
+
+    def __reduce__(self) -> str | tuple[Any, ...]:
+        return super().__reduce__() if self.made_by is None else (self.made_by, ())
+
+
+P = ParamSpec("P")
+
+
+def remade(maker: Callable[P, Correction]) -> Callable[P, Correction]:
+    """The maker, whose corrections are pickled as its call; their functions stand within it."""
+
+    @wraps(maker)
+    def made(*args: P.args, **kwargs: P.kwargs) -> Correction:
+        return replace(maker(*args, **kwargs), made_by=partial(made, *args, **kwargs))
+
+    return made
 
 
 Maker = Callable[[Cell, tuple[int, ...]], Correction]

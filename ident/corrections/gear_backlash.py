@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections.base import GEAR, Coefficient, Correction, State, sign_slope
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade, sign_slope
 
 SPREAD = 1.0  # of the catalogue's lost motion: it grows with wear, and a new gear may have none
 
 
+@remade
 def gear_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Half the width of each gear's dead band [rad]."""
 

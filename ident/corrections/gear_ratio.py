@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections.base import GEAR, Coefficient, Correction, State
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 GEAR_RATIO = "gear_ratio"
 SPREAD = 1e-3  # of a ratio that is stated with three digits; assumed
 
 
+@remade
 def gear_ratio(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Relative errors [1] of the ratios of all gears."""
     coefficients = tuple(

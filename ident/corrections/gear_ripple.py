@@ -11,7 +11,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections.base import GEAR, Coefficient, Correction, State
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/parameters, resolver)
 WAVES = {"sin": np.sin, "cos": np.cos}
@@ -29,6 +29,7 @@ def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
     return out
 
 
+@remade
 def gear_ripple(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Sine and cosine amplitudes [rad] of every harmonic, at the gears' outputs."""
     terms = [(*order, wave) for order in harmonic_orders(cell) for wave in WAVES]

@@ -16,13 +16,14 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
-from ident.corrections.base import GEAR, Coefficient, Correction, State
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 GEAR_SOFTENING = "gear_softening"
 SPREAD = 1.0  # of the catalogue compliance: half as stiff
 _COEFFICIENT = re.compile(r"soft([1-9]\d*)_(\d+(?:\.\d+)?(?:e[+-]?\d+)?)")
 
 
+@remade
 def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correction:
     """Compliances [rad/(N m)] of gears (from 0) below their knees [N m], beside the others.
 

@@ -5,18 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from cell.descriptions import Cell, Robot
-from ident.corrections.base import GEAR, Coefficient, Correction
+from ident.corrections.base import GEAR, Coefficient, Correction, remade
 
 # Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/parameters,
 # irb2400: range of the stiffness), and the links' own compliance adds to it.
 SPREAD = 0.5
 
 
+@remade
 def joint_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """One compliance a gear [rad/(N m)]."""
     return gear_compliance(cell.robot)
 
 
+@remade
 def gear_compliance(robot: Robot) -> Correction:
     """The same correction from the robot alone, for any instrument."""
     return Correction(

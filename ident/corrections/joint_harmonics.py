@@ -13,7 +13,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.errors import InputError
-from ident.corrections.base import GEAR, Coefficient, Correction, State
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 # [rad] of each amplitude; 2e-4 gives the same (docs/real_robots, orders)
 PRIOR = 3e-4
@@ -22,6 +22,7 @@ JOINT_HARMONICS = "joint_harmonics"
 _COEFFICIENT = re.compile(r"joint([1-9]\d*)_(\d+(?:\.\d+)?)_(?:cos|sin)")
 
 
+@remade
 def joint_harmonics(orders: Sequence[tuple[int, float]]) -> Correction:
     """Cosine and sine amplitudes [rad] of each pair of joint (from 0) and order."""
     terms = [(joint, order, wave) for joint, order in orders for wave in WAVES]

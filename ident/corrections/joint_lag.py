@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections.base import GEAR, Coefficient, Correction, State
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 LAG = 3e-3  # [s] a filter of 50 Hz; assumed
 SECOND_ORDER = 5e-5  # [s^2] of two filters of 10 ms; assumed
 
 
+@remade
 def joint_lag(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Lags [s] of gears 2 to J after the first, and second-order terms [s^2] of all gears."""
     joints = cell.robot.joints

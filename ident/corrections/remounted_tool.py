@@ -10,7 +10,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import parameter_named
-from ident.corrections.base import Coefficient, Correction, State
+from ident.corrections.base import Coefficient, Correction, State, remade
 
 # clearance holes and a face that was wiped (notes/unknown_machines); a dowel pin leaves a fifth
 SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]
@@ -18,6 +18,7 @@ SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]
 KINDS = ("a", "d", "alpha", "theta", "beta")
 
 
+@remade
 def remounted_tool(cell: Cell, recordings: int) -> Correction:
     """Changes [m, rad] of the last row from the first recording to each later one."""
     row = [parameter_named(f"r{kind}{cell.robot.joints}") for kind in KINDS]

@@ -10,12 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from cell.descriptions import Cell
-from ident.corrections.base import ROD, Coefficient, Correction
+from ident.corrections.base import ROD, Coefficient, Correction, remade
 
 ROD_ELONGATION = "rod_elongation"
 HELD = 1e-3  # of the compliance
 
 
+@remade
 def rod_elongation(cell: Cell) -> Correction:
     """The catalogue's compliance [m/N], held."""
     compliance = 1.0 / cell.ballbar.axial_stiffness

@@ -14,7 +14,7 @@ from cell.arrays import Array
 from cell.chain import Frames, cross, forward
 from cell.descriptions import Cell, Robot
 from cell.geometry import nominal_chain
-from ident.corrections.base import GEAR, Coefficient, Correction, State
+from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 # [rad/m] of a coefficient; still poses have Student tails about it (docs/studies/sag_prior.csv)
 PRIOR = 3e-3
@@ -23,6 +23,7 @@ _TRIALS = 200  # poses at which levers are compared
 _SEED = 6
 
 
+@remade
 def unit_weights(robot: Robot) -> Correction:
     """One coefficient [rad/m] for each joint and frame whose weight its axis can feel."""
     chain = nominal_chain(robot)
@@ -42,6 +43,7 @@ def unit_weights(robot: Robot) -> Correction:
     return Correction("unit_weights", "sag under unknown weights", coefficients, regressors)
 
 
+@remade
 def unit_weights_of_cell(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """The unit weights of a cell's robot."""
     return unit_weights(cell.robot)

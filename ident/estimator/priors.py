@@ -122,7 +122,7 @@ def robot_prior(parameter: Parameter) -> float:
 
 
 def robot_unknowns(layout: Unknowns) -> list[int]:
-    """Those of a fit that are the robot's own parameters, under a prior about the catalogue."""
+    """Unknowns of a fit that are the robot's own parameters, with a prior about the catalogue."""
     plate = layout.fixed.table.plate
     return [
         i

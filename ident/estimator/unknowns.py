@@ -225,7 +225,7 @@ class Unknowns:
         return layout, np.insert(x, places, values)
 
     def _later(self, shift: int) -> Unknowns:
-        """What stands behind the machine's unknowns, `shift` places further."""
+        """The same with all that follows the machine's unknowns `shift` places further."""
         return replace(
             self,
             gain=None if self.gain is None else self.gain + shift,

@@ -83,7 +83,7 @@ def excess_noise(fit: Fit) -> ExcessNoise:
     moved = optimum.x != start
     if (optimum.x[moved] < 2.0 * np.log(2.0 * LOWEST)).all():  # no slope leads back from there
         again = search(np.where(moved, 2.0 * np.log(LITTLE), start))
-        optimum = min(optimum, again, key=lambda found: found.fun)
+        optimum = min(optimum, again, key=lambda solution: solution.fun)
     sigmas = np.exp(0.5 * optimum.x).tolist()
     return ExcessNoise(**dict(zip(components, sigmas, strict=True)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from itertools import pairwise
 
@@ -91,6 +92,12 @@ def test_every_coefficient_has_one_regressor_and_a_channel(
 def test_corrections_are_known_by_the_name_they_carry() -> None:
     for name, make in CORRECTIONS.items():
         assert make(CELL, ENCODERS).name == name
+
+
+def test_a_correction_comes_back_from_another_process(correction: Correction, state: State) -> None:
+    again = pickle.loads(pickle.dumps(correction))
+    assert again.coefficients == correction.coefficients
+    np.testing.assert_array_equal(regressors(again, state), regressors(correction, state))
 
 
 def test_coefficients_of_different_corrections_have_different_names() -> None:
