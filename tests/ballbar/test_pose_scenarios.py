@@ -5,20 +5,22 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from acquisition.pose_tables import read_poses
+from ballbar.result.calibration import Calibration
 from ballbar.scenario import Scenario, load_scenario, scenario_file
-from ballbar.truth.compare import poses_against_truth
+from ballbar.truth.compare import poses_against_truth, result_against_truth
 from ballbar.truth.limits import tcp_limits
-from cell.errors import DescriptionError
+from cell.errors import DescriptionError, InputError
 from cell.poses import PoseTable
 from ident.table_estimate import TableEstimate
 from ident.table_fit import fit_table
-from sim.recording_files import write_poses
+from sim.recording_files import truth_path, write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
 from tests.helpers.still_poses import verdict_of
@@ -246,6 +248,16 @@ def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     assert code == 2
     assert "nothing moves" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_truth_of_still_poses_is_none_of_recordings(tmp_path: Path) -> None:
+    settings = scenario("ur10e_tracker")
+    write_poses(
+        simulate_poses(settings, relative_to=Path()), settings, tmp_path / "t", relative_to=Path()
+    )
+    of_logs = cast(Calibration, SimpleNamespace(of_logs=True, path="calibration.yaml"))
+    with pytest.raises(InputError, match="is the truth of still poses, and calibration"):
+        result_against_truth(of_logs, truth_path(tmp_path / "t"))
 
 
 @pytest.mark.slow
