@@ -91,7 +91,7 @@ if __name__ == "__main__":
             f"{request.robot}, {request.instrument}",
             f"{request.poses}",
             f"{np.median(plan.random) * 1e6:.0f}",
-            f"{plan.sigma.mean() * 1e6:.0f}",
+            f"{plan.prediction.tcp_sigma.mean() * 1e6:.0f}",
             f"{plan.gain:.2f}",
             f"{real_gain(plan, RIPPLE):.2f}",
             f"{real_gain(plan, 0.0):.2f}",

@@ -27,7 +27,7 @@ from ident.corrections.base import State
 from ident.estimator.build_unknowns import RecordingStart
 from ident.estimator.closure import Closure
 from ident.estimator.model import Evaluation, Model, gearing
-from ident.estimator.normal_equations import NormalEquations, jacobian
+from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import covariance, whitening
@@ -100,22 +100,12 @@ def coarse_normals(
     if on.masses is not None:
         free = coarse.tension_sigma * model.tension_column(x, point)
         sources = np.concatenate((sources, free[None]))
-    linear = NormalEquations(
-        x=x,
-        evaluations=(point,),
-        weights=(whitening(covariance(sources), point.unmeasured_columns),),
-        residuals=(),
-        normal=coarse.prior,
-        gradient=np.zeros_like(x),
-        cost=0.0,
-    )
-    (block,) = jacobian(model, linear, 0, firsts=(0,))
-    values = block.values.reshape(*block.values.shape[:2], trajectory.runs, -1)
+    weights = whitening(covariance(sources), point.unmeasured_columns)
+    values = whole_jacobian(model, x, 0, point, weights)
+    values = values.reshape(*values.shape[:2], trajectory.runs, -1)
     for run in range(trajectory.runs):
-        half = dsyrk(1.0, values[:, :, run].reshape(block.index.size, -1).T, trans=1)
-        normal = coarse.prior.copy()
-        normal[np.ix_(block.index, block.index)] += half + np.triu(half, 1).T
-        yield normal
+        half = dsyrk(1.0, values[:, :, run].reshape(x.size, -1).T, trans=1)
+        yield coarse.prior + half + np.triu(half, 1).T
 
 
 def _closed(model: Model, trajectory: Trajectory, carried: Loads | None) -> Evaluation:

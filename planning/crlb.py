@@ -92,16 +92,15 @@ class Predictor:
         return float(np.sqrt(self.samples / DEFAULT_SAMPLES))
 
 
-@dataclass(frozen=True, eq=False)
-class PathPrediction:
-    """Predicted information of one trajectory about one robot."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prediction:
+    """Predicted information about one robot by what is observed, moving or still."""
 
     layout: Unknowns
-    model: Model
     normal: Array  # (P, P) information matrix
-    points: tuple[Evaluation, ...]
     robot: IdentifiedRobot
-    grid: Array
+    grid: Array  # (G, J) [rad] poses over which the TCP error counts
+    target: str = ""  # of the layout, that is the tool; else the tool of the robot itself is
 
     @cached_property
     def covariance(self) -> Array:
@@ -118,18 +117,41 @@ class PathPrediction:
             if not n.startswith("tension")
         }
 
+    @property
+    def prior(self) -> dict[str, float]:
+        """[SI] standard deviation of every unknown before anything was observed."""
+        return dict(zip(self.layout.names, self.layout.sigma.tolist(), strict=True))
+
+    @property
+    def moving(self) -> NDArray[np.intp]:
+        """(K,) indices of the unknowns that move the tool."""
+        machine = self.layout.machine
+        if not self.target:
+            return machine
+        first = self.layout.targets[self.target].start
+        return np.asarray(np.r_[machine, first : first + 3])
+
+    @cached_property
+    def tool(self) -> tuple[Array, Array]:
+        """(G, 3) [m] the unloaded robot's tool over the grid; (K, 3, G) its motion per unknown."""
+        moves = self.robot.jacobian(self.grid, self.layout.shared)
+        if self.target:
+            turned = self.robot.frames(self.grid).rotation(-2).transpose(1, 0, 2)
+            moves = np.concatenate((moves, turned))
+        return self.robot.tool(self.grid), moves
+
     @cached_property
     def tcp_sigma(self) -> Array:
-        """(G,) [m] of the unloaded robot's tool over the grid, base aligned."""
-        unknowns = moving(self.layout)
-        moves = self.robot.jacobian(self.grid, self.layout.shared)
-        covariance = self.covariance[np.ix_(unknowns, unknowns)]
-        return position_sigma(self.robot.tool(self.grid), moves, covariance)
+        """(G,) [m] of the tool over the grid, base aligned."""
+        return position_sigma(*self.tool, self.covariance[np.ix_(self.moving, self.moving)])
 
 
-def moving(layout: Unknowns) -> NDArray[np.intp]:
-    """(K,) indices of the unknowns that `IdentifiedRobot.jacobian` has columns for."""
-    return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PathPrediction(Prediction):
+    """Predicted information of one trajectory, and what the next rod tension reuses."""
+
+    model: Model
+    points: tuple[Evaluation, ...]
 
 
 def predictor(

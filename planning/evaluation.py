@@ -30,7 +30,6 @@ from planning.crlb import (
     PathPrediction,
     Predictor,
     before,
-    moving,
     planned_unknowns,
     predictions,
     predictor,
@@ -278,7 +277,7 @@ def tcp_rms_before(evaluator: Evaluator) -> float:
 
 def rms_of_normal(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
     """[m] root mean square of the predicted TCP sigma by an information matrix (P, P)."""
-    columns_of, s = moving(layout), 1.0 / np.sqrt(np.diag(normal))
+    columns_of, s = layout.machine, 1.0 / np.sqrt(np.diag(normal))
     columns = np.zeros((s.size, columns_of.size))
     columns[columns_of, np.arange(columns_of.size)] = s[columns_of]
     factor = np.linalg.cholesky(normal * np.outer(s, s))

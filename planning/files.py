@@ -14,6 +14,7 @@ from cell.geometry import nominal_chain
 from cell.instruments.base import Kind
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, PathCandidate
+from planning.crlb import Prediction
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
 from planning.plan import PathPlan
 from planning.planned_scenario import PATH, scenario_data
@@ -97,7 +98,6 @@ def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> d
     excluded = set(OF_OTHER_ARMS if closed else OF_CLOSED_FORM)
     if request.telescoping:
         excluded |= set(OF_BALLBARS["limits"])
-    priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
     return {
         "schema": "ballbar-plan-result/1",
         "name": request.name,
@@ -105,8 +105,7 @@ def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> d
         "tcp_sigma_m": {
             "rms_median_robot": float(np.median(plan.tcp)),
             "rms_worst_robot": float(plan.tcp.max()),
-            "mean": float(typical.tcp_sigma.mean()),
-            "largest": float(typical.tcp_sigma.max()),
+            **tcp_data(typical),
             "scale_adds": plan.scale_adds,
         }
         | ({} if (before := plan.tcp_before) is None else {"by_results_before": before}),
@@ -121,10 +120,20 @@ def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> d
             "stopped": plan.stopped,
         },
         "limits": request.limits.model_dump(exclude=excluded),
-        "sigma": {
-            n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()
-        },
+        "sigma": sigma_data(typical),
     }
+
+
+def tcp_data(prediction: Prediction) -> dict[str, float]:
+    """[m] mean and largest predicted TCP sigma over the workspace."""
+    sigma = prediction.tcp_sigma
+    return {"mean": float(sigma.mean()), "largest": float(sigma.max())}
+
+
+def sigma_data(prediction: Prediction) -> dict[str, object]:
+    """[SI] standard deviation of each unknown, before and as predicted."""
+    prior = prediction.prior
+    return {n: {"prior": prior[n], "predicted": value} for n, value in prediction.sigma.items()}
 
 
 def _rod_data(plan: PathPlan) -> dict[str, object]:
@@ -235,9 +244,7 @@ def poses_data(setup: PoseSetup, *, relative_to: Path, folder: Path) -> dict[str
 
 def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
     """All predictions of the plan in SI units."""
-    setup, layout = plan.setup, plan.information.layout
-    sigma = np.sqrt(np.diag(plan.information.covariance(plan.rows)))
-    priors = zip(layout.names, layout.sigma.tolist(), sigma.tolist(), strict=True)
+    setup = plan.setup
     return {
         "schema": "ballbar-pose-plan-result/1",
         "name": setup.request.name,
@@ -245,8 +252,7 @@ def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
         "instrument": setup.request.instrument,
         "poses": plan.poses.size,
         "tcp_sigma_m": {
-            "mean": float(plan.sigma.mean()),
-            "largest": float(plan.sigma.max()),
+            **tcp_data(plan.prediction),
             "catalogue_mean": float(plan.information.catalogue_sigma().mean()),
             "random_mean_median": float(np.median(plan.random)),
             "random_mean_best": float(plan.random.min()),
@@ -259,7 +265,7 @@ def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
             "out_of_stroke": [k + 1 for k in plan.route.released],
         },
         "search": {"seconds": round(plan.seconds, 1), "seed": setup.request.seed},
-        "sigma": {name: {"prior": p, "predicted": s} for name, p, s in priors},
+        "sigma": sigma_data(plan.prediction),
     }
 
 

@@ -15,7 +15,7 @@ from cell.arrays import Array
 from cell.chain import forward
 from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_chain, robot_frames
 from cell.numerical_inverse import dexterity, scaled_jacobian
 from cell.robot_angles import joints_to_axes
 from planning.request import Cup, PlanCell, PlanLimits
@@ -26,6 +26,7 @@ UNIT_ANGLE = np.radians(GROSS_DEG)
 UNIT_SINGULAR = 0.15  # [-] a gross violation of a singular value, of which 0.05 is some 10 deg
 UNIT_LENGTH = 0.3  # [m] a gross violation of the distance from axis 1
 BAR_SINGULAR = (("b2", 1), ("b4", 3))
+CROSSING = "side"  # in place of a unit: whether a singular posture was passed
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,20 @@ class Violation:
 
 
 @dataclass(frozen=True, eq=False)
-class LimitExcess:
-    """How far a motion is beyond one limit at every sample."""
+class LimitedValue:
+    """A value that has a limit, at every sample of a motion."""
 
-    limit: str
-    excess: Array  # (N,) zero or less where the limit is kept; 1 is gross
+    limit: str  # key of the request
+    value: Array  # (N,)
+    allowed: float
+    unit: str
+    gross: float  # by which a violation is gross; negative where `allowed` is the smallest
     text: Callable[[int], str]  # what was reached at a sample, and the limit
+
+    @property
+    def excess(self) -> Array:
+        """(N,) zero or less where the limit is kept; 1 is gross."""
+        return (self.value - self.allowed) / self.gross
 
 
 def violations(
@@ -75,115 +84,107 @@ def violations(
 
 def measures(
     cell: Cell, limits: PlanLimits, trajectory: Trajectory, around: PlanCell | None = None
-) -> list[LimitExcess]:
+) -> list[LimitedValue]:
     """Every limit of motion sample by sample, but the range of the cables over a whole run."""
-    excesses = [*_axis_ranges(cell, limits, trajectory), *_rates(cell, limits, trajectory)]
-    if has_closed_form(trajectory.nominal.robot):
-        excesses += _postures(limits, trajectory)
+    values = [*_axis_ranges(cell, limits, trajectory), *_rates(cell, limits, trajectory)]
+    if has_closed_form(nominal_chain(cell.robot)):
+        values += _postures(limits, trajectory)
     else:
-        excesses += _singular_value(limits, trajectory)
+        values += _singular_value(limits, trajectory)
     if cell.ballbar.stroke is None:
         for name, j in BAR_SINGULAR:
             angle = (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
-            excesses += _singular_angle(*angle, trajectory)
+            values += _singular_angle(*angle, trajectory)
     if around is not None:
         for key, cup, lean in leans(around, trajectory.nominal, trajectory.b):
             words = f"rod {{:.0f}} deg from the axis of the {key}"
-            limit = (f"{key}.cone_deg", cup.cone_deg)
-            excesses.append(_excess(*limit, np.degrees(lean), GROSS_DEG, words))
-    return excesses
+            limit = (f"{key}.cone_deg", np.degrees(lean), cup.cone_deg, "deg")
+            values.append(limited(*limit, GROSS_DEG, words))
+    return values
 
 
-def _excess(limit: str, allowed: float, value: Array, gross: float, words: str) -> LimitExcess:
-    """Excess of values (N,) over the largest that is allowed, or the smallest.
+def limited(
+    limit: str, value: Array, allowed: float, unit: str, gross: float, words: str
+) -> LimitedValue:
+    """Values (N,) and the largest that is allowed, or the smallest, where `gross` is negative.
 
-    gross : by which a violation is gross; negative where `allowed` is the smallest. words : of a
-        value, which stands in their braces.
+    words : of a value, which stands in their braces.
     """
-    return LimitExcess(
-        limit, (value - allowed) / gross, lambda k: f"{words.format(value[k])}, limit {allowed:g}"
-    )
+
+    def text(k: int) -> str:
+        return f"{words.format(value[k])}, limit {allowed:g}"
+
+    return LimitedValue(limit, value, allowed, unit, gross, text)
 
 
-def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
-    axes = joints_to_axes(cell.robot, trajectory.q)
-    margin = np.radians(limits.axis_margin_deg)
-    over = np.maximum(cell.robot.axis_lower + margin - axes, axes - cell.robot.axis_upper + margin)
+def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
+    axes = np.degrees(joints_to_axes(cell.robot, trajectory.q))
     low, high = np.degrees(cell.robot.axis_lower), np.degrees(cell.robot.axis_upper)
+    inside, margin = np.minimum(axes - low, high - axes), limits.axis_margin_deg
 
-    def of_axis(axis: int) -> LimitExcess:
-        return LimitExcess(
-            "axis_margin_deg",
-            over[:, axis] / UNIT_ANGLE,
-            lambda k: (
-                f"axis {axis + 1} at {np.degrees(axes[k, axis]):.0f} deg, "
-                f"range {low[axis]:.0f} to {high[axis]:.0f} less {limits.axis_margin_deg:g}"
-            ),
-        )
+    def of_axis(axis: int) -> LimitedValue:
+        def text(k: int) -> str:
+            place = f"axis {axis + 1} at {axes[k, axis]:.0f} deg"
+            return f"{place}, range {low[axis]:.0f} to {high[axis]:.0f} less {margin:g}"
+
+        return LimitedValue("axis_margin_deg", inside[:, axis], margin, "deg", -GROSS_DEG, text)
 
     return [of_axis(axis) for axis in range(cell.robot.joints)]
 
 
-def _rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
+def _rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
     """Speeds and accelerations of the axes, and the speed of the tool."""
-    to_axis = cell.robot.joint_to_axis
-    allowed = limits.axis_speed_share * cell.robot.axis_speed_max
-    fastest = np.full(cell.robot.joints, limits.axis_acceleration_deg_per_s2)  # [deg/s^2]
-    limit = limits.tcp_speed_m_per_s
+    to_axis, fastest = cell.robot.joint_to_axis, cell.robot.axis_speed_max
 
-    def of_axes(key: str, ratio: Array, unit: str, top: Array) -> LimitExcess:
-        """Excess of rates (N, J) over their limits; ratio : to those, which are top (J,) [unit]."""
+    def of_axes(key: str, rates: Array, unit: str, top: Array, rate_unit: str) -> LimitedValue:
+        """Rates (N, J) as shares of their tops (J,), one of which is the limit."""
+        allowed, share = getattr(limits, key), np.abs(rates) / top
 
         def text(k: int) -> str:
-            axis = int(ratio[k].argmax())
-            rate = ratio[k, axis] * top[axis]
-            return f"axis {axis + 1} at {rate:.0f} {unit}, limit {top[axis]:.0f}"
+            axis = int(share[k].argmax())
+            rate, most = np.degrees((abs(rates[k, axis]), allowed * top[axis]))
+            return f"axis {axis + 1} at {rate:.0f} {rate_unit}, limit {most:.0f}"
 
-        return LimitExcess(key, ratio.max(axis=1) - 1.0, text)
+        return LimitedValue(key, share.max(axis=1), allowed, unit, allowed, text)
 
+    speed, bend = trajectory.speed @ to_axis, trajectory.acceleration @ to_axis
+    one = np.radians(np.ones(cell.robot.joints))  # a degree: the share is the acceleration itself
+    limit, unit = limits.tcp_speed_m_per_s, "deg/s^2"
     return [
-        of_axes(
-            "axis_speed_share",
-            np.abs(trajectory.speed @ to_axis) / allowed,
-            "deg/s",
-            np.degrees(allowed),
+        of_axes("axis_speed_share", speed, "", fastest, "deg/s"),
+        of_axes("axis_acceleration_deg_per_s2", bend, unit, one, unit),
+        limited(
+            "tcp_speed_m_per_s", trajectory.tip_speed, limit, "m/s", limit, "tool at {:.2f} m/s"
         ),
-        of_axes(
-            "axis_acceleration_deg_per_s2",
-            np.abs(trajectory.acceleration @ to_axis) / np.radians(fastest),
-            "deg/s^2",
-            fastest,
-        ),
-        _excess("tcp_speed_m_per_s", limit, trajectory.tip_speed, limit, "tool at {:.2f} m/s"),
     ]
 
 
 def _singular_angle(
     name: str, angle: Array, margin: float, key: str, trajectory: Trajectory
-) -> list[LimitExcess]:
-    """Excess over a margin [deg] of an angle (N,) [rad] that is singular at half turns."""
+) -> list[LimitedValue]:
+    """An angle (N,) [rad] that is singular at half turns, and its margin [deg]."""
     away, words = np.degrees(from_singular(angle)), f"{name} {{:.0f}} deg from its singularity"
     return [
-        _excess(key, margin, away, -GROSS_DEG, words),
+        limited(key, away, margin, "deg", -GROSS_DEG, words),
         _crossed(key, np.sin(angle), trajectory, f"{name} passes its singularity"),
     ]
 
 
-def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> LimitExcess:
-    """Excess of a quantity (N,) that must keep the sign with which each run begins."""
-    crossed = side * side[trajectory.first] < 0.0
-    return LimitExcess(key, np.where(crossed, 1.0, -1.0), lambda _: text)
+def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> LimitedValue:
+    """A quantity (N,) that must keep the sign with which each run begins."""
+    kept = np.where(side * side[trajectory.first] < 0.0, -1.0, 1.0)
+    return LimitedValue(key, kept, 0.0, CROSSING, -1.0, lambda _: text)
 
 
-def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
-    """Excess of an arm of any structure, whose singular postures have no angle of their own."""
+def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
+    """Of an arm of any structure, whose singular postures have no angle of their own."""
     chain, key, limit = trajectory.nominal.robot, "singular_value", limits.singular_value
     value, words = dexterity(chain, trajectory.q), "smallest singular value of the arm {:.3f}"
-    excesses = [_excess(key, limit, value, -UNIT_SINGULAR, words)]
+    values = [limited(key, value, limit, "", -UNIT_SINGULAR, words)]
     if chain.rows == 6:
         side = np.linalg.det(scaled_jacobian(chain, forward(chain, trajectory.q)))
-        excesses.append(_crossed(key, side, trajectory, "the arm passes a singular posture"))
-    return excesses
+        values.append(_crossed(key, side, trajectory, "the arm passes a singular posture"))
+    return values
 
 
 def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup, Array]]:
@@ -206,16 +207,16 @@ def from_singular(angle: Array) -> Array:
     return np.asarray(np.arcsin(np.abs(np.sin(angle))))
 
 
-def _postures(limits: PlanLimits, trajectory: Trajectory) -> list[LimitExcess]:
-    """Excess of an arm with closed form: of its wrist, its elbow and its shoulder."""
+def _postures(limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
+    """Wrist, elbow and shoulder of an arm with closed form."""
     wrist, key = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg), "wrist_margin_deg"
     elbow, shoulder = arm_margins(trajectory.nominal, trajectory.q)
-    stretched = ("elbow_margin_deg", limits.elbow_margin_deg, np.degrees(elbow), -GROSS_DEG)
-    above = ("shoulder_margin_m", limits.shoulder_margin_m, shoulder, -UNIT_LENGTH)
+    stretched = ("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg", -GROSS_DEG)
+    above = ("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m", -UNIT_LENGTH)
     return [
         *_singular_angle(*wrist, key, trajectory),
-        _excess(*stretched, "elbow {:.0f} deg from stretched"),
-        _excess(*above, "wrist {:.2f} m from axis 1"),
+        limited(*stretched, "elbow {:.0f} deg from stretched"),
+        limited(*above, "wrist {:.2f} m from axis 1"),
     ]
 
 

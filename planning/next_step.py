@@ -27,7 +27,7 @@ from ident.result import RobotEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import TcpUncertainty, tcp_uncertainty
 from planning.candidate import PathCandidate
-from planning.crlb import PathPrediction, Predictor, moving, predict
+from planning.crlb import PathPrediction, Predictor, predict
 from planning.limits import violations
 from planning.questions import ENCODERS
 from planning.request import PlanLimits, PlanSensors, PlanTiming
@@ -186,10 +186,4 @@ def _together(predictions: Sequence[PathPrediction]) -> TcpUncertainty:
         mixed = information[np.ix_(machine, recording)]
         eliminated = mixed @ np.linalg.solve(information[np.ix_(recording, recording)], mixed.T)
         normal += information[np.ix_(machine, machine)] - eliminated - prior
-    unknowns = moving(first.layout)
-    return tcp_uncertainty(
-        first.robot.tool(first.grid),
-        first.robot.jacobian(first.grid, first.layout.shared),
-        inverse(normal)[np.ix_(unknowns, unknowns)],
-        [first.layout.names[i] for i in unknowns],
-    )
+    return tcp_uncertainty(*first.tool, inverse(normal), [first.layout.names[i] for i in machine])

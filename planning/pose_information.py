@@ -27,15 +27,14 @@ from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.build_unknowns import still_unknowns
-from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Model, still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.robust_fit import equations_at
 from ident.estimator.unknowns import PlacedPoses, Unknowns
-from ident.robot.accuracy import position_sigma, rigid_basis
+from ident.robot.accuracy import aligned_columns, position_sigma
 from ident.robot.identified import IdentifiedRobot
-from ident.robot.pose_covariance import PoseCovariance
+from planning.crlb import Prediction
 from planning.feasible_poses import Candidates
 from planning.stations import PoseSetup, Station, station_frames
 
@@ -46,12 +45,11 @@ ORDERS, AMPLITUDE = (1, 2, 3), 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """The model of a setup, and the workspace over which the TCP error counts."""
+    """The model of a setup, of which every pose has rows of its own."""
 
     setup: PoseSetup
     layout: Unknowns
     corrections: tuple[Correction, ...]
-    grid: Array  # (G, J) [rad] DH joint angles
 
     def rows(self, poses: Candidates) -> Array:
         """(K, E, P) whitened rows of poses, per standard deviation of each prior."""
@@ -78,38 +76,27 @@ class Information:
     @cached_property
     def root(self) -> Array:
         """(P, P) [m] root R of the weights; the base is aligned as in ident.robot.accuracy."""
-        positions, moves = self._tool
-        columns = moves.transpose(2, 1, 0).reshape(-1, self.layout.count)
-        basis = rigid_basis(positions)
-        columns = (columns - basis @ (basis.T @ columns)) * self.layout.sigma
-        triangle = np.asarray(np.linalg.qr(columns, mode="r"))
-        return np.asarray(triangle.T / np.sqrt(len(self.grid)))
+        positions, moves = self.before.tool
+        columns = np.zeros((positions.size, self.layout.count))
+        columns[:, self.before.moving] = aligned_columns(positions, moves)
+        triangle = np.asarray(np.linalg.qr(columns * self.layout.sigma, mode="r"))
+        return np.asarray(triangle.T / np.sqrt(len(positions)))
 
-    def covariance(self, rows: Array) -> Array:
-        """(P, P) of the unknowns [m, rad, ...] after poses of whitened rows (K, E, P)."""
-        flat = rows.reshape(-1, self.layout.count)
-        return inverse(self.prior + flat.T @ flat) * np.outer(self.layout.sigma, self.layout.sigma)
-
-    def tcp_sigma(self, rows: Array) -> Array:
-        """(G,) [m] predicted standard deviation of the first target over the workspace.
-
-        rows : (K, E, P) whitened rows of the poses that are measured.
-        """
-        positions, moves = self._tool
-        return position_sigma(positions, moves, self.covariance(rows))
+    def prediction(self, rows: Array) -> Prediction:
+        """What the poses of whitened rows (K, E, P) tell; the tool is the first target."""
+        flat, sigma = rows.reshape(-1, self.layout.count), self.layout.sigma
+        return replace(self.before, normal=(self.prior + flat.T @ flat) / np.outer(sigma, sigma))
 
     def catalogue_sigma(self) -> Array:
         """(G,) [m] standard deviation of the nominal robot, its target known exactly."""
-        positions, moves = self._tool
-        machine = self.layout.machine
+        machine, (positions, moves) = self.layout.machine, self.before.tool
         variance = np.diag(self.layout.sigma[machine] ** 2)
         return position_sigma(positions, moves[machine], variance)
 
     @cached_property
-    def _tool(self) -> tuple[Array, Array]:
-        """(G, 3) [m] the first target over the grid; (P, 3, G) its change per unknown."""
-        layout, setup = self.layout, self.setup
-        station = setup.stations[0]
+    def before(self) -> Prediction:
+        """The prediction without any pose."""
+        layout, setup, station = self.layout, self.setup, self.setup.stations[0]
         robot = IdentifiedRobot(
             setup.robot,
             geometry_of_chain(parameter_table(setup.robot), setup.chain),
@@ -117,20 +104,13 @@ class Information:
             layout.mean[layout.coefficients],
             target=Placement(np.eye(3), station.point),
         )
-        unknown = PoseCovariance(
-            seat=Placement(np.eye(3), station.origin),
-            seat_turns=False,
-            parameters=layout.shared,
-            values=np.zeros((layout.count, layout.count)),
-            discrepancy=0.0,
-            factor=1.0,
+        return Prediction(
+            layout=layout,
+            normal=np.diag(layout.sigma**-2.0),
+            robot=robot,
+            grid=setup.grid,
+            target=station.target,
         )
-        columns = unknown.jacobian(robot)(self.grid)
-        machine, first = layout.machine, layout.targets[station.target].start
-        count = machine.size
-        moves = np.zeros((layout.count, 3, len(self.grid)))
-        moves[machine], moves[first : first + 3] = columns[:count], columns[count : count + 3]
-        return robot.tool(self.grid), moves
 
     @property
     def _excess(self) -> ExcessNoise:
@@ -154,7 +134,7 @@ def information_of(setup: PoseSetup) -> Information:
     nominal = geometry_of_chain(parameter_table(setup.robot), setup.chain)
     table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
     layout = still_unknowns(nominal, PlacedPoses(table, seats, targets), corrections)
-    return Information(setup, layout, corrections, setup.grid)
+    return Information(setup, layout, corrections)
 
 
 def smooth_joint_errors(robot: Robot) -> Correction:

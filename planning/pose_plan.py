@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from ident.estimator.gauss_newton import inverse
+from planning.crlb import Prediction
 from planning.feasible_poses import Candidates, Screen, feasible, joined, random_candidates
 from planning.pose_information import Information, information_of
 from planning.route import Route, route_of
@@ -152,8 +153,7 @@ class PosePlan:
     setup: PoseSetup
     information: Information
     route: Route
-    rows: Array  # (n, E, P) whitened rows of the poses
-    sigma: Array  # (G,) [m] predicted TCP error over the workspace
+    prediction: Prediction  # by the poses, over the workspace
     random: Array  # (RANDOM_SETS,) [m] its mean for random poses, as many and as feasible
     seconds: float  # that the search took
 
@@ -165,12 +165,12 @@ class PosePlan:
     @property
     def gain(self) -> float:
         """Predicted TCP error of the median random set over that of the plan."""
-        return float(np.median(self.random) / self.sigma.mean())
+        return float(np.median(self.random) / self.prediction.tcp_sigma.mean())
 
     @property
     def narrow(self) -> tuple[int, ...]:
         """Axes, from 1, whose workspace is not within the range of the poses."""
-        grid = self.information.grid @ self.setup.robot.joint_to_axis
+        grid = self.setup.grid @ self.setup.robot.joint_to_axis
         grid = grid - self.setup.robot.controller_offset @ self.setup.robot.joint_to_axis
         low, high = self.poses.axes.min(axis=0), self.poses.axes.max(axis=0)
         outside = (grid.min(axis=0) < low) | (grid.max(axis=0) > high)
@@ -195,7 +195,9 @@ def pose_plan(
     information, count = information_of(setup), setup.request.poses
     rows = information.rows(candidates)
     random = [
-        float(information.tcp_sigma(rows[rng.permutation(candidates.size)[:count]]).mean())
+        float(
+            information.prediction(rows[rng.permutation(candidates.size)[:count]]).tcp_sigma.mean()
+        )
         for _ in range(RANDOM_SETS)
     ]
     design = Design(candidates.axes, rows, information.prior, information.root)
@@ -209,13 +211,11 @@ def pose_plan(
     poses = refined(information, candidates.part(selected), rng, going)
     show("ordering them ...")
     route = route_of(setup, poses, rng)
-    rows = information.rows(route.poses)
     return PosePlan(
         setup=setup,
         information=information,
         route=route,
-        rows=rows,
-        sigma=information.tcp_sigma(rows),
+        prediction=information.prediction(information.rows(route.poses)),
         random=np.array(random),
         seconds=since(),
     )

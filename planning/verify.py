@@ -11,15 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
-from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, nominal_chain, nominal_geometry, robot_frames
-from cell.numerical_inverse import dexterity
-from cell.robot_angles import joints_to_axes
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from planning.candidate import PathCandidate
 from planning.clearance import Clearance
-from planning.limits import arm_margins, from_singular
+from planning.limits import CROSSING, LimitedValue, limited, measures
 from planning.request import PlanLimits, PlanRequest
+from planning.trajectory import Trajectory
 from sim.errors.plant_errors import (
     BarFriction,
     GearBacklash,
@@ -41,7 +39,6 @@ TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 # [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion
 # of the arm
 RATE_STEP = 0.05
-EVERY = 10  # [-] rows between two singular values, which take longer than an angle
 CLEARANCE_STEP = 0.05  # [s] between poses whose distances are measured: 12 mm at the highest speed
 
 
@@ -118,41 +115,47 @@ def set_without_strain(true: Geometry, q: Array) -> Geometry:
 
 def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:
     """Every limit at every millisecond of a run, distances every CLEARANCE_STEP."""
-    axes = joints_to_axes(cell.robot, motion.q)
-    rates = _rate(axes, motion.t)
-    inside = np.minimum(axes - cell.robot.axis_lower, cell.robot.axis_upper - axes).min(axis=1)
-    fastest = (np.abs(rates) / cell.robot.axis_speed_max).max(axis=1)
-    hardest = np.degrees(np.abs(_rate(rates, motion.t))).max(axis=1)
-    tip = bar_frames(motion.geometry, motion.b).tip
-    speed = np.linalg.norm(_rate(tip.T, motion.t), axis=1)
-    singular = np.minimum(from_singular(motion.b[:, 1]), from_singular(motion.b[:, 3]))
-    swept = np.degrees(np.ptp(motion.b, axis=0)).max(keepdims=True)
-    acceleration = limits.axis_acceleration_deg_per_s2
-    distances = around.distances_along(
-        motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
+    geometry, q, b, t = motion.geometry, motion.q, motion.b, motion.t
+    speed, tip = _rate(q, t), bar_frames(geometry, b).tip.T
+    moved = Trajectory(
+        nominal=geometry,
+        t=t,
+        b=b,
+        q=q,
+        speed=speed,
+        acceleration=_rate(speed, t),
+        tip=tip,
+        tip_speed=np.linalg.norm(_rate(tip, t), axis=1),
     )
-    if has_closed_form(nominal_chain(cell.robot)):
-        elbow, shoulder = arm_margins(motion.geometry, motion.q)
-        wrist = np.degrees(from_singular(motion.q[:, 4]))
-        arm = [
-            _at_least("wrist_margin_deg", wrist, limits.wrist_margin_deg, "deg"),
-            _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
-            _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
-        ]
-    else:
-        value = dexterity(motion.geometry.robot, motion.q[::EVERY])
-        arm = [_at_least("singular_value", value, limits.singular_value, "")]
-    return [
-        _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
-        _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
-        _at_most("axis_acceleration_deg_per_s2", hardest, acceleration, "deg/s^2"),
-        _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
-        *arm,
-        _at_least("ballbar_margin_deg", np.degrees(singular), limits.ballbar_margin_deg, "deg"),
-        _at_most("cable_turns", swept / 360.0, limits.cable_turns, "turns"),
-        _at_most("force_N", np.abs(motion.rod_force), limits.force_N, "N"),
-        _at_least("clearance_m", distances, limits.clearance_m, "m"),
-    ]
+    turns = np.ptp(b, axis=0).max(keepdims=True) / (2.0 * np.pi)
+    force, distances = (
+        np.abs(motion.rod_force),
+        around.distances_along(geometry, q, b, t, step=CLEARANCE_STEP),
+    )
+    of_limits: dict[str, list[LimitedValue]] = {}
+    for value in (
+        *measures(cell, limits, moved),
+        limited("cable_turns", turns, limits.cable_turns, "turns", 1.0, ""),
+        limited("force_N", force, limits.force_N, "N", 1.0, ""),
+        limited("clearance_m", distances, limits.clearance_m, "m", -1.0, ""),
+    ):
+        of_limits.setdefault(value.limit, []).append(value)
+    return [_checked(*values) for values in of_limits.values()]
+
+
+def _checked(first: LimitedValue, *others: LimitedValue) -> Check:
+    """The worst of the values of one limit, and the instants at which any of them violates it."""
+    values = (first, *others)
+    worst = max((v for v in values if v.unit != CROSSING), key=lambda v: float(v.excess.max()))
+    violated = np.any([value.excess > 0.0 for value in values], axis=0)
+    return Check(
+        limit=first.limit,
+        worst=float(worst.value[worst.excess.argmax()]),
+        allowed=first.allowed,
+        unit=first.unit,
+        instants=int(np.count_nonzero(violated)),
+        looked_at=violated.size,
+    )
 
 
 def violations_in(run: list[Check]) -> int:
@@ -166,13 +169,3 @@ def _rate(values: Array, t: Array) -> Array:
     rates = np.zeros_like(values)
     rates[half:-half] = (values[2 * half :] - values[: -2 * half]) / (2 * half * float(t[1] - t[0]))
     return rates
-
-
-def _at_least(limit: str, values: Array, allowed: float, unit: str) -> Check:
-    below = int(np.count_nonzero(values < allowed))
-    return Check(limit, float(values.min()), allowed, unit, below, values.size)
-
-
-def _at_most(limit: str, values: Array, allowed: float, unit: str) -> Check:
-    above = int(np.count_nonzero(values > allowed))
-    return Check(limit, float(values.max()), allowed, unit, above, values.size)

@@ -55,7 +55,7 @@ def identifiability_evidence(scenario: Path) -> ClaimEvidence:
 
     Each cost has the encoders that it needs.
     """
-    loop = nominal_loop(load_scenario(scenario), relative_to=scenario.parent)
+    loop = nominal_loop(load_scenario(scenario, moving=True), relative_to=scenario.parent)
     studies: dict[str, tuple[Study, Influences]] = {}
     for cost, encoders in ENCODERS_NEEDED.items():
         result = study(loop, cost, encoders, complete=False)

@@ -152,8 +152,7 @@ def _along_rod(axes: Axes, plan: PathPlan) -> None:
 
 def _sigma(axes: Axes, plan: PathPlan) -> None:
     """Predicted standard deviation of each unknown of the robot, relative to its prior."""
-    sigma, layout = plan.typical.sigma, plan.typical.layout
-    priors = dict(zip(layout.names, layout.sigma, strict=True))
+    sigma, priors = plan.typical.sigma, plan.typical.prior
     robot = [n for n in sigma if n.startswith(_UNKNOWNS_SHOWN) and priors[n] > EXACT]
     ratio, x = [sigma[name] / priors[name] for name in robot], np.arange(len(robot))
     axes.vlines(x, 1e-4, ratio, color=FAINT, lw=2.0)

@@ -59,7 +59,7 @@ def say_plan(out: Console, plan: PathPlan) -> None:
         out.print(f"sign changes of the load of gears 1 to 6: {reversals}")
     indices = ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items())
     out.print(f"observability {indices}")
-    priors = dict(zip(typical.layout.names, typical.layout.sigma, strict=True))
+    priors = typical.prior
     fixed = () if plan.lengths is None else _FIXED
     unseen = [
         name
@@ -176,10 +176,10 @@ def say_pose_plan(out: Console, plan: PosePlan) -> None:
         f"seat{'s' * (seats > 1)}, {targets} target{'s' * (targets > 1)}; selected in "
         f"{plan.seconds:.0f} s"
     )
-    random = plan.random * UM
+    random, sigma = plan.random * UM, plan.prediction.tcp_sigma * UM
     out.print(
-        f"predicted TCP sigma over the workspace: {plan.sigma.mean() * UM:.1f} um mean, "
-        f"{plan.sigma.max() * UM:.0f} um largest; catalogue robot "
+        f"predicted TCP sigma over the workspace: {sigma.mean():.1f} um mean, "
+        f"{sigma.max():.0f} um largest; catalogue robot "
         f"{plan.information.catalogue_sigma().mean() * UM:.0f} um"
     )
     out.print(

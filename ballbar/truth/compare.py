@@ -67,9 +67,12 @@ def compare_with_truth(
 
 
 def identification_against_truth(
-    result: Identification, truth: Truth, recording: int = 0
+    result: Identification, truth: Truth | PoseTruth, recording: int = 0
 ) -> Comparison:
-    """The result against the truth that one of its recordings was simulated from."""
+    """The result against the truth that its poses, or one of its recordings, are simulated from."""
+    if isinstance(truth, PoseTruth):
+        assert result.poses is not None, "tables of still poses were identified"
+        return poses_against_truth(result.poses, truth)
     estimate = result.recordings[recording]
     clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
     model = replace(result.robot.identified, geometry=estimate.geometry)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from acquisition.pose_tables import read_poses
-from ballbar.scenario import PoseScenario, load_any_scenario, load_scenario, scenario_file
+from ballbar.scenario import Scenario, load_scenario, scenario_file
 from ballbar.truth.compare import poses_against_truth
 from ballbar.truth.limits import tcp_limits
 from cell.errors import DescriptionError
@@ -34,18 +34,14 @@ NAMES = (
 )
 
 
-def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) -> PoseScenario:
+def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) -> Scenario:
     """A shipped scenario with more errors and other changes."""
-    shipped = load_any_scenario(name)
-    assert isinstance(shipped, PoseScenario)
-    data = shipped.model_dump() | changes
+    data = load_scenario(name).model_dump() | changes
     data["errors"] = data["errors"] | (errors or {})
-    return PoseScenario.model_validate(data)
+    return Scenario.model_validate(data)
 
 
-def identified(
-    settings: PoseScenario, folder: Path
-) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
+def identified(settings: Scenario, folder: Path) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
     simulation = simulate_poses(settings, relative_to=Path())
     write_poses(simulation, settings, folder, relative_to=Path())
     table = read_poses(folder)
@@ -203,7 +199,7 @@ def test_reference_points_take_the_drift_of_the_tracker_off(tmp_path: Path) -> N
     assert 1.0 < deviations["read"] / deviations["at rest"] < 1.1
 
 
-def _without_reference(settings: PoseScenario) -> dict[str, Any]:
+def _without_reference(settings: Scenario) -> dict[str, Any]:
     return settings.poses.model_dump() | {"reference": ()}
 
 
@@ -245,7 +241,7 @@ def test_a_missed_limit_exits_with_1_and_json_holds_the_comparison(tmp_path: Pat
 
 def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match="a scenario of still poses, and this needs one"):
-        load_scenario("ur10e_tracker")
+        load_scenario("ur10e_tracker", moving=True)
     code, _, err = ballbar("run", "ur10e_tracker", "--out", tmp_path / "out", "--live")
     assert code == 2
     assert "nothing moves" in err

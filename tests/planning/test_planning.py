@@ -28,7 +28,7 @@ from ident.robot.accuracy import position_sigma
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
 from planning.clearance import clearance
-from planning.crlb import moving, predict
+from planning.crlb import predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
 from planning.files import path_data, planned_path_data
 from planning.force import DRAWS, predicted_forces
@@ -106,12 +106,8 @@ def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
     assert tcp_rms(evaluator, found) == pytest.approx(
         np.sqrt(np.mean(found.tcp_sigma**2)), rel=1e-6
     )
-    moved = moving(found.layout)
-    longhand = position_sigma(
-        found.robot.tool(found.grid),
-        found.robot.jacobian(found.grid, found.layout.shared),
-        np.linalg.inv(found.normal)[np.ix_(moved, moved)],
-    )
+    moved = found.layout.machine
+    longhand = position_sigma(*found.tool, np.linalg.inv(found.normal)[np.ix_(moved, moved)])
     assert found.tcp_sigma == pytest.approx(longhand, rel=1e-4)  # an inverse without scaling
 
 

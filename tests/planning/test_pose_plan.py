@@ -270,9 +270,9 @@ def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PoseP
     assert (tracker.poses.size, wire.poses.size) == (30, 40)
     assert tracker.gain > 1.3
     assert wire.gain > 1.7
-    assert tracker.sigma.mean() < tracker.random.min()
-    assert wire.sigma.mean() < wire.random.min()
-    assert tracker.sigma.mean() < 0.1 * tracker.information.catalogue_sigma().mean()
+    assert tracker.prediction.tcp_sigma.mean() < tracker.random.min()
+    assert wire.prediction.tcp_sigma.mean() < wire.random.min()
+    assert tracker.prediction.tcp_sigma.mean() < 0.1 * tracker.information.catalogue_sigma().mean()
 
 
 def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
@@ -300,7 +300,9 @@ def test_the_real_error_follows_the_prediction(tracker: PosePlan, wire: PosePlan
     """Robots with sag and with joint errors that are not fitted, as in docs/planning.md."""
     by_plan, by_random = errors(tracker, range(100, 105))
     assert np.median(by_random / by_plan) > 1.05
-    assert by_plan.mean() < tracker.sigma.mean()  # that allows for larger joint errors
+    assert (
+        by_plan.mean() < tracker.prediction.tcp_sigma.mean()
+    )  # that allows for larger joint errors
     by_plan, by_random = errors(wire, range(100, 105))
     assert np.median(by_random / by_plan) > 1.4
 
