@@ -109,10 +109,8 @@ def _simulating(
             stored = load_poses_file(file) if still else load_recording_file(folder)
             if stored.kind == "real":
                 real = "real poses" if still else "a real recording"
-                raise InputError(
-                    f"{folder}: holds {real}; nothing was written. Choose another folder with "
-                    "--out."
-                )
+                wrong = f"holds {real}; nothing was written."
+                raise InputError.at(folder, wrong, "Choose another folder with --out.")
         progress("simulating the poses" if still else "simulating the cell")
         try:
             yield scenario_file.parent

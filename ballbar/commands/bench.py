@@ -61,10 +61,8 @@ def run(
     settings = load_scenario(scenario, overrides=overrides or ())
     folder, moves = out_dir or Path("runs") / settings.name, settings.path is not None
     if live and not moves:
-        raise InputError(
-            f"{scenario}: --live shows a motion, and in a scenario of still poses nothing moves. "
-            "Leave it out."
-        )
+        what = "--live shows a motion, and in a scenario of still poses nothing moves."
+        raise InputError.at(scenario, what, "Leave it out.")
     with (
         _live_window() if live else nullcontext() as window,
         progress_bar() as progress,
