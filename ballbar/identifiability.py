@@ -90,7 +90,7 @@ def nominal_loop(scenario: Scenario, *, relative_to: Path, samples: int = SAMPLE
 
     Raises InputError for a path that the mechanism cannot follow, or that does not move.
     """
-    if scenario.path.kind == "push_pull":
+    if scenario.needed_path.kind == "push_pull":
         raise InputError(
             "path.kind = push_pull: one held pose identifies nothing. Use a scenario whose path "
             "moves over the sphere."
@@ -100,7 +100,7 @@ def nominal_loop(scenario: Scenario, *, relative_to: Path, samples: int = SAMPLE
             f"cell.instrument = {scenario.cell.instrument}: the thesis's costs are of a ball-bar. "
             "Use a scenario with cell.ballbar; `ballbar run` says what a length leaves open."
         )
-    _, nominal, path = nominal_path(scenario.cell, scenario.path, relative_to)
+    _, nominal, path = nominal_path(scenario.cell, scenario.needed_path, relative_to)
     rows = spread_rows(path, samples)
     return KinematicLoop(nominal, path.q[rows], path.b[rows])
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from ballbar.claims.file import ClaimFile
 from ballbar.result.calibration_file import CalibrationFile
-from ballbar.scenario import PoseScenario, Scenario
+from ballbar.scenario import Scenario
 from ballbar.sweep.file import SweepFile
 from cell.ballbar_files import BallBarFile, PlateFile
 from cell.description_files import RobotFile
@@ -29,7 +29,6 @@ from sim.truth import PoseTruth, Truth
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 EXTENDABLE: dict[str, type[BaseModel]] = {
     "scenario": Scenario,
-    "pose-scenario": PoseScenario,
     "sweep": SweepFile,
     "plan-request": PlanRequest,
     "pose-plan-request": PosePlanRequest,

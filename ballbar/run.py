@@ -12,18 +12,17 @@ from typing import TYPE_CHECKING
 from ballbar.outputs import Progress, write_outputs
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_files, identify_recordings
+from ballbar.result.run_recordings import identify_files
 from ballbar.scenario import (
     SCENARIOS,
-    PoseScenario,
     Scenario,
     scenario_path,
     with_copied_descriptions,
     write_scenario,
 )
 from ballbar.trial.nominal_path import recorded_log
-from ballbar.truth.compare import identification_against_truth, poses_against_truth
-from ballbar.truth.limits import plant_limits, result_limits, tcp_limits
+from ballbar.truth.compare import identification_against_truth
+from ballbar.truth.limits import plant_limits, result_limits
 from cell.errors import InputError
 from cell.extended_yaml import files_of
 from cell.files import DESCRIPTIONS, claimed_folder
@@ -46,19 +45,33 @@ def simulate_scenario(
     *,
     progress: Progress,
     live: LiveRun | None = None,
-) -> Simulation:
-    """Simulates a scenario and writes its recording, and beside it truth and scenario.
+) -> Simulation | PoseSimulation:
+    """Simulates a scenario and writes its recording or table, and beside it truth and scenario.
 
     live : window that shows the motion while it is simulated.
 
-    Raises InputError when the scenario cannot be run, or when `folder` holds something else or a
-    real recording.
+    Raises InputError when the scenario cannot be run, or when `folder` holds something else, or
+    what was really measured.
     """
+    if scenario.path is None:
+        return simulate_table(scenario, scenario_file, folder, progress=progress)
+    return simulate_recording(scenario, scenario_file, folder, progress=progress, live=live)
+
+
+def simulate_recording(
+    scenario: Scenario,
+    scenario_file: Path,
+    folder: Path,
+    *,
+    progress: Progress,
+    live: LiveRun | None = None,
+) -> Simulation:
+    """As `simulate_scenario`, of a robot that moves."""
     with _simulating(scenario_file, folder, progress, still=False) as files:
         simulation = simulate(
             scenario,
             relative_to=files,
-            recorded=recorded_log(scenario.path, files),
+            recorded=recorded_log(scenario.needed_path, files),
             on_motion=live.moved if live else None,
         )
         progress("writing the device logs")
@@ -67,14 +80,10 @@ def simulate_scenario(
         return simulation
 
 
-def simulate_pose_scenario(
-    scenario: PoseScenario, scenario_file: Path, folder: Path, *, progress: Progress
+def simulate_table(
+    scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress
 ) -> PoseSimulation:
-    """Simulates a scenario of still poses and writes its table, and beside it truth and scenario.
-
-    Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
-    poses.
-    """
+    """As `simulate_scenario`, of a robot that stands still."""
     with _simulating(scenario_file, folder, progress, still=True) as files:
         simulation = simulate_poses(scenario, relative_to=files)
         progress("writing the table")
@@ -100,10 +109,8 @@ def _simulating(
             stored = load_poses_file(file) if still else load_recording_file(folder)
             if stored.kind == "real":
                 real = "real poses" if still else "a real recording"
-                raise InputError(
-                    f"{folder}: holds {real}; nothing was written. Choose another folder with "
-                    "--out."
-                )
+                wrong = f"holds {real}; nothing was written."
+                raise InputError.at(folder, wrong, "Choose another folder with --out.")
         progress("simulating the poses" if still else "simulating the cell")
         try:
             yield scenario_file.parent
@@ -121,7 +128,7 @@ def run_scenario(
     live: LiveRun | None = None,
     begin: Begin = partial,
 ) -> RunData:
-    """Simulates, identifies, compares with the truth, and writes report and replay.
+    """Simulates, identifies, compares with the truth, and writes report and, of a motion, replay.
 
     A recording on accept.held_out_file, of the same machine, is tried on the result.
 
@@ -137,30 +144,31 @@ def run_scenario(
             f"{scenario.identify.data}: a run with report and replay identifies device logs with "
             "ml. The thesis's costs and paired samples are for sweeps."
         )
-    logs = (out / RECORDING, out / HELD_OUT)
+    accept, moves = scenario.accept, scenario.path is not None
+    logs = (out / RECORDING, out / HELD_OUT) if moves else (out / RECORDING,)
     known = {
-        *OUTPUTS,
+        *(OUTPUTS if moves else POSE_OUTPUTS),
         *(f.name for log in logs for f in (log, truth_path(log), scenario_path(log))),
     }
     with claimed_folder(out, known, "a run"):
-        folder, *held_out = logs if scenario.accept.held_out_file else logs[:1]
+        folder, *held_out = logs if accept.held_out_file else logs[:1]
         simulation = simulate_scenario(
             scenario, scenario_file, folder, progress=progress, live=live
         )
         for other in held_out:
-            simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
-        data = identify_recordings(
+            simulate_recording(_held_out(scenario), scenario_file, other, progress=progress)
+        data = identify_files(
             [folder], held_out, settings=scenario.identify, listener=Listener(progress)
         )
         comparison = identification_against_truth(data.identification, simulation.truth)
         outcomes = [validation.outcome for validation in data.validations]
         limits = (
-            *result_limits(data.identification, comparison, scenario.accept, outcomes),
-            *plant_limits(simulation.truth, scenario.accept),
+            *result_limits(data.identification, comparison, accept, outcomes),
+            *plant_limits(simulation.truth, accept),
         )
         data = replace(
             data,
-            name=scenario.name,
+            name=scenario.name if moves else data.name,
             simulation=simulation,
             comparison=comparison,
             limits=limits,
@@ -169,36 +177,11 @@ def run_scenario(
         )
         if live:
             live.finished(data)
-        write_outputs(out, data, command=command, replay=True, progress=progress, begin=begin)
+        write_outputs(out, data, command=command, replay=moves, progress=progress, begin=begin)
         return data
-
-
-def run_pose_scenario(
-    scenario: PoseScenario, scenario_file: Path, out: Path, *, command: str, progress: Progress
-) -> RunData:
-    """Simulates, identifies, compares with the truth, and writes calibration.yaml and report.html.
-
-    command : the command line, for the report.
-
-    Raises InputError when the scenario cannot be run, or when `out` holds something else.
-    """
-    folder = out / RECORDING
-    beside = {truth_path(folder).name, scenario_path(folder).name}
-    with claimed_folder(out, {RECORDING, *beside, *POSE_OUTPUTS}, "a run"):
-        simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
-        run = identify_files([folder], listener=Listener(progress))
-        result = run.identification
-        assert result.poses is not None, "tables of still poses were identified"
-        comparison = poses_against_truth(result.poses, simulation.truth)
-        limits = tcp_limits(
-            result.verdict.status, result.robot.tcp_sigma, comparison, scenario.accept
-        )
-        run = replace(run, simulated_poses=simulation, comparison=comparison, limits=limits)
-        write_outputs(out, run, command=command, replay=False, progress=progress)
-        return run
 
 
 def _held_out(scenario: Scenario) -> Scenario:
     """The scenario of the recording that takes no part in the fit: another path and noise."""
-    path = scenario.path.model_copy(update={"file": scenario.accept.held_out_file})
+    path = scenario.needed_path.model_copy(update={"file": scenario.accept.held_out_file})
     return scenario.model_copy(update={"path": path, "recording": scenario.recording + 1})

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from ballbar.identify_settings import IdentifySettings
-from cell.errors import DescriptionError
+from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, portable
 from cell.files import copied_description, write_yaml
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
 from ident.thesis.names import ENCODERS_NEEDED
-from sim.settings import PoseSimulationSettings, SimulationSettings
+from sim.settings import A_PATH, SimulationSettings, refuse_keys
 
 SCENARIOS = ExtendableKind(
     what="scenario",
@@ -31,9 +31,11 @@ SCENARIOS = ExtendableKind(
 Limit = Annotated[float, Field(gt=0.0)] | None
 
 
-class TcpLimits(Strict):
+class AcceptSettings(Strict):
     """Limits of an acceptable run, each stated at most; beyond one of them it exits with code 1.
-    Every scenario can state those on the tool's errors and on what the fit says of itself.
+
+    Time of computation has no limit here: nothing in a run could be its measure, and a clock alone
+    would judge the machine (docs/validation.md compares times with named rivals).
     """
 
     verdict: Literal["good", "suspect"] | None = None
@@ -50,15 +52,6 @@ class TcpLimits(Strict):
     """
     tcp_over_stated: Limit = None
     """Mean TCP error over the mean stated uncertainty."""
-
-
-class AcceptSettings(TcpLimits):
-    """Limits of an acceptable run, each stated at most; beyond one of them it exits with code 1.
-
-    Time of computation has no limit here: nothing in a run could be its measure, and a clock alone
-    would judge the machine (docs/validation.md compares times with named rivals).
-    """
-
     parameter_distance_mm_mrad: Limit = None
     """Euclidean distance over the identified parameters, mm and mrad mixed (thesis sec. 3.4)."""
     clock_offset_us: Limit = None
@@ -85,10 +78,14 @@ class AcceptSettings(TcpLimits):
     """Largest distance of the tool from the wanted positions, by `ballbar rehearse`."""
 
     @model_validator(mode="after")
-    def _held_out(self) -> AcceptSettings:
+    def _held_out(self) -> Self:
         if bool(self.held_out_file) != (self.held_out_ratio is not None):
             raise ValueError("held_out_file and held_out_ratio go together; give both or neither")
         return self
+
+
+# Limits that still poses have too
+OF_EVERY_RUN = ("verdict", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm", "tcp_over_stated")
 
 
 class Scenario(SimulationSettings):
@@ -99,12 +96,16 @@ class Scenario(SimulationSettings):
     accept: AcceptSettings = AcceptSettings()
 
     @model_validator(mode="after")
-    def _can_be_identified(self) -> Scenario:
+    def _can_be_identified(self) -> Self:
         """Every option belongs to the cost, the data and the instrument that are stated.
 
         A cost has its encoders, samples come from the kinematic plant, and options of the thesis's
         costs are not stated for others.
         """
+        if self.path is None:
+            limits = (k for k in AcceptSettings.model_fields if k not in OF_EVERY_RUN)
+            refuse_keys(self, ("identify", *(f"accept.{k}" for k in limits)), A_PATH)
+            return self
         settings, fitted = self.identify, self.encoders.fitted
         defaults = IdentifySettings.model_fields
         stated = {k for k in defaults if getattr(settings, k) != defaults[k].default}
@@ -149,13 +150,6 @@ class Scenario(SimulationSettings):
         return self
 
 
-class PoseScenario(PoseSimulationSettings):
-    """One YAML file of scenarios/ with still poses."""
-
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
-    accept: TcpLimits = TcpLimits()
-
-
 def scenario_file(name: str | Path) -> Path:
     """The file of a scenario: the path itself, or the shipped scenario of that name.
 
@@ -165,19 +159,24 @@ def scenario_file(name: str | Path) -> Path:
     return named_file(str(Path(name)), SCENARIOS)
 
 
-def load_scenario(path: str | Path, *, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    path: str | Path, *, overrides: Sequence[str] = (), moving: bool = False
+) -> Scenario:
     """The checked scenario of a file, or the shipped one of a bare name.
 
-    overrides : texts `KEY=VALUE`, such as `seed=2`, that replace values of the file.
+    overrides : texts `KEY=VALUE`, such as `seed=2`, that replace values of the file. moving :
+        whether the robot must move.
 
-    Raises DescriptionError naming file, line and key, also for a scenario of still poses.
+    Raises DescriptionError naming file, line and key, and for still poses where it must move.
     """
-    scenario = load_any_scenario(path, overrides=overrides)
-    if isinstance(scenario, PoseScenario):
-        raise DescriptionError(
-            f"{scenario_file(path)}: a scenario of still poses, and this needs one with a path. "
-            "`ballbar run` and `ballbar simulate` take it."
-        )
+    scenario = parse_model(
+        load_extended(scenario_file(path), SCENARIOS, overrides=overrides), Scenario
+    )
+    if moving:
+        try:
+            _ = scenario.needed_path
+        except InputError as error:
+            raise DescriptionError(f"{scenario_file(path)}: {error}") from None
     return scenario
 
 
@@ -202,27 +201,12 @@ def _renamed(scenario: Scenario, rename: Callable[[str, str], str]) -> Scenario:
     return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=own)})
 
 
-def load_any_scenario(
-    path: str | Path, *, overrides: Sequence[str] = ()
-) -> Scenario | PoseScenario:
-    """The checked scenario of a file or of a shipped name: of still poses if it has `poses`.
-
-    overrides : as of `load_scenario`.
-
-    Raises DescriptionError naming file, line and key.
-    """
-    document = load_extended(scenario_file(path), SCENARIOS, overrides=overrides)
-    if "poses" in document.data:
-        return parse_model(document, PoseScenario)
-    return parse_model(document, Scenario)
-
-
 def scenario_path(recording: Path) -> Path:
     """File of the scenario that made a simulated recording: beside its folder, as the truth is."""
     return recording.with_name(f"{recording.name}.scenario.yaml")
 
 
-def write_scenario(scenario: Scenario | PoseScenario, folder: Path, recording: Path) -> None:
+def write_scenario(scenario: Scenario, folder: Path, recording: Path) -> None:
     """Writes the scenario of a simulated recording, complete and without `extends`.
 
     The files that it names are copied into the recording. folder : of the scenario file.

@@ -68,9 +68,8 @@ def copy_scenarios(folder: Path) -> list[str]:
     }
     held = _held(folder, files)
     if held is None or files.keys() <= held:
-        raise InputError(
-            f"{folder}: exists and holds something; nothing was written. Choose another folder."
-        )
+        what = "exists and holds something; nothing was written."
+        raise InputError.at(folder, what, "Choose another folder.")
     for name in held - files.keys():
         (folder / name).unlink()
     require_writable(folder)

@@ -25,7 +25,7 @@ import numpy as np
 
 from acquisition.pose_tables import read_poses
 from acquisition.reference_fit import fit_with_knocks
-from ballbar.scenario import PoseScenario, load_any_scenario
+from ballbar.scenario import Scenario, load_scenario
 from ballbar.truth.compare import poses_against_truth
 from cell.statistics import rms
 from ident.table_fit import fit_table
@@ -52,13 +52,11 @@ KNOCKS = 50
 
 def mean_error(seed: int, drift: tuple[float, float], points: int) -> tuple[float, bool]:
     """Mean TCP error [m], and whether a drift is named."""
-    shipped = load_any_scenario("ur10e_tracker_reference")
-    assert isinstance(shipped, PoseScenario)
-    data: dict[str, Any] = shipped.model_dump()
+    data: dict[str, Any] = load_scenario("ur10e_tracker_reference").model_dump()
     data["seed"] = seed
     data["poses"]["reference"] = (*data["poses"]["reference"], *MORE)[:points]
     data["errors"]["drift"] = {"shift_m": drift[0], "turn_rad": drift[1]}
-    settings = PoseScenario.model_validate(data)
+    settings = Scenario.model_validate(data)
     with tempfile.TemporaryDirectory() as folder:
         simulation = simulate_poses(settings, relative_to=Path())
         write_poses(simulation, settings, Path(folder) / "t", relative_to=Path())

@@ -141,15 +141,11 @@ def _channels(
     for log, names in zip((a, b), zip(*named, strict=True), strict=True):
         for name in names:
             if name not in log.names:
-                raise LogError(
-                    f"{log.name}: no channel {name!r}; it has {', '.join(log.names)}. Name one of "
-                    "them."
-                )
+                what = f"no channel {name!r}; it has {', '.join(log.names)}."
+                raise LogError.at(log.name, what, "Name one of them.")
             if names.count(name) > 1:
-                raise LogError(
-                    f"{log.name}: channel {name!r} is named {names.count(name)} times. Pair each "
-                    "channel once."
-                )
+                what = f"channel {name!r} is named {names.count(name)} times."
+                raise LogError.at(log.name, what, "Pair each channel once.")
         parts.append(log.part([log.names.index(name) for name in names]))
     return parts[0], parts[1]
 

@@ -10,13 +10,13 @@ from cell.chain import forward
 from cell.instrument import Instrument
 from cell.instruments.base import TrueStand
 from cell.robot_angles import joints_to_axes
-from sim.errors.pose_errors import PoseErrors
+from sim.settings import ErrorSettings
 from sim.streams import stream
 from sim.true_robot import TrueArm
 from sim.truth import SeatMotion, TruePlace
 
 
-def seat_motion(errors: PoseErrors, seed: int) -> SeatMotion:
+def seat_motion(errors: ErrorSettings, seed: int) -> SeatMotion:
     """The drawn drift of the seats."""
     directions = stream(seed, "drift").standard_normal((2, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -60,7 +60,7 @@ def measured(
     return instrument.kind.measure(exact, noise, instrument)
 
 
-def outliers(errors: PoseErrors, instrument: Instrument, count: int, seed: int) -> Array:
+def outliers(errors: ErrorSettings, instrument: Instrument, count: int, seed: int) -> Array:
     """(N, 3) [m] what is added to readings, to a length the first of them; 0 where one is right.
 
     A socket's are added to the place of the ball.
@@ -79,7 +79,7 @@ def outliers(errors: PoseErrors, instrument: Instrument, count: int, seed: int) 
     return out
 
 
-def unsettled(errors: PoseErrors, q: Array, seed: int) -> tuple[Array, NDArray[np.bool_]]:
+def unsettled(errors: ErrorSettings, q: Array, seed: int) -> tuple[Array, NDArray[np.bool_]]:
     """Angles (N, J) [rad] at which those poses were read that were read too early, and which (N,).
 
     q : (N, J) [rad] of all poses in the order of time.
@@ -93,7 +93,7 @@ def unsettled(errors: PoseErrors, q: Array, seed: int) -> tuple[Array, NDArray[n
     return np.where(early[:, None], q - missing, q), early
 
 
-def logged_axes(arm: TrueArm, errors: PoseErrors, q: Array, seed: int) -> Array:
+def logged_axes(arm: TrueArm, errors: ErrorSettings, q: Array, seed: int) -> Array:
     """(N, J) [rad] axis angles in the table, of shown angles q (N, J) [rad]."""
     noise = stream(seed, "pose_joint_noise").standard_normal(q.shape)
     if errors.joint_noise is not None:

@@ -21,7 +21,7 @@ from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 from sim.logging.robot_files import robot_source, write_robot_log
-from sim.settings import PoseSimulationSettings, SimulationSettings
+from sim.settings import SimulationSettings
 from sim.streams import stream
 
 if TYPE_CHECKING:
@@ -242,17 +242,17 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
 
 
 def write_poses(
-    simulation: PoseSimulation, settings: PoseSimulationSettings, folder: Path, *, relative_to: Path
+    simulation: PoseSimulation, settings: SimulationSettings, folder: Path, *, relative_to: Path
 ) -> None:
     """Write the table, the truth beside the folder, and `folder/poses.yaml` last.
 
     relative_to : folder of the scenario; descriptions of one's own that it names are copied.
     """
-    kind = simulation.instrument.kind
+    kind, stated = simulation.instrument.kind, settings.needed_poses
     shown = {"m": "mm", "rad": "rad"}
     names = tuple(f"{n} [{shown[u]}]" for n, u in zip(kind.names, kind.units, strict=True))
     axes = [f"A{k + 1} [deg]" for k in range(simulation.robot.joints)]
-    points = [f"{point.name}_{axis} [mm]" for point in settings.poses.reference for axis in "xyz"]
+    points = [f"{point.name}_{axis} [mm]" for point in stated.reference for axis in "xyz"]
     table: dict[str, object] = {"files": [TABLE], "joints": {"columns": axes, "unit": "deg"}}
     if names:
         values: dict[str, object] = {"columns": list(names)}
@@ -272,10 +272,10 @@ def write_poses(
         "schema": "ballbar-poses/1",
         "kind": "simulated",
         "robot": portable_name(settings.cell.robot, "robot", **place),
-        "instrument": portable_name(settings.cell.instrument, "instrument", **place),
+        "instrument": portable_name(settings.cell.measured_by, "instrument", **place),
         "tables": [table],
     }
-    seats = [place.name for place in settings.poses.seats]
+    seats = [place.name for place in stated.seats]
     if simulation.instrument.distance is not None and len(seats) == 2:
         content["distances"] = [{"pairs": [seats]}]
     head = ("time [s]", "seat", "target", *axes, *names, *points)

@@ -6,15 +6,18 @@ the scenario reference.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Literal, Self
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from cell.arrays import Array
+from cell.errors import InputError
 from cell.schema import NotNegative, Positive, Strict
-from cell.schema_errors import wrong_key
+from cell.schema_errors import missing_key, wrong_key
 from sim.errors.plant_errors import PlantErrors
-from sim.errors.pose_errors import PoseErrors
+from sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import (
     LEAD,
@@ -49,13 +52,15 @@ class CellSettings(Strict):
     ballbar: str | None = None
     """A ball-bar with encoders: a file of cell/instruments, or a path."""
     instrument: str | None = None
-    """An instrument in place of ballbar that measures a length: a telescoping ball-bar or a
-    draw-wire.
+    """An instrument in place of ballbar: a file of cell/instruments, or a path. Before a robot that
+    moves it measures a length: a telescoping ball-bar or a draw-wire.
     """
     plate: str = "plate_250"
     """A file of cell/plates, or a path."""
-    ballbar_position_m: Position
-    """Centre of the sphere, or seat of the instrument, in the robot's base frame."""
+    ballbar_position_m: Position | None = None
+    """Centre of the sphere, or seat of the instrument, in the robot's base frame; needed beside a
+    path. Still poses have poses.seats.
+    """
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> CellSettings:
@@ -67,6 +72,11 @@ class CellSettings(Strict):
     def measured_by(self) -> str:
         """The ball-bar or the instrument that holds the tool."""
         return self.ballbar or self.instrument or ""
+
+    @property
+    def position(self) -> Array:
+        """(3,) [m] the stated ballbar_position_m."""
+        return np.array(self.ballbar_position_m)
 
 
 class PathSettings(Strict):
@@ -115,10 +125,13 @@ class RodAndWire(Strict):
 
 
 class PlantSettings(RodAndWire):
-    """The model that turns the command into motion."""
+    """The model that turns the command into motion, or holds the robot at a pose."""
 
-    kind: Literal["mujoco", "kinematic"] = "mujoco"
-    """MuJoCo, or exact inverse kinematics without forces."""
+    kind: Literal["auto", "mujoco", "kinematic"] = "auto"
+    """MuJoCo, or exact inverse kinematics without forces. In MuJoCo a still robot is in static
+    equilibrium with the rod or wire; kinematic, its own weight is the only load. auto takes MuJoCo,
+    but at still poses only for a rod or wire on elastic gears.
+    """
     timestep_s: Annotated[float, Field(ge=1e-4, le=5e-3)] = 1e-3
     """Time step of MuJoCo."""
     servo: str = "soft"
@@ -127,12 +140,16 @@ class PlantSettings(RodAndWire):
     """Whether the servo command carries the robot's nominal weight."""
 
 
-class ErrorSettings(CellErrors, PlantErrors, SensorErrors, SampleErrors):
+class ErrorSettings(CellErrors, PlantErrors, ArmErrors, SensorErrors, SampleErrors):
     """Error sources; each is absent unless named."""
 
     joint_lag: JointLag | None = None
     joint_noise: JointNoise | None = None
+    instrument_noise: InstrumentNoise | None = None
     outliers: Outliers | None = None
+    unsettled: Unsettled | None = None
+    rounding: Rounding | None = None
+    drift: Drift | None = None
 
 
 class EncoderSettings(Strict):
@@ -202,85 +219,6 @@ class ClockSettings(Strict):
             yield ("clocks", "restart", "gap_s"), self.restart.at_s + self.restart.gap_s
 
 
-# Sections, or keys of a section, that need a ball-bar with encoders, and those that need a length.
-OF_BALLBAR: dict[str, tuple[str, ...]] = {
-    "encoders": (),
-    "errors": (
-        *(name for name in SensorErrors.model_fields if name != "resolver_error"),
-        *SampleErrors.model_fields,
-        *("ballbar_axes", "base_tilt", "rod_strain", "rod_backlash", "bar_friction"),
-        *("base_compliance", "outliers"),
-    ),
-    "clocks": ("overrun_probability",),
-    "logs": ("force_sensor", "ballbar"),
-}
-OF_LENGTH: dict[str, tuple[str, ...]] = {"length": (), "plant": tuple(RodAndWire.model_fields)}
-
-
-class SimulationSettings(Strict):
-    """Everything that a simulated recording is made from."""
-
-    cell: CellSettings
-    path: PathSettings
-    plant: PlantSettings = PlantSettings()
-    errors: ErrorSettings = ErrorSettings()
-    encoders: EncoderSettings = EncoderSettings()
-    length: LengthSettings = LengthSettings()
-    clocks: ClockSettings = ClockSettings()
-    logs: DeviceLogs = DeviceLogs()
-    seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of all drawn values; each error source has its own stream."""
-    recording: Annotated[int, Field(ge=1)] = 1
-    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn again for
-    each, everything else is the same.
-    """
-
-    @property
-    def recording_seed(self) -> int:
-        """Seed of noise, clocks and lost rows."""
-        return recording_seed(self.seed, self.recording)
-
-    @model_validator(mode="after")
-    def _of_its_instrument(self) -> SimulationSettings:
-        """Nothing is stated that belongs to the other kind; a default says nothing."""
-        of_length = self.cell.instrument is not None
-        unused = OF_BALLBAR if of_length else OF_LENGTH
-        needed = "a ball-bar with encoders (cell.ballbar)" if of_length else "cell.instrument"
-        for section, keys in unused.items():
-            holder = getattr(self, section) if keys else self
-            for key in keys or (section,):
-                if getattr(holder, key) != type(holder).model_fields[key].default:
-                    path = (section, key) if keys else (section,)
-                    raise wrong_key(*path, message=f"needs {needed}; leave it out")
-        if of_length and self.path.kind == "push_pull":
-            raise wrong_key("path", "kind", message="push_pull needs a ball-bar with a rigid rod")
-        return self
-
-    @model_validator(mode="after")
-    def _faults_happen(self) -> SimulationSettings:
-        """Each fault that is stated happens: its encoder is fitted, and its time is logged."""
-        first, last = LEAD, self.path.duration_s - LEAD
-        for key, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
-            if not first < time < last:
-                logged = f"the logs run from {first:g} to {last:g} s of the path"
-                raise wrong_key(*key, message=f"t = {time:g} s is not logged; {logged}")
-        for key, encoder in self.errors.fault_encoders():
-            if encoder not in self.encoders.fitted:
-                fitted = ", ".join(map(str, self.encoders.fitted)) or "none"
-                message = f"joint {encoder} has no encoder; encoders.fitted are: {fitted}"
-                raise wrong_key(*key, "encoder", message=message)
-        return self
-
-
-class PoseCell(Strict):
-    """The machines of the cell."""
-
-    robot: str
-    """A file of cell/robots, or a path that ends in .yaml."""
-    instrument: str
-    """A file of cell/instruments, or a path."""
-
-
 class PlacementSettings(Strict):
     """A place with a name."""
 
@@ -334,21 +272,121 @@ class PosesSettings(Strict):
         return self
 
 
-class PosePlant(RodAndWire):
-    """The plant that holds the robot at a pose."""
+# Keys that belong to one kind of scenario: each with what it needs (`refuse_keys`).
+OF_BALLBAR = (
+    *("encoders", "clocks.overrun_probability", "logs.force_sensor", "logs.ballbar"),
+    *(f"errors.{name}" for name in SensorErrors.model_fields if name != "resolver_error"),
+    *(f"errors.{name}" for name in SampleErrors.model_fields),
+    *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
+    *("errors.bar_friction", "errors.base_compliance", "errors.outliers"),
+)
+OF_LENGTH = ("length", *(f"plant.{name}" for name in RodAndWire.model_fields))
+OF_PATH = (
+    *("cell.ballbar", "cell.plate", "cell.ballbar_position_m"),
+    *("encoders", "length", "clocks", "logs", "recording"),
+    *(f"plant.{name}" for name in ("timestep_s", "servo", "gravity_compensation")),
+    *(
+        f"errors.{name}"
+        for part in (CellErrors, PlantErrors, SensorErrors, SampleErrors)
+        for name in part.model_fields
+        if name != "joint_compliance"
+    ),
+    *("errors.joint_lag", "errors.outliers.robot_probability"),
+    *("errors.outliers.ballbar_probability", "errors.outliers.size_rad"),
+)
+OF_POSES = (
+    *(f"errors.{name}" for name in ArmErrors.model_fields),
+    *("errors.instrument_noise", "errors.unsettled", "errors.rounding", "errors.drift"),
+    *("errors.outliers.share", "errors.outliers.size_m"),
+)
+A_PATH = "a robot that moves (path)"
 
-    kind: Literal["auto", "mujoco", "kinematic"] = "auto"
-    """MuJoCo, in static equilibrium with the rod or wire; or kinematic, with the robot's own weight
-    as only load. auto takes MuJoCo for a rod or wire on elastic gears.
-    """
+
+def refuse_keys(settings: Strict, keys: Iterable[str], needed: str) -> None:
+    """Raise for the first of some keys, with dots, that is stated; a default says nothing."""
+    for key in keys:
+        *sections, last = key.split(".")
+        holder: Any = settings
+        for section in sections:
+            holder = getattr(holder, section, None)
+        if holder and getattr(holder, last) != type(holder).model_fields[last].default:
+            raise wrong_key(*sections, last, message=f"needs {needed}; leave it out")
 
 
-class PoseSimulationSettings(Strict):
-    """Everything that a simulated table of still poses is made from."""
+class SimulationSettings(Strict):
+    """Everything that a simulated recording, or a table of still poses, is made from."""
 
-    cell: PoseCell
-    poses: PosesSettings
-    plant: PosePlant = PosePlant()
-    errors: PoseErrors = PoseErrors()
+    cell: CellSettings
+    path: PathSettings | None = None
+    poses: PosesSettings | None = None
+    plant: PlantSettings = PlantSettings()
+    errors: ErrorSettings = ErrorSettings()
+    encoders: EncoderSettings = EncoderSettings()
+    length: LengthSettings = LengthSettings()
+    clocks: ClockSettings = ClockSettings()
+    logs: DeviceLogs = DeviceLogs()
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of all drawn values; each error source has its own stream."""
+    recording: Annotated[int, Field(ge=1)] = 1
+    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn again for
+    each, everything else is the same.
+    """
+
+    @property
+    def recording_seed(self) -> int:
+        """Seed of noise, clocks and lost rows."""
+        return recording_seed(self.seed, self.recording)
+
+    @property
+    def needed_path(self) -> PathSettings:
+        """The path. Raises InputError for still poses."""
+        if self.path is None:
+            raise InputError(
+                "a scenario of still poses, and this needs one with a path. `ballbar run` and "
+                "`ballbar simulate` take it."
+            )
+        return self.path
+
+    @property
+    def needed_poses(self) -> PosesSettings:
+        """The still poses. Raises InputError for a path."""
+        if self.poses is None:
+            raise InputError("a scenario with a path, and this needs one of still poses.")
+        return self.poses
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        """The robot moves or stands still, and nothing is stated that belongs to another kind."""
+        if (self.path is None) == (self.poses is None):
+            raise wrong_key("path", message="expected either path or poses")
+        of_length = self.cell.instrument is not None
+        if self.path is None:
+            refuse_keys(self, OF_PATH, A_PATH)
+            return self
+        refuse_keys(self, OF_POSES, "a robot that stands still (poses)")
+        if of_length:
+            refuse_keys(self, OF_BALLBAR, "a ball-bar with encoders (cell.ballbar)")
+        else:
+            refuse_keys(self, OF_LENGTH, "cell.instrument")
+        if of_length and self.path.kind == "push_pull":
+            raise wrong_key("path", "kind", message="push_pull needs a ball-bar with a rigid rod")
+        if self.cell.ballbar_position_m is None:
+            raise missing_key("cell", "ballbar_position_m")
+        return self
+
+    @model_validator(mode="after")
+    def _faults_happen(self) -> Self:
+        """Each fault that is stated happens: its encoder is fitted, and its time is logged."""
+        if self.path is None:
+            return self
+        first, last = LEAD, self.path.duration_s - LEAD
+        for key, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
+            if not first < time < last:
+                logged = f"the logs run from {first:g} to {last:g} s of the path"
+                raise wrong_key(*key, message=f"t = {time:g} s is not logged; {logged}")
+        for key, encoder in self.errors.fault_encoders():
+            if encoder not in self.encoders.fitted:
+                fitted = ", ".join(map(str, self.encoders.fitted)) or "none"
+                message = f"joint {encoder} has no encoder; encoders.fitted are: {fitted}"
+                raise wrong_key(*key, "encoder", message=message)
+        return self

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -56,6 +57,29 @@ class Simulation:
     times: LogTimes
     rows: LoggedRows
     truth: Truth
+    still: Literal[False] = False
+
+    @property
+    def plant(self) -> str:
+        """How well the plant closed its loop, and the force in the rod."""
+        closure, force = self.truth.closure, self.truth.rod_force
+        return (
+            f"plant: loop closed within {closure.position_m * 1e6:.3f} um and "
+            f"{closure.angle_rad * 1e6:.3f} urad, rod force {force.min_N:.0f} to "
+            f"{force.max_N:.0f} N"
+        )
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """Largest loop-closure error of the plant, and the range of the force in the rod, SI."""
+        closure, force = self.truth.closure, self.truth.rod_force
+        plant = {
+            "closure_position_m": float(closure.position_m),
+            "closure_angle_rad": float(closure.angle_rad),
+            "rod_force_min_N": float(force.min_N),
+            "rod_force_max_N": float(force.max_N),
+        }
+        return {"plant": plant}
 
 
 def simulate(
@@ -82,7 +106,7 @@ def simulate(
     cell, instrument, robot = machine.cell, machine.instrument, machine.cell.robot
     period = robot_period(settings.logs, robot)
     path = scenario_path(
-        settings.path, cell, machine.nominal, relative_to=relative_to, recorded=recorded
+        settings.needed_path, cell, machine.nominal, relative_to=relative_to, recorded=recorded
     )
     run = _in_mujoco if machine.dynamic else _kinematic
     motion = run(settings, machine, path, on_motion)
@@ -144,7 +168,7 @@ def _in_mujoco(
             f"robot {robot.name} has {robot.joints}. Use plant.kind = kinematic."
         )
     fastest = float(np.abs(path.speed[0]).max())
-    if settings.path.kind == "recorded" and fastest > AT_REST:
+    if settings.needed_path.kind == "recorded" and fastest > AT_REST:
         raise InputError(
             f"path.recording: the robot moves at its first row ({np.degrees(fastest):.1f} deg/s), "
             "and plant.kind = mujoco starts from rest. Take a recording that begins at rest, or "

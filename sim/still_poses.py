@@ -30,7 +30,7 @@ from sim.instrument_readings import (
 )
 from sim.plant.held import hold_with_instrument
 from sim.pose_choice import Stand, choose_poses
-from sim.settings import PlacementSettings, PoseSimulationSettings
+from sim.settings import PlacementSettings, PosesSettings, SimulationSettings
 from sim.streams import stream
 from sim.true_robot import TrueArm, true_arm
 from sim.truth import DHRows, PoseTruth, RippleTruth, SeatMotion, TruePlace
@@ -59,18 +59,25 @@ class PoseSimulation:
     rows: SimulatedRows
     truth: PoseTruth
     plant: str  # what held the robot, and why, in a sentence
+    still: Literal[True] = True
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """What held the robot, and the least and largest force along rod or wire [N]."""
+        force = self.truth.force_N
+        return {"plant": self.plant, "force_N": None if force is None else list(force)}
 
 
-def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> PoseSimulation:
+def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSimulation:
     """Simulate a table of still poses.
 
     relative_to : folder of the scenario, for the files that it names.
 
     Raises InputError for a scenario that cannot be run, NotAtRestError where a pose is not held.
     """
-    errors, seed, stated = settings.errors, settings.seed, settings.poses
+    errors, seed, stated = settings.errors, settings.seed, settings.needed_poses
     robot = load_robot(settings.cell.robot, relative_to=relative_to)
-    instrument = load_instrument(settings.cell.instrument, relative_to=relative_to)
+    instrument = load_instrument(settings.cell.measured_by, relative_to=relative_to)
     arm = true_arm(robot, errors, seed)
     kind, sentence = _plant(settings, robot, instrument)
     if stated.reference and instrument.kind.names[:3] != ("x", "y", "z"):
@@ -78,7 +85,7 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
             f"poses.reference: {instrument.name} measures a {instrument.measured}, and reads no "
             "reference points. Leave it out, or take a tracker."
         )
-    seats, targets = _true_seats(settings, instrument), _places(stated.targets)
+    seats, targets = _true_seats(stated, instrument, seed), _places(stated.targets)
     chosen = seed if stated.seed is None else stated.seed
     stands = choose_poses(stated, instrument, arm, seats, targets, stream(chosen, "poses"))
     order = np.concatenate([stand.order for stand in stands])
@@ -121,7 +128,7 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
 
 
 def _plant(
-    settings: PoseSimulationSettings, robot: Robot, instrument: Instrument
+    settings: SimulationSettings, robot: Robot, instrument: Instrument
 ) -> tuple[PlantKind, str]:
     """Which plant holds the robot, and a sentence that says why."""
     obstacles = []
@@ -144,21 +151,21 @@ def _plant(
     return "kinematic", f"The poses are kinematic: {why}."
 
 
-def _true_seats(settings: PoseSimulationSettings, instrument: Instrument) -> dict[str, TruePlace]:
+def _true_seats(stated: PosesSettings, instrument: Instrument, seed: int) -> dict[str, TruePlace]:
     """The seats; the second of a pair at the fixture's true distance from the first, drawn."""
-    seats = _places(settings.poses.seats)
+    seats = _places(stated.seats)
     if instrument.distance is None or len(seats) != 2:
         return seats
     (first, second), (length, sigma) = seats, instrument.distance
     apart = seats[second].position - seats[first].position
-    stated = float(np.linalg.norm(apart))
-    if abs(stated - length) > 5.0 * sigma:
+    distance = float(np.linalg.norm(apart))
+    if abs(distance - length) > 5.0 * sigma:
         raise InputError(
-            f"poses.seats: {first} and {second} are {stated:.4g} m apart, those of "
+            f"poses.seats: {first} and {second} are {distance:.4g} m apart, those of "
             f"{instrument.name} {length:g} m. Move one of them."
         )
-    true = length + sigma * float(stream(settings.seed, "seat_distance").standard_normal())
-    position = tuple((seats[first].position + apart * (true / stated)).tolist())
+    true = length + sigma * float(stream(seed, "seat_distance").standard_normal())
+    position = tuple((seats[first].position + apart * (true / distance)).tolist())
     return seats | {second: seats[second].model_copy(update={"position_m": position})}
 
 
@@ -170,7 +177,7 @@ def _places(stated: tuple[PlacementSettings, ...]) -> dict[str, TruePlace]:
 class _Measurement:
     """The true robot, seats and targets while the poses are measured."""
 
-    settings: PoseSimulationSettings
+    settings: SimulationSettings
     instrument: Instrument
     arm: TrueArm
     kind: PlantKind
@@ -230,7 +237,7 @@ class _Measurement:
 
     def references(self, stands: tuple[Stand, ...]) -> Array:
         """(K, R, 3) [m] readings of R reference points, at each pose with its first target."""
-        points = self.settings.poses.reference
+        points = self.settings.needed_poses.reference
         noise = stream(self.settings.seed, "reference_noise")
         readings = []
         for stand in stands:

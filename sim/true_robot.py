@@ -24,11 +24,10 @@ from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.instrument import Instrument
 from cell.load import load_cell, load_instrument, load_plate, load_robot, load_telescoping_bar
-from sim.errors.pose_errors import PoseErrors
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from sim.errors.static_errors import true_geometry
 from sim.plant.effects import PlantEffects, Ripple, plant_effects
-from sim.settings import CellSettings, SimulationSettings
+from sim.settings import CellSettings, ErrorSettings, SimulationSettings
 from sim.streams import stream
 
 _ROUNDS = 4  # of sag; each gains three digits
@@ -72,7 +71,7 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
     instrument = None
     if chosen.instrument is not None:
         instrument = load_instrument(chosen.instrument, relative_to=relative_to)
-    nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
+    nominal = nominal_geometry(cell, chosen.position)
     true = true_geometry(
         nominal,
         errors,
@@ -87,7 +86,7 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
         true=true,
         effects=plant_effects(errors, cell, seed),
         resolvers=resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed),
-        dynamic=settings.plant.kind == "mujoco",
+        dynamic=settings.plant.kind != "kinematic",
     )
 
 
@@ -141,7 +140,7 @@ class TrueArm:
         return yielded
 
 
-def true_arm(robot: Robot, errors: PoseErrors, seed: int) -> TrueArm:
+def true_arm(robot: Robot, errors: ErrorSettings, seed: int) -> TrueArm:
     """The robot of a scenario of still poses, drawn.
 
     Raises InputError for harmonics of an axis that the robot does not have, and for elastic gears
@@ -171,7 +170,7 @@ def true_arm(robot: Robot, errors: PoseErrors, seed: int) -> TrueArm:
     return TrueArm(robot, Chain(**rows), effects, weights)
 
 
-def _harmonics(robot: Robot, errors: PoseErrors, seed: int) -> tuple[Ripple, ...]:
+def _harmonics(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Ripple, ...]:
     """The stated and the drawn harmonic errors of the gears."""
     stated = errors.joint_harmonics
     if beyond := [harmonic.axis for harmonic in stated if harmonic.axis > robot.joints]:

@@ -124,26 +124,19 @@ def _quotients(check: Ratio, runs: Quotient, evidence: ClaimEvidence) -> dict[An
     above = numbers(check, evidence.table, runs.of)
     below = numbers(check, evidence.table, runs.over)
     if above.keys() != below.keys():
-        raise InputError(
-            f"{check.each}: the runs of `of` have the values {list(above)}, those of `over` "
-            f"{list(below)}. "
-            "Make `rows` select the same values for both"
-        )
+        what = f"the runs of `of` have the values {list(above)}, those of `over` {list(below)}."
+        raise InputError.at(check.each, what, "Make `rows` select the same values for both")
     if not all(below.values()):
-        raise InputError(
-            f"{check.column}: the runs of `over` have 0, so there is no ratio. "
-            "Choose another column, or other runs for `over`"
-        )
+        what = "the runs of `over` have 0, so there is no ratio."
+        raise InputError.at(check.column, what, "Choose another column, or other runs for `over`")
     return {value: above[value] / below[value] for value in above}
 
 
 def _ordered(check: Ordered, evidence: ClaimEvidence) -> CheckOutcome:
     groups = [numbers(check, evidence.table, {check.by: value}) for value in check.order]
     if any(group.keys() != groups[0].keys() for group in groups):
-        raise InputError(
-            f"{check.each}: not every group of {check.by} has the same values. "
-            "Let `rows` select runs with the same values"
-        )
+        what = f"not every group of {check.by} has the same values."
+        raise InputError.at(check.each, what, "Let `rows` select runs with the same values")
     met = all(
         check.apart * low[value] <= high[value]
         for low, high in itertools.pairwise(groups)
@@ -161,10 +154,8 @@ def _monotonic(check: Monotonic, evidence: ClaimEvidence) -> CheckOutcome:
     by_value = check.model_copy(update={"each": check.over})
     values = list(numbers(by_value, evidence.table).values())
     if len(values) < 2:
-        raise InputError(
-            f"{check.over}: one value alone neither rises nor falls. "
-            "Let `rows` select runs with several values"
-        )
+        what = "one value alone neither rises nor falls."
+        raise InputError.at(check.over, what, "Let `rows` select runs with several values")
     ordered = values if check.direction == "rising" else values[::-1]
     met = all((1.0 - check.tolerance) * a <= b for a, b in itertools.pairwise(ordered))
     ends = f"{_number(values[0])} to {_number(values[-1])}{unit_of(check.column)}"

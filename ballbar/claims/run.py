@@ -80,10 +80,8 @@ def topics(names: Sequence[str]) -> list[Topic]:
     Raises InputError for an unknown name, DescriptionError for a file that is wrong.
     """
     if not names and not FOLDER.is_dir():
-        raise InputError(
-            f"{FOLDER}: no such folder in {Path.cwd()}. Change to the project's folder, or name "
-            "files of claims."
-        )
+        remedy = "Change to the project's folder, or name files of claims."
+        raise InputError.at(FOLDER, f"no such folder in {Path.cwd()}.", remedy)
     paths = [_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml"))
     read = [Topic(path.stem, path, *load_claims(path)) for path in paths]
     return sorted(read, key=lambda topic: topic.file.order)

@@ -55,7 +55,7 @@ def identifiability_evidence(scenario: Path) -> ClaimEvidence:
 
     Each cost has the encoders that it needs.
     """
-    loop = nominal_loop(load_scenario(scenario), relative_to=scenario.parent)
+    loop = nominal_loop(load_scenario(scenario, moving=True), relative_to=scenario.parent)
     studies: dict[str, tuple[Study, Influences]] = {}
     for cost, encoders in ENCODERS_NEEDED.items():
         result = study(loop, cost, encoders, complete=False)
@@ -101,10 +101,8 @@ def numbers(measure: Measure, table: pd.DataFrame, *also: Rows) -> dict[Any, flo
     if measure.each is None:
         return {None: statistic(measure.statistic, _values(chosen, column))}
     if without := int(chosen[_known(chosen, measure.each)].isna().sum()):
-        raise InputError(
-            f"{measure.each}: {without} of the {len(chosen)} selected runs have no such value. "
-            "Let `rows` select those that have one"
-        )
+        what = f"{without} of the {len(chosen)} selected runs have no such value."
+        raise InputError.at(measure.each, what, "Let `rows` select those that have one")
     groups = chosen.groupby(measure.each, sort=True)
     return {value: statistic(measure.statistic, _values(rows, column)) for value, rows in groups}
 
@@ -136,10 +134,8 @@ def apart(first: pd.DataFrame, second: pd.DataFrame, each: str) -> list[float]:
         for rows in (first, second)
     )
     if not a.index.is_unique or not a.index.equals(b.index):
-        raise InputError(
-            f"{each}: `first` and `second` need one run each of the same values and seeds. Make "
-            "`rows` select them"
-        )
+        what = "`first` and `second` need one run each of the same values and seeds."
+        raise InputError.at(each, what, "Make `rows` select them")
     sizes = 0.5 * (np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1))
     distances = pd.Series(np.linalg.norm(a - b, axis=1) / sizes, index=a.index)
     return [float(x) for x in distances.groupby(level=0).median()]
@@ -179,8 +175,6 @@ def _equal(entries: pd.Series, value: Scalar) -> NDArray[np.bool_]:
 def _values(rows: pd.DataFrame, column: str) -> Array:
     """(N,) values of a column, in the unit of its name."""
     if without := int(rows[column].isna().sum()):
-        raise InputError(
-            f"{column}: {without} of the {len(rows)} selected runs have no such result. "
-            "Let `rows` select those that have one"
-        )
+        what = f"{without} of the {len(rows)} selected runs have no such result."
+        raise InputError.at(column, what, "Let `rows` select those that have one")
     return rows[column].to_numpy(dtype=float)

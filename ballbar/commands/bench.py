@@ -55,51 +55,42 @@ def run(
     --live : Show the cell in a rerun window while it is simulated, then the replay.
     """
     from ballbar.result.names import REPLAY_MODULES
-    from ballbar.scenario import PoseScenario, load_any_scenario
+    from ballbar.scenario import load_scenario
     from cell.processes import second_process
 
-    settings = load_any_scenario(scenario, overrides=overrides or ())
-    folder = out_dir or Path("runs") / settings.name
-    still = isinstance(settings, PoseScenario)
-    if still and live:
-        raise InputError(
-            f"{scenario}: --live shows a motion, and in a scenario of still poses nothing moves. "
-            "Leave it out."
-        )
+    settings = load_scenario(scenario, overrides=overrides or ())
+    folder, moves = out_dir or Path("runs") / settings.name, settings.path is not None
+    if live and not moves:
+        what = "--live shows a motion, and in a scenario of still poses nothing moves."
+        raise InputError.at(scenario, what, "Leave it out.")
     with (
         _live_window() if live else nullcontext() as window,
         progress_bar() as progress,
-        nullcontext(partial) if still else second_process(*REPLAY_MODULES) as begin,
+        second_process(*REPLAY_MODULES) if moves else nullcontext(partial) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.report.terminal import say_comparison, say_identification
-        from ballbar.run import run_pose_scenario, run_scenario
-        from ballbar.truth.limits import plant_sentence
+        from ballbar.run import run_scenario
 
-        words = command_line()
-        if isinstance(settings, PoseScenario):
-            data = run_pose_scenario(settings, scenario, folder, command=words, progress=progress)
-            plant = data.simulated_poses.plant if data.simulated_poses else ""
-        else:
-            data = run_scenario(
-                settings,
-                scenario,
-                out=folder,
-                command=words,
-                progress=progress,
-                live=window,
-                begin=begin,
-            )
-            plant = plant_sentence(data.simulation.truth) if data.simulation else ""
+        data = run_scenario(
+            settings,
+            scenario,
+            out=folder,
+            command=command_line(),
+            progress=progress,
+            live=window,
+            begin=begin,
+        )
     if as_json:
         say_json(run_data(data, folder))
     say_identification(out, data)
-    out.print(escape(plant))
+    if data.simulation is not None:
+        out.print(escape(data.simulation.plant))
     if data.comparison is not None:
         say_comparison(out, data.comparison)
     _say_limits(data.limits)
     report, name = escape(str(folder / "report.html")), escape(str(folder))
-    out.print(f"Look at {report}" + ("" if still else f", or: ballbar replay {name}"))
+    out.print(f"Look at {report}" + (f", or: ballbar replay {name}" if moves else ""))
     raise typer.Exit(0 if data.acceptable else 1)
 
 
@@ -130,29 +121,22 @@ def simulate(
 
     Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`
     """
-    from ballbar.commands.bench_json import pose_simulation_data, simulation_data
-    from ballbar.run import simulate_pose_scenario, simulate_scenario
-    from ballbar.scenario import PoseScenario, load_any_scenario
-    from ballbar.truth.limits import plant_limits, plant_sentence
+    from ballbar.commands.bench_json import simulation_data
+    from ballbar.run import simulate_scenario
+    from ballbar.scenario import load_scenario
+    from ballbar.truth.limits import plant_limits
     from sim.recording_files import truth_path
 
-    settings = load_any_scenario(scenario, overrides=overrides or ())
+    settings = load_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
-    limits: Sequence[Limit] = ()
     with progress_bar() as progress:
-        if isinstance(settings, PoseScenario):
-            poses = simulate_pose_scenario(settings, scenario, folder, progress=progress)
-            plant, data = poses.plant, pose_simulation_data(poses, folder)
-        else:
-            simulation = simulate_scenario(settings, scenario, folder, progress=progress)
-            limits = plant_limits(simulation.truth, settings.accept)
-            plant = plant_sentence(simulation.truth)
-            data = simulation_data(simulation, limits, folder)
+        simulation = simulate_scenario(settings, scenario, folder, progress=progress)
+    limits = plant_limits(simulation.truth, settings.accept)
     if as_json:
-        say_json(data)
-    out.print(escape(plant))
+        say_json(simulation_data(simulation, limits, folder))
+    out.print(escape(simulation.plant))
     _say_limits(limits)
-    what = "Poses" if isinstance(settings, PoseScenario) else "Recording"
+    what = "Poses" if simulation.still else "Recording"
     out.print(f"{what} {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
     raise typer.Exit(0 if all(limit.met for limit in limits) else 1)
 
@@ -184,7 +168,7 @@ def rehearse(
     from ballbar.rehearsal.files import chain, rehearse_into
     from ballbar.scenario import load_scenario
 
-    settings = load_scenario(scenario, overrides=overrides or ())
+    settings = load_scenario(scenario, overrides=overrides or (), moving=True)
     if settings.cell.instrument is None:
         ads_reader("a simulated PLC")
     if settings.identify.cost != "ml" or settings.identify.data != "files":

@@ -15,32 +15,18 @@ if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.truth.limits import Limit
     from sim.simulate import Simulation
     from sim.still_poses import PoseSimulation
-from ballbar.commands.result_json import plant_data
-
-
-def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:
-    """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
-    from sim.recording_files import truth_path
-
-    force = simulation.truth.force_N
-    return {
-        "recording": str(folder),
-        "truth": str(truth_path(folder)),
-        "plant": simulation.plant,
-        "force_N": None if force is None else list(force),
-    }
 
 
 def simulation_data(
-    simulation: Simulation, limits: Sequence[Limit], folder: Path
+    simulation: Simulation | PoseSimulation, limits: Sequence[Limit], folder: Path
 ) -> dict[str, object]:
-    """JSON of `simulate`: recording, truth file, accuracy of the simulated plant, its limits."""
+    """JSON of `simulate`: recording or table, truth file, the simulated plant, its limits."""
     from sim.recording_files import truth_path
 
     return {
         "recording": str(folder),
         "truth": str(truth_path(folder)),
-        "plant": plant_data(simulation),
+        **simulation.figures,
         "limits": [asdict(limit) for limit in limits],
     }
 

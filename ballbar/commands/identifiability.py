@@ -53,7 +53,7 @@ def identifiability(
     )
     from ballbar.scenario import load_scenario
 
-    settings = load_scenario(scenario, overrides=overrides or ())
+    settings = load_scenario(scenario, overrides=overrides or (), moving=True)
     fitted = settings.encoders.fitted if encoders is None else parse_encoders(encoders)
     costs, passed_over = chosen_costs(cost or settings.identify.cost, fitted)
     loop = nominal_loop(settings, relative_to=scenario.parent)

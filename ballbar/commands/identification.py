@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -71,9 +71,7 @@ def identify(
         (none), or keep those of another result.
     --rerun : Write the replay file run.rrd as well.
     """
-    from ballbar.result.names import OUTPUTS, POSE_OUTPUTS, REPLAY_MODULES
-    from cell.files import claimed_folder
-    from cell.pose_file import pose_file_path
+    from ballbar.result.names import REPLAY_MODULES
     from cell.processes import second_process
 
     settings = _settings(
@@ -84,10 +82,9 @@ def identify(
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
-    moving = not all(pose_file_path(recording).is_file() for recording in recordings)
     folder = out_dir or _beside(recordings[0])
     with (
-        claimed_folder(folder, OUTPUTS if moving else POSE_OUTPUTS, "the result"),
+        _claimed(folder, recordings),
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
@@ -112,6 +109,16 @@ def identify(
     say_identification(out, run)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
+
+
+def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
+    """The folder of the result, held for the files that such recordings leave."""
+    from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
+    from cell.files import claimed_folder
+    from cell.pose_file import pose_file_path
+
+    still = all(pose_file_path(recording).is_file() for recording in recordings)
+    return claimed_folder(folder, POSE_OUTPUTS if still else OUTPUTS, "the result")
 
 
 def _beside(recording: Path) -> Path:

@@ -15,7 +15,6 @@ from ballbar.result.run_data import RunData
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.result.compare import Comparison
     from ident.robot.accuracy import TcpError
-    from sim.simulate import Simulation
 
 
 def run_data(run: RunData, folder: Path) -> dict[str, object]:
@@ -33,27 +32,16 @@ def run_data(run: RunData, folder: Path) -> dict[str, object]:
     }
     limits = [asdict(limit) for limit in run.limits]
     if run.recordings:
-        plant: object = plant_data(run.simulation) if run.simulation else None
+        figures = run.simulation.figures if run.simulation else {"plant": None}
         comparison = comparison_data(run.comparison) if run.comparison else None
-        return result | {"plant": plant, "comparison": comparison, "limits": limits}
-    if run.simulated_poses is None or run.comparison is None:
+        return result | figures | {"comparison": comparison, "limits": limits}
+    if run.simulation is None or run.comparison is None:
         return result
     errors = {
         "tcp_error": _tcp(run.comparison.tcp),
         "tcp_error_nominal": _tcp(run.comparison.tcp_nominal),
     }
-    return result | {"plant": run.simulated_poses.plant, "comparison": errors, "limits": limits}
-
-
-def plant_data(simulation: Simulation) -> dict[str, object]:
-    """Largest loop-closure error of the simulated plant, and the range of the force in the rod."""
-    truth = simulation.truth
-    return {
-        "closure_position_m": float(truth.closure.position_m),
-        "closure_angle_rad": float(truth.closure.angle_rad),
-        "rod_force_min_N": float(truth.rod_force.min_N),
-        "rod_force_max_N": float(truth.rod_force.max_N),
-    }
+    return result | run.simulation.figures | {"comparison": errors, "limits": limits}
 
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:

@@ -103,10 +103,8 @@ def _only_chain(joints: Mapping[str, ET.Element], count: int, source: str) -> li
             chains.append(moving)
     if len(chains) != 1:
         what = "several chains" if chains else "no chain"
-        raise InputError(
-            f"{source}: {what} of {count} turning joints; the file has "
-            f"{', '.join(turning) or 'none'}. Name them from base to tip with --joints a,b,c."
-        )
+        wrong = f"{what} of {count} turning joints; the file has {', '.join(turning) or 'none'}."
+        raise InputError.at(source, wrong, "Name them from base to tip with --joints a,b,c.")
     return chains[0]
 
 

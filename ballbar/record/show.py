@@ -183,10 +183,8 @@ def _cell_names(options: RecordOptions) -> CellNames:
     cell = load_cell(options.robot, options.ballbar, options.plate)
     files = [Path(name).name for name in options.own_files]
     if len({*files, "recording.yaml"}) <= len(files):
-        raise InputError(
-            f"{', '.join(options.own_files)}: two files of one folder, or one and recording.yaml, "
-            "cannot have the same name. Rename one of them."
-        )
+        what = "two files of one folder, or one and recording.yaml, cannot have the same name."
+        raise InputError.at(", ".join(options.own_files), what, "Rename one of them.")
     robot, ballbar, plate = (
         Path(name).name if name in options.own_files else name for name in options.cell
     )
@@ -216,10 +214,8 @@ def ads_reader(wanted: str) -> type[AdsMemory]:
             f"{wanted} needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
         ) from None
     except OSError as error:  # pyads loads the ADS library when it is imported
-        raise InputError(
-            f"{wanted}: the ADS library of pyads cannot be loaded ({error}). On Windows it comes "
-            "with TwinCAT."
-        ) from None
+        what = f"the ADS library of pyads cannot be loaded ({error})."
+        raise InputError.at(wanted, what, "On Windows it comes with TwinCAT.") from None
     return AdsMemory
 
 

@@ -35,10 +35,8 @@ def holds_poses(path: Path) -> bool:
         return path.suffix == ".yaml" and path.name != "recording.yaml"
     poses = (path / "poses.yaml").exists()
     if poses and (path / "recording.yaml").exists():
-        raise InputError(
-            f"{path}: holds poses.yaml and recording.yaml. Name {path / 'poses.yaml'}, or move the "
-            "recording into a folder of its own."
-        )
+        remedy = f"Name {path / 'poses.yaml'}, or move the recording into a folder of its own."
+        raise InputError.at(path, "holds poses.yaml and recording.yaml.", remedy)
     return poses
 
 

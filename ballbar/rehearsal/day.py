@@ -21,7 +21,7 @@ from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.verification import verify_folder
-from ballbar.run import simulate_scenario
+from ballbar.run import simulate_recording
 from ballbar.scenario import Scenario
 from ballbar.truth.compare import identification_against_truth
 from ballbar.truth.limits import Limit, corrected_limits, tcp_limits
@@ -119,7 +119,7 @@ def rehearse(day: Day) -> Rehearsal:
 def _simulated(day: Day, name: str, scenario: Scenario) -> Truth:
     """Simulates what the devices will deliver of a path."""
     folder = day.folder / SIMULATED / name
-    return simulate_scenario(scenario, day.file, folder, progress=day.progress).truth
+    return simulate_recording(scenario, day.file, folder, progress=day.progress).truth
 
 
 def _taken(
@@ -216,14 +216,14 @@ def _planned(day: Day) -> Scenario:
         day.scenario, day.folder, day.folder / FIRST, day.file.parent
     )
     before, then = predicted["by_results_before"], predicted["rms_median_robot"]
-    position = second.cell.ballbar_position_m
+    position = second.cell.position.tolist()
     seat = ", ".join(f"{v:.3f}" for v in position)
     violated = "" if feasible else "; a limit is violated in MuJoCo"
     sentence = (
         f"seat ({seat}) m; scale known, {_mm(before)} by the first result, {_mm(then)} "
         f"predicted with the path{violated}"
     )
-    figures = {"tcp_sigma_m": predicted, "seat_m": list(position), "feasible": feasible}
+    figures = {"tcp_sigma_m": predicted, "seat_m": position, "feasible": feasible}
     day.done("plan path2", sentence, figures, met=feasible)
     return second
 
@@ -270,9 +270,9 @@ def _mean_and_max(values: Array) -> dict[str, float]:
 def _verified(day: Day) -> None:
     """One more path against the result: held out, if the scenario names one."""
     scenario = day.scenario
-    file = scenario.accept.held_out_file or scenario.path.file
+    file = scenario.accept.held_out_file or scenario.needed_path.file
     changes = {
-        "path": scenario.path.model_copy(update={"file": file}),
+        "path": scenario.needed_path.model_copy(update={"file": file}),
         "recording": scenario.recording + 2,
     }
     _simulated(day, "path3", scenario.model_copy(update=changes))

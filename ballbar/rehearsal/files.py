@@ -110,7 +110,7 @@ def rehearsal_page(rehearsal: Rehearsal) -> str:
     page = template("rehearsal.html").render(
         title=day.scenario.name,
         subtitle=f"{cell.robot} and {cell.measured_by}, paths of "
-        f"{day.scenario.path.duration_s:g} s at {day.speed:g} times real time{fault}: "
+        f"{day.scenario.needed_path.duration_s:g} s at {day.speed:g} times real time{fault}: "
         f"{day.took:.0f} s in all.",
         band="bad" if missed else "good",
         heading=f"Not as required: {', '.join(missed)}" if missed else "As required",

@@ -167,7 +167,7 @@ def record_live(
     path = LivePath(Pace(speed))
     if fault is not None:
         rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
-        path.fault, path.began = fault, moving_at(logs, MIDWAY * scenario.path.duration_s)
+        path.fault, path.began = fault, moving_at(logs, MIDWAY * scenario.needed_path.duration_s)
         path.shows = FAULTS[fault](logs, path.began, rng)
     if growing:
         _grown(growing, path, identify=identify)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-import numpy as np
-
 from ballbar.plan.show import plan_path
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.terminal import PlainConsole
@@ -54,7 +52,7 @@ def plan_second_path(
     file = str((plan / "path.yaml").resolve())
     changes = {
         "cell": scenario.cell.model_copy(update={"ballbar_position_m": position}),
-        "path": scenario.path.model_copy(update={"file": file}),
+        "path": scenario.needed_path.model_copy(update={"file": file}),
         "recording": scenario.recording + 1,
     }
     return scenario.model_copy(update=changes), planned["tcp_sigma_m"], feasible
@@ -63,7 +61,7 @@ def plan_second_path(
 def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
     """The planning request of a scenario's second path: its cell, times and sensors."""
     named = with_absolute_names(scenario, relative_to).cell
-    position, encoders = np.array(named.ballbar_position_m), scenario.encoders
+    position, encoders = named.position, scenario.encoders
     region = {
         "lower": (position - REACH).round(6).tolist(),
         "upper": (position + REACH).round(6).tolist(),
@@ -71,7 +69,7 @@ def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
     request: dict[str, object] = {
         "schema": "ballbar-plan/1",
         "name": "path2",
-        "timing": scenario.path.model_dump(include={"duration_s", "dwell_s", "stops"}),
+        "timing": scenario.needed_path.model_dump(include={"duration_s", "dwell_s", "stops"}),
         "seed": scenario.seed,
     }
     cell: dict[str, object] = {

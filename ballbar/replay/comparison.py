@@ -121,9 +121,8 @@ def _chunks(file: Path) -> list[Chunk]:
     try:
         chunks = RrdReader(str(file)).stream().to_chunks()
     except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(
-            f"{file}: cannot be read as a replay ({error}). Write it again with `ballbar run`."
-        ) from None
+        what = f"cannot be read as a replay ({error})."
+        raise InputError.at(file, what, "Write it again with `ballbar run`.") from None
     data = [chunk for chunk in chunks if not chunk.entity_path.startswith("/__")]
     if not any(chunk.entity_path == NOTES for chunk in data):
         raise InputError(f"{file}: is no replay of a run. `ballbar run` writes run.rrd.")

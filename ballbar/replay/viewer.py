@@ -40,10 +40,8 @@ def chosen_replay(run: Path, against: Path | None) -> AbstractContextManager[Pat
     for path in (run,) if against is None else (run, against):
         files.append(path / REPLAY if path.is_dir() else path)
         if not files[-1].is_file():
-            raise InputError(
-                f"{files[-1]}: no replay file. Make one with `ballbar run`, or "
-                "`ballbar identify RECORDING --rerun`."
-            )
+            remedy = "Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`."
+            raise InputError.at(files[-1], "no replay file.", remedy)
     if against is None:
         return nullcontext(files[0])
     # rerun is slow to import, and reading replays is rarely needed

@@ -97,7 +97,7 @@ def _prepared_recording(data: RunData, fitted: FittedRecording) -> tuple[Shown, 
     motion, estimate, simulation = cell_motion(fitted), fitted.estimate, data.simulation
     cell, geometry = data.identification.robot.cell, estimate.geometry
     series, truth = recording_series(fitted, motion, data.identification.robot), None
-    if simulation is not None:
+    if simulation is not None and simulation.still is False:
         truth = true_tool(simulation, estimate, motion.t)
         series |= truth_series(simulation, estimate, truth, motion.t)
     name, (x, y, _) = fitted.name if data.several else "", geometry.origin

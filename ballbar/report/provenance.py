@@ -45,7 +45,7 @@ def provenance_section(run: RunData, command: str, written: datetime) -> Section
         command=without_folders(command),
         cell=cell,
         seed=simulation.truth.seed if simulation else None,
-        versions=versions(simulated=bool(simulation or run.simulated_poses)),
+        versions=versions(simulated=simulation is not None),
         inputs=_inputs(run),
         written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
     )

@@ -327,10 +327,8 @@ def _check_robot(calibration: Calibration, document: YamlDocument) -> None:
     """A result of still poses has the joints and the parameters of the robot that it names."""
     file, robot = calibration.file, calibration.robot
     if len(file.ranges) != robot.joints:
-        raise DescriptionError(
-            f"{calibration.path}: ranges of {len(file.ranges)} joints, robot {file.robot} has "
-            f"{robot.joints}. Was the robot's file changed since?"
-        )
+        wrong = f"ranges of {len(file.ranges)} joints, robot {file.robot} has {robot.joints}."
+        raise DescriptionError.at(calibration.path, wrong, "Was the robot's file changed since?")
     expected = {p.name for p in arm_parameters(robot)}
     for name in sorted(expected.symmetric_difference(file.parameters)):
         what = "missing" if name in expected else "no parameter that still poses tell"

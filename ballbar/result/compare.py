@@ -77,10 +77,8 @@ def compare(first: Calibration, second: Calibration, target: str | None = None) 
     """
     _ = second.file_of_logs() if first.of_logs else second.file_of_poses()
     if first.robot.title != second.robot.title:
-        raise InputError(
-            f"{second.path}: is of robot {second.robot.title}, {first.path} of "
-            f"{first.robot.title}. Compare calibrations of the same robot."
-        )
+        what = f"is of robot {second.robot.title}, {first.path} of {first.robot.title}."
+        raise InputError.at(second.path, what, "Compare calibrations of the same robot.")
     if not first.of_logs:
         return _compare_poses(first, second, target)
     cell = first.cell()

@@ -45,7 +45,7 @@ class RunData:
     name: str
     recordings: tuple[FittedRecording, ...]
     identification: Identification
-    simulation: Simulation | None = None
+    simulation: Simulation | PoseSimulation | None = None
     comparison: Comparison | None = None
     limits: tuple[Limit, ...] = ()
     validations: tuple[Validation, ...] = ()
@@ -54,7 +54,6 @@ class RunData:
     # name, folder and content of tables of still poses that were fitted
     tables: tuple[tuple[str, Path, PoseImport], ...] = ()
     held_out_tables: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
-    simulated_poses: PoseSimulation | None = None  # in place of `simulation`, without recordings
 
     @property
     def acceptable(self) -> bool:

@@ -156,10 +156,8 @@ def read_tables(
     for folder, content in zip(folders, read, strict=True):
         first = read[0].table.robot
         if content.table.robot.title != first.title:
-            raise InputError(
-                f"{folder}: is of robot {content.table.robot.title}, {folders[0]} of {first.title}"
-                ". Tables that belong together must be of one robot."
-            )
+            what = f"is of robot {content.table.robot.title}, {folders[0]} of {first.title}."
+            raise InputError.at(folder, what, "Tables that belong together must be of one robot.")
     return tuple(zip(names, folders, read, strict=True))
 
 
@@ -191,10 +189,8 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
     """
     paths = [folder.resolve() for folder in folders]
     if twice := [str(folders[i]) for i, path in enumerate(paths) if path in paths[:i]]:
-        raise InputError(
-            f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
-            "as held out."
-        )
+        remedy = "A recording counts once, and what was fitted proves nothing as held out."
+        raise InputError.at(twice[0], "given twice.", remedy)
     names = [""] * len(paths)
     for parts in range(1, max(len(path.parts) for path in paths) + 1):
         tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in paths]

@@ -145,10 +145,8 @@ def _read_csv(path: Path) -> _Table:
     for (number, _), row in zip(lines[1:], rows, strict=True):
         where = f"{path}:{number}"
         if len(row) != len(header):
-            raise InputError(
-                f"{where}: {len(row)} values below {len(header)} columns. Complete the row; "
-                "numbers have a decimal point."
-            )
+            what = f"{len(row)} values below {len(header)} columns."
+            raise InputError.at(where, what, "Complete the row; numbers have a decimal point.")
         entries.append((where, {k: v for k, v in zip(header, row, strict=True) if v}))
     return _table(entries, str(path), None)
 
@@ -158,10 +156,8 @@ def _read_yaml(path: Path) -> _Table:
     document = load_yaml(path)
     data = document.data
     if unknown := [key for key in data if key not in ("convention", "rows")]:
-        raise InputError(
-            f"{document.place_of((unknown[0],))}: unknown key {unknown[0]}. A table has "
-            "`convention` and `rows`."
-        )
+        remedy = "A table has `convention` and `rows`."
+        raise InputError.at(document.place_of((unknown[0],)), f"unknown key {unknown[0]}.", remedy)
     rows = data.get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(
@@ -193,9 +189,8 @@ def _table(rows: list[tuple[str, Mapping[str, Any]]], path: str, convention: Any
         )
     fixed = [where for where, row in rows if row.get("joint") == "fixed"]
     if fixed and fixed != [rows[-1][0]]:
-        raise InputError(
-            f"{fixed[0]}: only the last row may be fixed. Add this one to the row of a joint."
-        )
+        what = "only the last row may be fixed."
+        raise InputError.at(fixed[0], what, "Add this one to the row of a joint.")
     return _Table(values, bool(fixed), conventions.pop() if conventions else CONVENTIONS[0])
 
 

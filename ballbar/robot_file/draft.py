@@ -69,17 +69,14 @@ def read_description(path: Path) -> str:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file. Correct the name.") from None
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read: {error.strerror}. Name the URDF or table itself, without "
-            "meshes."
-        ) from None
+        what = f"cannot be read: {error.strerror}."
+        raise InputError.at(path, what, "Name the URDF or table itself, without meshes.") from None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}:{line}: byte 0x{raw[error.start]:02x} is not UTF-8. Save the file as UTF-8."
-        ) from None
+        what = f"byte 0x{raw[error.start]:02x} is not UTF-8."
+        raise InputError.at(f"{path}:{line}", what, "Save the file as UTF-8.") from None
 
 
 def rounded(form: DHForm) -> DHForm:
@@ -105,10 +102,8 @@ def check_rows(source: str, chain: Chain) -> None:
     source : named in messages.
     """
     if not FEWEST_AXES <= chain.rows <= MOST_AXES:
-        raise InputError(
-            f"{source}: {chain.rows} turning joints; a robot has {FEWEST_AXES} to {MOST_AXES}. "
-            "Choose the ends of the chain with --base and --tip."
-        )
+        what = f"{chain.rows} turning joints; a robot has {FEWEST_AXES} to {MOST_AXES}."
+        raise InputError.at(source, what, "Choose the ends of the chain with --base and --tip.")
     for i in range(chain.rows):
         for letter in ("a", "d"):
             length = float(getattr(chain, letter)[i])

@@ -57,9 +57,8 @@ def target_file(name: str, out: Path | None) -> Path:
         raise InputError(f"--out {file}: a robot's file ends in .yaml. Write {file}.yaml.")
     for path in (file, picture_of(file)):
         if path.exists():
-            raise InputError(
-                f"{path}: exists already; nothing was written. Name another file with --out."
-            )
+            what = "exists already; nothing was written."
+            raise InputError.at(path, what, "Name another file with --out.")
     return file
 
 

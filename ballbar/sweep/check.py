@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ballbar.code_version import code_version
-from ballbar.scenario import SCENARIOS, Scenario
+from ballbar.scenario import SCENARIOS, Scenario, load_scenario
 from ballbar.sweep.chunk import Files
 from ballbar.sweep.file import Changes, flattened, load_sweep_file
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
@@ -24,7 +24,7 @@ from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import Value, load_extended, location_of, overlap, with_changes
 from cell.recording import load_recording_file
 from cell.schema_errors import Loc, explain
-from cell.strict_yaml import Place, YamlDocument, parse_model
+from cell.strict_yaml import Place, YamlDocument
 
 MAX_ERRORS = 10  # shown at once: about half a terminal
 
@@ -56,7 +56,7 @@ def load_sweep(path: Path, overrides: Sequence[str] = ()) -> LoadedSweep:
             f"no such file {scenario_file}. Name it relative to the sweep file."
         )
     scenario = load_extended(scenario_file, SCENARIOS)
-    parse_model(scenario, Scenario)
+    load_scenario(scenario_file, moving=True)
     try:
         base = with_changes(scenario.data, flattened(sweep.change))
     except InputError as error:

@@ -167,10 +167,8 @@ def _refuse_unless_grown(file: Path, plan: Plan) -> None:
         if not changed:
             return
         reason = f"are of another sweep (changed: {', '.join(changed[:MAX_CHANGED])})"
-    raise InputError(
-        f"{file}: its chunks {reason}; nothing was run. Choose another folder with --out, or "
-        "delete this one."
-    )
+    what = f"its chunks {reason}; nothing was run."
+    raise InputError.at(file, what, "Choose another folder with --out, or delete this one.")
 
 
 def changed_keys(plan: Plan, earlier: Plan) -> list[str]:

@@ -74,10 +74,8 @@ def chunk_rows(chunk: Path) -> dict[int, Row]:
     try:
         return {row["run"]: row for row in json.loads(chunk.read_bytes())}
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"{chunk}: cannot be read: {error}. Delete this file and run the sweep again; only its "
-            "runs are repeated."
-        ) from None
+        remedy = "Delete this file and run the sweep again; only its runs are repeated."
+        raise InputError.at(chunk, f"cannot be read: {error}.", remedy) from None
 
 
 def write_table(

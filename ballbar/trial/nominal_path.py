@@ -37,7 +37,7 @@ def nominal_path(
     Raises InputError for a file that cannot be read or a path that the mechanism cannot follow.
     """
     loaded = scenario_cell(cell, relative_to=folder)
-    nominal = nominal_geometry(loaded, np.array(cell.ballbar_position_m))
+    nominal = nominal_geometry(loaded, cell.position)
     log = recorded_log(path, folder)
     return loaded, nominal, scenario_path(path, loaded, nominal, relative_to=folder, recorded=log)
 

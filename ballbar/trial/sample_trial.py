@@ -95,12 +95,12 @@ def trial_samples(scenario: Scenario, folder: Path) -> KinematicSamples:
 
 def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
     """Robot, ball-bar and plate of a scenario."""
-    return _nominal_path(scenario.cell, scenario.path, folder)[0]
+    return _nominal_path(scenario.cell, scenario.needed_path, folder)[0]
 
 
 def nominal_of(scenario: Scenario, folder: Path) -> Geometry:
     """Nominal geometry of a scenario's cell, the ball-bar where the scenario puts it."""
-    return _nominal_path(scenario.cell, scenario.path, folder)[1]
+    return _nominal_path(scenario.cell, scenario.needed_path, folder)[1]
 
 
 def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
@@ -109,7 +109,7 @@ def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
     With `pairing: logs` those of C_l with every cost, and the offsets of its encoders (sec. 5.4).
     """
     cost, choice = _thesis_cost(scenario.identify), scenario.identify.parameters
-    chosen = partial(_parameters, scenario.cell, scenario.path, folder)
+    chosen = partial(_parameters, scenario.cell, scenario.needed_path, folder)
     if scenario.identify.pairing == "fit":
         return chosen(cost, choice)
     index = nominal_of(scenario, folder).table.index

@@ -121,7 +121,7 @@ class _Recorded:
 @lru_cache(RECORDINGS)
 def _recorded(settings: Scenario, folder: Path) -> _Recorded:
     """The files of a scenario. settings : without its identification, so that all have the same."""
-    log = recorded_log(settings.path, folder)
+    log = recorded_log(settings.needed_path, folder)
     simulation = simulate(settings, relative_to=folder, recorded=log)
     top = mkdtemp(prefix="ballbar-trial-")
     made = _Recorded(Path(top) / RECORDING, simulation.cell, simulation.truth)

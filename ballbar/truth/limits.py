@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ballbar.result.compare import Comparison
-from ballbar.scenario import AcceptSettings, TcpLimits
-from ballbar.units import MM, PPM, UM, URAD, US
+from ballbar.scenario import AcceptSettings
+from ballbar.units import MM, PPM, UM, US
 from cell.arrays import Array
 from cell.number_text import significant_text
 from ident.held_out import HeldOut
 from ident.result import Identification
 from ident.robot.accuracy import TcpError
 from ident.verdict import Status
-from sim.truth import Truth
+from sim.truth import PoseTruth, Truth
 
 Measured = dict[str, tuple[str, float, str]]  # what, value and unit of each key of `accept`
 
@@ -46,17 +46,10 @@ def _counted_or_measured(value: float) -> str:
     return f"{value:.0f}" if value.is_integer() else significant_text(value)
 
 
-def plant_sentence(truth: Truth) -> str:
-    """How well the plant closed its loop, and the force in the rod."""
-    position, angle = truth.closure.position_m * UM, truth.closure.angle_rad * URAD
-    return (
-        f"plant: loop closed within {position:.3f} um and {angle:.3f} urad, "
-        f"rod force {truth.rod_force.min_N:.0f} to {truth.rod_force.max_N:.0f} N"
-    )
-
-
-def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:
-    """The limits of what was simulated: they need no identification."""
+def plant_limits(truth: Truth | PoseTruth, accept: AcceptSettings) -> tuple[Limit, ...]:
+    """The limits of what was simulated: they need no identification. Still poses have none."""
+    if isinstance(truth, PoseTruth):
+        return ()
     force = max(-truth.rod_force.min_N, truth.rod_force.max_N)
     measured: Measured = {
         "loop_closure_um": (
@@ -90,7 +83,7 @@ def result_limits(
 
 
 def tcp_limits(
-    status: Status, sigma: Array, comparison: Comparison, accept: TcpLimits
+    status: Status, sigma: Array, comparison: Comparison, accept: AcceptSettings
 ) -> tuple[Limit, ...]:
     """The limits that every scenario can state; sigma : (G,) [m] stated TCP uncertainty."""
     measured = _tcp(comparison.tcp, sigma)
@@ -117,14 +110,14 @@ def _tcp(error: TcpError, sigma: Array) -> Measured:
     }
 
 
-def _verdict(status: Status, accept: TcpLimits) -> tuple[Limit, ...]:
+def _verdict(status: Status, accept: AcceptSettings) -> tuple[Limit, ...]:
     if accept.verdict is None:
         return ()
     met = status.severity <= Status(accept.verdict).severity
     return (Limit("verdict", str(status), accept.verdict, "", met),)
 
 
-def _stated(measured: Measured, accept: TcpLimits) -> tuple[Limit, ...]:
+def _stated(measured: Measured, accept: AcceptSettings) -> tuple[Limit, ...]:
     """A limit for each measured key that the scenario states."""
     stated = accept.model_dump(exclude_none=True)
     return tuple(

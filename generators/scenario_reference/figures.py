@@ -117,7 +117,7 @@ def _sizes(changes: Changes, plot: Plot) -> dict[str, str]:
     t = np.arange(1.0, end - 1.0, 0.01)
     a, b = (View(each, t, known, plot.counted) for each in (on, off))
     residual = np.linalg.norm(a.residual - b.residual, axis=1)
-    with_forces = on.settings.plant.kind == "mujoco"
+    with_forces = on.settings.plant.kind != "kinematic"
     return {
         "tool_um": _largest(residual, 1e6),
         "q_urad": _largest(a.q - b.q, 1e6),

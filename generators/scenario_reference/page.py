@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ballbar.scenario import PoseScenario, Scenario
+from ballbar.scenario import OF_EVERY_RUN, Scenario
 from cell.load import load_cell
 from generators.scenario_reference.keys import (
     field_at,
@@ -23,6 +23,7 @@ from generators.scenario_reference.keys import (
 from generators.scenario_reference.plots import Source
 from generators.scenario_reference.runs import ROOT
 from generators.scenario_reference.sources import GROUPS
+from sim.settings import OF_BALLBAR, OF_PATH, OF_POSES
 
 PAGE = ROOT / "docs" / "scenario_reference.md"
 MACHINES = {"irb2400": "lund_600", "nj220": "lund_900"}
@@ -86,13 +87,19 @@ Default from: {origin}
 """
 
 POSES_HEAD = """
-# Scenarios of still poses
+## Still poses
 
 A scenario with `poses` in place of `path`: the robot stands before a telescoping ball-bar, a
 draw-wire, a tracker or a socket ([instruments](poses.md)). `ballbar run` writes a table of poses,
 identifies the robot from it and compares it with the truth. The file of the robot needs no masses:
 without them, and before an instrument that does not pull, the poses are kinematic, and the run says
 so.
+
+A key that belongs to another kind of scenario is refused, unless it states its default.
+
+- With `poses` only: {of_poses}.
+- With `path` only: {of_path}; of `accept` all but {limits}.
+- With `path` and a ball-bar with encoders only: {of_ballbar}.
 """
 
 SIZES_HEAD = """
@@ -119,12 +126,20 @@ def page_text(sizes: list[dict[str, str]]) -> str:
         f"{r['tool_um']} | {r['q_urad']} | {r['b_urad']} | {r['rod_N']} |\n"
         for r in sizes
     )
-    moving = HEAD.format(contents=contents) + "".join(_sections()) + SIZES_HEAD + "".join(rows)
-    return moving + POSES_HEAD + "".join(_pose_sections())
+    head, sections = HEAD.format(contents=contents), "".join(_sections())
+    return head + sections + _still_poses() + SIZES_HEAD + "".join(rows)
+
+
+def _still_poses() -> str:
+    """Which keys belong to a robot that stands still, and which to one that moves."""
+    names = {"of_poses": OF_POSES, "of_path": (*OF_PATH, "identify"), "of_ballbar": OF_BALLBAR}
+    listed = {k: ", ".join(f"`{key}`" for key in keys) for k, keys in names.items()}
+    return POSES_HEAD.format(**listed, limits=", ".join(f"`{key}`" for key in OF_EVERY_RUN))
 
 
 def _sections() -> Iterator[str]:
     """The keys at the top, then each section: its table, then its sources group by group."""
+    pictured = {source.key for sources in GROUPS.values() for source in sources}
     yield "\n## At the top\n"
     yield from table("", Scenario)
     for section, info in Scenario.model_fields.items():
@@ -132,22 +147,14 @@ def _sections() -> Iterator[str]:
             yield f"\n## {section}\n\n{first_paragraph(model)}\n"
             yield from table(section, model)
             yield from _pictures(section)
-
-
-def _pose_sections() -> Iterator[str]:
-    """The same for a scenario of still poses, its sources without pictures."""
-    yield "\n## At the top of a scenario of still poses\n"
-    yield from table("", PoseScenario)
-    for section, info in PoseScenario.model_fields.items():
-        for model in models_in(info.annotation):
-            yield f"\n## {section} (still poses)\n\n{first_paragraph(model)}\n"
-            yield from table(section, model)
             for name, field in model.model_fields.items():
-                for inner in models_in(field.annotation):
-                    yield _pose_source(f"{section}.{name}", field, inner)
+                if (key := f"{section}.{name}") not in pictured:
+                    yield from (
+                        _without_picture(key, field, m) for m in models_in(field.annotation)
+                    )
 
 
-def _pose_source(key: str, field: FieldInfo, model: type[BaseModel]) -> str:
+def _without_picture(key: str, field: FieldInfo, model: type[BaseModel]) -> str:
     items = "\n".join(list_item(name, each) for name, each in model.model_fields.items())
     many = "A list." if values_text(field).startswith("list of") else ""
     notes = [first_paragraph(model), field.description or "", many]

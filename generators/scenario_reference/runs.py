@@ -114,7 +114,7 @@ class View:
     def samples(self) -> KinematicSamples:
         """Paired samples of the run at these times."""
         settings, cell = self.run.settings, self.simulation.cell
-        nominal = nominal_geometry(cell, np.array(settings.cell.ballbar_position_m))
+        nominal = nominal_geometry(cell, settings.cell.position)
         path = sample_path_at(
             cell, nominal, self.simulation.path, self.t, delay=delay_of(settings.errors)
         )

@@ -172,6 +172,7 @@ class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
     joint_compliance: JointCompliance | None = None
+    """At still poses it requires masses and gears in the robot's file."""
     gear_backlash: GearBacklash | None = None
     """Requires joint_compliance."""
     transmission_error: TransmissionError | None = None

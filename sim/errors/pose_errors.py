@@ -6,14 +6,12 @@ sim.instrument_readings.
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cell.schema import NotNegative, Strict
-from cell.schema_errors import wrong_key
-from sim.errors.plant_errors import JointCompliance
-from sim.errors.sensor_errors import JointNoise, Share
+from sim.errors.sensor_errors import Share
 
 Axis = Annotated[int, Field(ge=1, le=8)]
 
@@ -61,21 +59,6 @@ class InstrumentNoise(Strict):
     """Factor on all standard deviations of the file."""
 
 
-class PoseOutliers(Strict):
-    """Some readings are grossly wrong: a broken beam, a mount that was not seated."""
-
-    share: Share = 0.03
-    size_m: tuple[NotNegative, NotNegative] = (1.0e-3, 2.0e-2)
-    """Smallest and largest; drawn log-uniformly. Assumed."""
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if not 0.0 < self.size_m[0] <= self.size_m[1]:
-            message = "expected the smallest size first, above 0"
-            raise wrong_key("size_m", message=message)
-        return self
-
-
 class Unsettled(Strict):
     """The angles of some poses were read while the robot was still on its way."""
 
@@ -99,18 +82,10 @@ class Drift(Strict):
     """From the first pose to the last, about the robot's base. Assumed."""
 
 
-class PoseErrors(Strict):
-    """Error sources; each is absent unless named."""
+class ArmErrors(Strict):
+    """Error sources of an arm at still poses; each is absent unless named."""
 
     geometry: GeometryErrors | None = None
     joint_harmonics: tuple[JointHarmonic, ...] = ()
     drawn_harmonics: DrawnHarmonics | None = None
     unit_weights: UnitWeights | None = None
-    joint_compliance: JointCompliance | None = None
-    """Requires masses and gears in the robot's file."""
-    joint_noise: JointNoise | None = None
-    instrument_noise: InstrumentNoise | None = None
-    outliers: PoseOutliers | None = None
-    unsettled: Unsettled | None = None
-    rounding: Rounding | None = None
-    drift: Drift | None = None

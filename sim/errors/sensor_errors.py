@@ -7,13 +7,14 @@ encoder_error_model and motor_position_sensor; shapes: Renishaw, The accuracy of
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from cell.arrays import Array
 from cell.schema import NotNegative, Positive, Strict
+from cell.schema_errors import wrong_key
 from sim.streams import stream
 
 LEAD = 0.5  # [s] of the path before the first row of the later log, and after the last of both
@@ -244,7 +245,9 @@ Share = Annotated[float, Field(ge=0.0, le=0.5)]
 
 
 class Outliers(Strict):
-    """Some rows of a log have one value that is grossly wrong."""
+    """Some rows of a log have one value that is grossly wrong, or some readings at still poses:
+    a broken beam, a mount that was not seated.
+    """
 
     robot_probability: Share = 0.05
     """Share of the robot's rows in which the angle of one joint is wrong."""
@@ -252,13 +255,19 @@ class Outliers(Strict):
     """Share of the ball-bar's rows in which one encoder's angle is wrong."""
     size_rad: tuple[NotNegative, NotNegative] = (1.0e-3, 0.1)
     """Smallest and largest error; drawn log-uniformly and with either sign. Assumed."""
+    share: Share = 0.03
+    """Share of the readings at still poses."""
+    size_m: tuple[NotNegative, NotNegative] = (1.0e-3, 2.0e-2)
+    """Smallest and largest error of a reading at a still pose; drawn log-uniformly. Assumed."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> Outliers:
+    def _ordered(self) -> Self:
         if not self.size_rad[0] <= self.size_rad[1]:
             raise ValueError(
                 f"size_rad = [{self.size_rad[0]:g}, {self.size_rad[1]:g}]: the smallest comes first"
             )
+        if not 0.0 < self.size_m[0] <= self.size_m[1]:
+            raise wrong_key("size_m", message="expected the smallest size first, above 0")
         return self
 
     def on_robot(self, rows: int, joints: int, seed: int) -> Array:

@@ -41,7 +41,7 @@ _GROWTH_ROUNDS = 2  # over the directions in which the links grow; each gains fo
 
 def refuse_forces(settings: SimulationSettings) -> None:
     """Raise InputError when a path, an error source or a log requires forces."""
-    stated = ["path.kind = push_pull"] * (settings.path.kind == "push_pull")
+    stated = ["path.kind = push_pull"] * (settings.needed_path.kind == "push_pull")
     stated += [f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name)]
     loads = ("torque", "force_sensor")
     stated += [f"logs.{name}" for name in loads if getattr(settings.logs, name)]

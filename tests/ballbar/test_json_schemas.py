@@ -34,8 +34,7 @@ def kinds() -> dict[str, str]:
 
 
 def kind_of(data: dict[str, Any]) -> str:
-    without = "pose-scenario" if "poses" in data else "scenario"
-    return kinds()[data["schema"]] if "schema" in data else without
+    return kinds()[data["schema"]] if "schema" in data else "scenario"
 
 
 def faults_of(data: dict[str, Any], kind: str | None = None) -> list[str]:

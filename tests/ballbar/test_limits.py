@@ -11,14 +11,7 @@ import numpy as np
 import pytest
 
 from ballbar.result.compare import Comparison
-from ballbar.scenario import (
-    SHIPPED,
-    AcceptSettings,
-    Scenario,
-    TcpLimits,
-    load_any_scenario,
-    load_scenario,
-)
+from ballbar.scenario import OF_EVERY_RUN, SHIPPED, AcceptSettings, load_scenario
 from ballbar.truth.limits import Limit, corrected_limits, plant_limits, result_limits, tcp_limits
 from cell.errors import DescriptionError
 from ident.held_out import HeldOut
@@ -32,7 +25,7 @@ PATHS = str(SHIPPED / "paths")
 MOVING = sorted(
     file.stem
     for file in SHIPPED.glob("*.yaml")
-    if isinstance(load_any_scenario(file), Scenario) and file.stem != "irb2400_push_pull"
+    if load_scenario(file).path and file.stem != "irb2400_push_pull"
 )
 
 ERROR = TcpError(np.zeros((2, 3)), np.array([1e-5, 3e-5]), np.array([1e-5, 3e-5]))
@@ -98,7 +91,7 @@ def test_a_limit_is_met_above_what_was_measured_and_missed_below(key: str) -> No
 def test_no_key_is_without_a_limit() -> None:
     others = {"verdict", "held_out_file", *CORRECTED}
     assert set(SIZES) | others == set(AcceptSettings.model_fields)
-    assert set(TcpLimits.model_fields) <= set(AcceptSettings.model_fields)
+    assert set(OF_EVERY_RUN) <= set(AcceptSettings.model_fields)
 
 
 def test_a_verdict_worse_than_the_limit_misses_it() -> None:
@@ -109,18 +102,17 @@ def test_a_verdict_worse_than_the_limit_misses_it() -> None:
 
 
 def test_still_poses_have_the_limits_of_the_tool_and_the_verdict() -> None:
-    accept = TcpLimits.model_validate(
-        {key: 0.9 * SIZES[key] for key in TcpLimits.model_fields if key != "verdict"}
-        | {"verdict": "good"}
+    accept = AcceptSettings.model_validate(
+        {key: 0.9 * SIZES[key] for key in OF_EVERY_RUN if key != "verdict"} | {"verdict": "good"}
     )
     stated = tcp_limits(FOUND.verdict.status, FOUND.robot.tcp_sigma, COMPARISON, accept)
-    assert len(stated) == len(TcpLimits.model_fields)
+    assert len(stated) == len(OF_EVERY_RUN)
     assert not any(limit.met for limit in stated)
 
 
 def test_every_shipped_scenario_can_fail() -> None:
     for file in SHIPPED.glob("*.yaml"):
-        accept = load_any_scenario(file).accept
+        accept = load_scenario(file).accept
         assert accept.model_dump(exclude_none=True, exclude_defaults=True), file.name
 
 

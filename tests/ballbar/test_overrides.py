@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from ballbar.scenario import SCENARIOS as KIND
-from ballbar.scenario import load_any_scenario, load_scenario
+from ballbar.scenario import AcceptSettings, load_scenario
 from ballbar.sweep.check import load_sweep
 from cell.errors import DescriptionError
 from cell.strict_yaml import load_yaml
 from planning.request import load_request
+from sim.settings import CellSettings, PathSettings
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 
@@ -56,7 +57,7 @@ def test_a_recording_has_the_scenario_that_made_it_beside_it(tmp_path: Path) -> 
     code, _, err = ballbar(*words, "--set", "seed=7", "--set", "errors.unit_weights=null")
     assert code == 0, err
     copy = tmp_path / "a" / "rec.scenario.yaml"
-    again = load_any_scenario(copy)
+    again = load_scenario(copy)
     copied = "rec/descriptions/robot/robot.yaml"
     assert (again.name, again.seed, again.cell.robot) == ("mine", 7, copied)
     assert "extends" not in load_yaml(copy).data
@@ -77,12 +78,11 @@ def test_names_of_files_in_a_shipped_base_lead_to_its_files(tmp_path: Path) -> N
 
 def test_every_key_of_a_file_name_is_rebased() -> None:
     """A key of the schema that names a file and is not listed would be looked for elsewhere."""
+    sections = {"cell": CellSettings, "path": PathSettings, "accept": AcceptSettings}
     described = {
         f"{section}.{key}"
-        for section in ("cell", "path", "accept")
-        for key, field in load_scenario("irb2400")
-        .__class__.model_fields[section]
-        .annotation.model_fields.items()  # type: ignore[union-attr]
+        for section, model in sections.items()
+        for key, field in model.model_fields.items()
         if re.search(r"\bfile\b|[Ff]older|path\b|length: a telescoping", field.description or "")
         and field.annotation in (str, str | None)
     }

@@ -5,20 +5,22 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from acquisition.pose_tables import read_poses
-from ballbar.scenario import PoseScenario, load_any_scenario, load_scenario, scenario_file
-from ballbar.truth.compare import poses_against_truth
+from ballbar.result.calibration import Calibration
+from ballbar.scenario import Scenario, load_scenario, scenario_file
+from ballbar.truth.compare import poses_against_truth, result_against_truth
 from ballbar.truth.limits import tcp_limits
-from cell.errors import DescriptionError
+from cell.errors import DescriptionError, InputError
 from cell.poses import PoseTable
 from ident.table_estimate import TableEstimate
 from ident.table_fit import fit_table
-from sim.recording_files import write_poses
+from sim.recording_files import truth_path, write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
 from tests.helpers.still_poses import verdict_of
@@ -34,18 +36,14 @@ NAMES = (
 )
 
 
-def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) -> PoseScenario:
+def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) -> Scenario:
     """A shipped scenario with more errors and other changes."""
-    shipped = load_any_scenario(name)
-    assert isinstance(shipped, PoseScenario)
-    data = shipped.model_dump() | changes
+    data = load_scenario(name).model_dump() | changes
     data["errors"] = data["errors"] | (errors or {})
-    return PoseScenario.model_validate(data)
+    return Scenario.model_validate(data)
 
 
-def identified(
-    settings: PoseScenario, folder: Path
-) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
+def identified(settings: Scenario, folder: Path) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
     simulation = simulate_poses(settings, relative_to=Path())
     write_poses(simulation, settings, folder, relative_to=Path())
     table = read_poses(folder)
@@ -203,7 +201,7 @@ def test_reference_points_take_the_drift_of_the_tracker_off(tmp_path: Path) -> N
     assert 1.0 < deviations["read"] / deviations["at rest"] < 1.1
 
 
-def _without_reference(settings: PoseScenario) -> dict[str, Any]:
+def _without_reference(settings: Scenario) -> dict[str, Any]:
     return settings.poses.model_dump() | {"reference": ()}
 
 
@@ -245,11 +243,21 @@ def test_a_missed_limit_exits_with_1_and_json_holds_the_comparison(tmp_path: Pat
 
 def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match="a scenario of still poses, and this needs one"):
-        load_scenario("ur10e_tracker")
+        load_scenario("ur10e_tracker", moving=True)
     code, _, err = ballbar("run", "ur10e_tracker", "--out", tmp_path / "out", "--live")
     assert code == 2
     assert "nothing moves" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_truth_of_still_poses_is_none_of_recordings(tmp_path: Path) -> None:
+    settings = scenario("ur10e_tracker")
+    write_poses(
+        simulate_poses(settings, relative_to=Path()), settings, tmp_path / "t", relative_to=Path()
+    )
+    of_logs = cast(Calibration, SimpleNamespace(of_logs=True, path="calibration.yaml"))
+    with pytest.raises(InputError, match="is the truth of still poses, and calibration"):
+        result_against_truth(of_logs, truth_path(tmp_path / "t"))
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ballbar.scenario import load_any_scenario
+from ballbar.scenario import load_scenario
 from ballbar.sweep.check import load_sweep
 from cell.dialect import dialect_names
 from cell.load import robot_names
@@ -44,9 +44,9 @@ def test_copied_scenarios_and_what_they_name_are_whole(
     assert code == 0
     assert "ballbar run study/irb2400.yaml" in out
     for file in Path("study").glob("*.yaml"):
-        scenario = load_any_scenario(file)
-        if path := getattr(getattr(scenario, "path", None), "file", None):
-            assert (Path("study") / path).is_file()
+        scenario = load_scenario(file)
+        if scenario.path:
+            assert (Path("study") / scenario.path.file).is_file()
     assert load_sweep(Path("study/sweeps/noise.yaml")).plan.data.name == "noise"
     assert load_request(Path("study/plans/irb2400.yaml")).name == "irb2400"
     code, _, err = ballbar("init", "study")

@@ -37,7 +37,7 @@ AMBIGUOUS = Start(candidate(0.1), (candidate(7.25), candidate(14.5)), 5)
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a verdict takes from a recording."""
+    """The part of a recording that a verdict takes."""
 
     name: str = "first"
     start: Start = CLEAR

@@ -52,7 +52,7 @@ from sim.path_files import scenario_path
 from sim.plant.effects import Plant, PlantEffects, plant_effects, stated_masses
 from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
 from sim.recording_files import write_recording
-from sim.settings import ClockSettings, ErrorSettings
+from sim.settings import OF_POSES, ClockSettings, ErrorSettings
 from sim.simulate import simulate
 from tests.helpers.simulated_recordings import SCENARIOS, lissajous, settings, wire_settings
 
@@ -591,7 +591,8 @@ def test_a_source_has_the_size_that_the_scenario_states(source: str) -> None:
 
 def test_no_source_is_without_a_test_of_its_size() -> None:
     measured = {name.replace(",", " ").split()[0].split(".")[0] for name in EVERY}
-    elsewhere = IN_LOGS | set(SampleErrors.model_fields)
+    still = {key.removeprefix("errors.") for key in OF_POSES}  # tests/sim/test_still_poses.py
+    elsewhere = IN_LOGS | set(SampleErrors.model_fields) | still
     for group in (ErrorSettings, ClockSettings, LoadLogs):
         assert set(group.model_fields) <= measured | elsewhere
 

@@ -10,18 +10,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from acquisition.pose_tables import read_poses
-from cell.errors import DescriptionError, InputError
+from cell.errors import InputError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.poses import PoseTable
 from sim.errors.plant_errors import JointCompliance
-from sim.errors.pose_errors import PoseErrors
 from sim.plant.held import hold_with_instrument
 from sim.recording_files import truth_path, write_poses
-from sim.settings import PosePlant, PoseSimulationSettings
+from sim.settings import ErrorSettings, PlantSettings, SimulationSettings
 from sim.still_poses import PoseSimulation, simulate_poses
 from sim.true_robot import TrueArm, true_arm
-from sim.truth import TruePlace, load_pose_truth
+from sim.truth import TruePlace, load_truth
 
 
 def cell(
@@ -84,11 +83,11 @@ EXACT: dict[str, Any] = {"geometry": {}, "unit_weights": {}}
 def simulated(name: str, errors: dict[str, Any] | None = None, **changes: Any) -> PoseSimulation:
     """A small table of one instrument; changes : of the scenario's sections."""
     data = CELLS[name] | {"errors": errors or {}, "seed": 1} | changes
-    return simulate_poses(PoseSimulationSettings.model_validate(data), relative_to=Path())
+    return simulate_poses(SimulationSettings.model_validate(data), relative_to=Path())
 
 
 def read_back(name: str, folder: Path, errors: dict[str, Any]) -> tuple[PoseSimulation, PoseTable]:
-    settings = PoseSimulationSettings.model_validate(CELLS[name] | {"errors": errors, "seed": 1})
+    settings = SimulationSettings.model_validate(CELLS[name] | {"errors": errors, "seed": 1})
     simulation = simulate_poses(settings, relative_to=Path())
     write_poses(simulation, settings, folder, relative_to=Path())
     return simulation, read_poses(folder)
@@ -98,7 +97,7 @@ def read_back(name: str, folder: Path, errors: dict[str, Any]) -> tuple[PoseSimu
 def test_the_reader_reads_what_the_true_robot_and_instrument_do(name: str, tmp_path: Path) -> None:
     errors = EXACT if name != "qc20w_300" else {"geometry": {}}
     simulation, table = read_back(name, tmp_path / "t", errors)
-    truth = load_pose_truth(truth_path(tmp_path / "t"))
+    truth = load_truth(truth_path(tmp_path / "t"))
     arm = truth.arm(simulation.robot)
     assert table.size == len(simulation.rows.seat)
     for group in table.groups:
@@ -248,19 +247,12 @@ def test_poses_that_cannot_be_are_refused(name: str, section: dict[str, Any], me
         simulated(name, poses=CELLS[name]["poses"] | section)
 
 
-def test_a_truth_file_of_another_schema_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "x.truth.yaml"
-    file.write_text("schema: ballbar-truth/2\n")
-    with pytest.raises(DescriptionError, match="expected 'ballbar-poses-truth/1'"):
-        load_pose_truth(file)
-
-
 # --- MuJoCo -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def elastic() -> TrueArm:
-    errors = PoseErrors.model_validate(
+    errors = ErrorSettings.model_validate(
         {"geometry": {}, "joint_compliance": {"spread": 0.3}, "drawn_harmonics": {}}
     )
     return true_arm(load_robot("irb2400"), errors, 5)
@@ -281,7 +273,7 @@ def held(
         actual, along = hold_with_instrument(
             arm,
             instrument,
-            PosePlant.model_validate(plant),
+            PlantSettings.model_validate(plant),
             seat=TruePlace(position_m=tuple(seat)),
             target=CUP,
             q=q,
