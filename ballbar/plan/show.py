@@ -85,15 +85,14 @@ def plan_path(
         else:
             candidates = searched(request, file.parent, seconds, err, known)
         plan, feasible = checked(candidates, out, err)
-        names = [*write_plan(plan, folder), REQUEST]
+        names = [*write_plan(plan, folder), REQUEST, "plan.svg"]
         write_request(file, folder, overrides=overrides)
         write_whole(folder / "plan.svg", plan_picture(plan))
-        for earlier in outputs - {*names, "plan.svg", DESCRIPTIONS}:  # of another plan
-            (folder / earlier).unlink(missing_ok=True)
+        _remove_earlier(folder, outputs - set(names))
         questions += instead(plan)
         if questions:
             names += answer(plan, questions, folder, out, err)
-        _say_files(out, folder, [*names, "plan.svg"], plan.evaluator.cell.robot)
+        _say_files(out, folder, names, plan.evaluator.cell.robot)
     return feasible
 
 
@@ -116,7 +115,8 @@ def plan_poses(
     measured.
     """
     setup = setup_of(request, relative_to=file.parent)
-    with claimed_folder(folder, output_names(request), "the plan"):
+    outputs = output_names(request)
+    with claimed_folder(folder, outputs, "the plan"):
         begin = time.monotonic()
         with status(err, "planning poses ...") as show:
             plan = pose_plan(
@@ -124,10 +124,17 @@ def plan_poses(
             )
         names = [*write_pose_plan(plan, folder, relative_to=file.parent), REQUEST]
         write_request(file, folder, overrides=overrides)
+        _remove_earlier(folder, outputs - set(names))
         say_pose_plan(out, plan)
         _say_files(out, folder, names, setup.robot)
         out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
     return not plan.route.blocked
+
+
+def _remove_earlier(folder: Path, names: set[str]) -> None:
+    """Removes what an earlier plan left, such as the program of a robot of another controller."""
+    for name in names - {DESCRIPTIONS}:
+        (folder / name).unlink(missing_ok=True)
 
 
 def _say_files(out: Console, folder: Path, names: Sequence[str], robot: Robot) -> None:
