@@ -248,6 +248,13 @@ def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     assert code == 2
     assert "nothing moves" in err
     assert not (tmp_path / "out").exists()
+    sweep = tmp_path / "sweep.yaml"
+    file = scenario_file("ur10e_tracker").resolve()
+    sweep.write_text(f"schema: ballbar-sweep/1\nname: s\nscenario: {file}\nseeds: {{count: 2}}\n")
+    for command in (("rehearse", "ur10e_tracker"), ("identifiability", file), ("sweep", sweep)):
+        code, _, err = ballbar(*command)
+        assert code == 2
+        assert "a scenario of still poses, and this needs one with a path" in err
 
 
 def test_a_truth_of_still_poses_is_none_of_recordings(tmp_path: Path) -> None:
