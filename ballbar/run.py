@@ -88,7 +88,7 @@ def simulate_table(
         simulation = simulate_poses(scenario, relative_to=files)
         progress("writing the table")
         write_scenario(scenario, files, folder)
-        write_poses(simulation, scenario, folder, relative_to=files)
+        write_poses(simulation, with_copied_descriptions(scenario, files, folder), folder)
         return simulation
 
 

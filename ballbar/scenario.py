@@ -188,8 +188,8 @@ def with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
 def with_copied_descriptions(scenario: Scenario, folder: Path, recording: Path) -> Scenario:
     """The scenario whose robot, ball-bar and plate files are copies in a recording's folder.
 
-    recording.yaml takes over their names, so that the recording can be moved. folder : of the
-    scenario's file.
+    recording.yaml or poses.yaml takes over their names, so that the folder can be moved. folder :
+    of the scenario's file.
     """
     return _renamed(scenario, lambda key, name: copied_description(recording, key, folder / name))
 

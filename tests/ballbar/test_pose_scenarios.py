@@ -45,7 +45,7 @@ def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) ->
 
 def identified(settings: Scenario, folder: Path) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
     simulation = simulate_poses(settings, relative_to=Path())
-    write_poses(simulation, settings, folder, relative_to=Path())
+    write_poses(simulation, settings, folder)
     table = read_poses(folder)
     return simulation, table, fit_table(table)
 
@@ -248,13 +248,18 @@ def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     assert code == 2
     assert "nothing moves" in err
     assert not (tmp_path / "out").exists()
+    sweep = tmp_path / "sweep.yaml"
+    file = scenario_file("ur10e_tracker").resolve()
+    sweep.write_text(f"schema: ballbar-sweep/1\nname: s\nscenario: {file}\nseeds: {{count: 2}}\n")
+    for command in (("rehearse", "ur10e_tracker"), ("identifiability", file), ("sweep", sweep)):
+        code, _, err = ballbar(*command)
+        assert code == 2
+        assert "a scenario of still poses, and this needs one with a path" in err
 
 
 def test_a_truth_of_still_poses_is_none_of_recordings(tmp_path: Path) -> None:
     settings = scenario("ur10e_tracker")
-    write_poses(
-        simulate_poses(settings, relative_to=Path()), settings, tmp_path / "t", relative_to=Path()
-    )
+    write_poses(simulate_poses(settings, relative_to=Path()), settings, tmp_path / "t")
     of_logs = cast(Calibration, SimpleNamespace(of_logs=True, path="calibration.yaml"))
     with pytest.raises(InputError, match="is the truth of still poses, and calibration"):
         result_against_truth(of_logs, truth_path(tmp_path / "t"))

@@ -89,7 +89,7 @@ def simulated(name: str, errors: dict[str, Any] | None = None, **changes: Any) -
 def read_back(name: str, folder: Path, errors: dict[str, Any]) -> tuple[PoseSimulation, PoseTable]:
     settings = SimulationSettings.model_validate(CELLS[name] | {"errors": errors, "seed": 1})
     simulation = simulate_poses(settings, relative_to=Path())
-    write_poses(simulation, settings, folder, relative_to=Path())
+    write_poses(simulation, settings, folder)
     return simulation, read_poses(folder)
 
 
