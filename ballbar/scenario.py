@@ -107,8 +107,7 @@ class Scenario(SimulationSettings):
             refuse_keys(self, ("identify", *(f"accept.{k}" for k in limits)), A_PATH)
             return self
         settings, fitted = self.identify, self.encoders.fitted
-        defaults = IdentifySettings.model_fields
-        stated = {k for k in defaults if getattr(settings, k) != defaults[k].default}
+        stated = settings.stated
         if self.cell.instrument is not None:
             for key in ("cost", "data", "force", "rod_sigma_m"):
                 if key in stated:
