@@ -26,6 +26,7 @@ from cell.schema import Line, NotNegative, Positive, Strict
 from cell.schema_errors import wrong_key
 
 JointKind = Literal["revolute", "prismatic", "universal", "ball"]
+_SHARED = ("lower_m", "upper_m", "sigma_m", "zero_sigma_m")  # by all sensed lengths of a chain
 
 
 class JointFile(Strict):
@@ -82,6 +83,29 @@ class InstrumentFile(Strict):
                 raise wrong_key("chain", i, message=message)
         return self
 
+    @model_validator(mode="after")
+    def _noise_of_sensed_joints(self) -> Self:
+        first: JointFile | None = None  # sensed length
+        for i, joint in enumerate(self.chain):
+            key = "sigma_m" if joint.joint == "prismatic" else "sigma_rad"
+            if joint.sensed and getattr(joint, key) == 0.0:
+                message = (
+                    f"{key} of this sensed {joint.joint} joint is 0 or missing; state the standard "
+                    "deviation of what it reads"
+                )
+                raise wrong_key("chain", i, message=message)
+            if not joint.sensed or joint.joint != "prismatic":
+                continue
+            first = first or joint
+            for shared in _SHARED:
+                if getattr(joint, shared) != getattr(first, shared):
+                    message = (
+                        f"{shared} differs from that of the first sensed length; one value serves "
+                        "all of them, so give each the same"
+                    )
+                    raise wrong_key("chain", i, message=message)
+        return self
+
 
 @dataclass(frozen=True)
 class Instrument:
@@ -117,7 +141,7 @@ def instrument_of(name: str, file: InstrumentFile) -> Instrument:
     kind = _kind_of(_joints(file))
     assert kind is not None  # checked when the file was read
     sliding = [joint for joint in file.chain if joint.joint == "prismatic"]
-    length = sliding[-1] if sliding else file.chain[0]
+    length = next((j for j in sliding if j.sensed), sliding[-1] if sliding else file.chain[0])
     turning = [j.sigma_rad for j in file.chain if j.joint == "revolute"]
     distance = file.distance
     return Instrument(

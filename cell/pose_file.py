@@ -57,7 +57,8 @@ class JointColumns(Strict):
 
 
 class ValueColumns(Strict):
-    """Measured values of each pose: a length, x y z, or x y z and a rotation."""
+    """Measured values of each pose: a length, x y z, azimuth and elevation, or x y z
+    and a rotation."""
 
     columns: tuple[Column, ...] = Field(min_length=1, max_length=7)
     """A difference is written as "x_t - x_dif"."""

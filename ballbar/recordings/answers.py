@@ -39,12 +39,12 @@ class Answers:
         report them; without it such a log is refused.
     --joints COLUMN,... : Columns of the joint angles, in the order of the axes, by name or number.
     --joint-unit : rad or deg.
-    --values COLUMN,... : Columns of what was measured: a length, x y z, or x y z and a rotation;
-        'x_t - x_dif' is a difference.
+    --values COLUMN,... : Columns of what was measured: a length, x y z, azimuth and elevation, or
+        x y z and a rotation; 'x_t - x_dif' is a difference.
     --value-unit : m, cm, mm, um or inch.
     --rotation : Convention of rotations: XYZ and the like about moving axes, xyz about fixed ones,
         rotvec, quat_wxyz, quat_xyzw.
-    --angle-unit : Of rotations: rad or deg.
+    --angle-unit : Of rotations, or of azimuth and elevation: rad or deg.
     --seat NAME : Name of the instrument's placement: once for all files of poses, or once for each
         in their order; without it the files show it, or it is asked for.
     --target NAME : Name of the ball or reflector on the flange, once or for each file as well.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.file_units import METRES
-from cell.poses import Measured
+from cell.instruments.base import Kind
 from cell.rigid_fit import nominal_frames
 
 _SUFFIX = re.compile(r"(.+)_(mm|cm|um|deg|rad|m)")
@@ -32,7 +33,7 @@ _UR = (
     *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
     *("wrist_1_joint", "wrist_2_joint", "wrist_3_joint"),
 )
-_LENGTH = re.compile(r"(?:bar[ _]?)?(?:length|len|dist|distance|l|d)", re.IGNORECASE)
+_SPELT = {"length": r"(?:bar[ _]?)?(?:length|len|dist|distance|l|d)"}  # names of other values
 _ROTATIONS = (  # names of the three angles, or four numbers, of a rotation
     ("rx", "ry", "rz"),
     ("roll", "pitch", "yaw"),
@@ -108,21 +109,21 @@ def counting(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     }
 
 
-def value_columns(
-    columns: ColumnNames, measured: Measured, used: Sequence[str]
-) -> list[tuple[str, ...]]:
+def value_columns(columns: ColumnNames, kind: Kind, used: Sequence[str]) -> list[tuple[str, ...]]:
     """Columns that may hold what was measured; used : columns that hold something else."""
     names = [name for name in columns.names if name not in used]
-    if measured == "length":
-        if columns.counted:
-            return [(names[0],)] if names else []
-        return [(name,) for name in names if _LENGTH.fullmatch(_bare(name))]
-    triples = [tuple(names[:3])] if len(names) >= 3 else []
-    if not columns.counted:
-        triples = _positions(names)
-    if measured == "point":
-        return triples
-    return [(*xyz, *turn) for xyz in triples if (turn := _rotation(columns, xyz))]
+    count = 3 if kind.target_turns else kind.columns
+    if columns.counted:
+        seen = [tuple(names[:count])] if len(names) >= count else []
+    elif kind.names[:3] == ("x", "y", "z"):
+        seen = _positions(names)
+    else:
+        forms = [re.compile(_SPELT.get(n, re.escape(n)), re.IGNORECASE) for n in kind.names]
+        fitting = [[name for name in names if form.fullmatch(_bare(name))] for form in forms]
+        seen = list(product(*fitting))
+    if not kind.target_turns:
+        return seen
+    return [(*xyz, *turn) for xyz in seen if (turn := _rotation(columns, xyz))]
 
 
 def _positions(names: Sequence[str]) -> list[tuple[str, ...]]:

@@ -34,18 +34,18 @@ from ballbar.recordings.proposals import (
 )
 from ballbar.recordings.questions import Ask, answer, loaded, one_of
 from ballbar.recordings.seat_questions import KEYS
+from ballbar.report.numbers import listed
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError, LogError
 from cell.file_units import METRES, AngleUnit
 from cell.instrument import Instrument
-from cell.instruments import kind_named
+from cell.instruments.base import Kind
 from cell.load import instrument_names, load_instrument, load_robot, robot_names
 from cell.pose_file import PoseTime
 
 T = TypeVar("T")
 Columns = list[int | str]
-_KINDS = {"length": "the length", "point": "x, y and z", "pose": "x, y, z and the rotation"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,30 +150,58 @@ def _values(
     table: _Table, robot: Robot, instrument: Instrument, joints: dict[str, Any]
 ) -> dict[str, Any]:
     """The values and sigma of a table; nothing of a socket."""
-    measured, answers = instrument.measured, table.answers
-    if measured == "socket":
+    kind, answers = instrument.kind, table.answers
+    if not kind.columns:
         return {}
-    seen = value_columns(table.columns, measured, [str(column) for column in joints["columns"]])
-    question = f"which columns hold {_KINDS[measured]}? A difference is written as `x_t - x_dif`."
-    counts = (kind_named(measured).columns, *((7,) if measured == "pose" else ()))
+    seen = value_columns(table.columns, kind, [str(column) for column in joints["columns"]])
+    question = f"which columns hold {_held(kind)}? A difference is written as `x_t - x_dif`."
+    counts = (kind.columns, *((kind.columns + 1,) if kind.target_turns else ()))
     columns = table.named_columns(answers.values, question, seen, counts)
-    names = [str(column) for column in columns]
     logged = table.values(joints["columns"] or [f"rax_{k + 1}" for k in range(robot.joints)])
     q = AngleReading("axes", joints["unit"]).joints(robot, logged)
     values: dict[str, Any] = {"columns": columns}
-    certain, proposal = stated_unit(names[:3]), None
+    of_unit: dict[str, Columns] = {"m": [], "rad": []}
+    for column, unit in zip(columns, kind.units, strict=False):  # a quaternion has one more
+        of_unit[unit].append(column)
+    if of_unit["m"]:
+        values["unit"] = _length_unit(table, robot, q, of_unit["m"])
+    if kind.target_turns:
+        values |= _rotation(table, robot, q, columns, METRES[values["unit"]])
+    elif of_unit["rad"]:
+        values["angle_unit"] = _angle_unit(table, of_unit["rad"])
+    sigma = sigma_columns(table.columns, [str(column) for column in columns])
+    return {"values": values, **({"sigma": {"columns": list(sigma)}} if sigma else {})}
+
+
+def _held(kind: Kind) -> str:
+    """What the columns of a kind's values hold, as a part of a question."""
+    if kind.target_turns:
+        return listed((*kind.names[:3], "the rotation"))
+    return listed(kind.names) if kind.columns > 1 else f"the {kind.names[0]}"
+
+
+def _length_unit(table: _Table, robot: Robot, q: Array, columns: Columns) -> str:
+    """Unit of measured lengths; that of x, y and z is proposed by how far the robot moves."""
+    names = [str(column) for column in columns]
+    certain, proposal = stated_unit(names), None
     if certain not in METRES:
         certain = None
-        if len(columns) >= 3:
-            points = table.values(columns[:3])
+        if len(columns) == 3:
+            points = table.values(columns)
             proposal = length_unit(robot, q, points) if len(points) == len(q) else None
-    question = f"unit of {', '.join(names[:3])}? ({', '.join(METRES)})"
-    given = answers.value_unit or certain or proposal
-    values["unit"] = table.answer(given, question, proposal, one_of(*METRES))
-    if measured == "pose":
-        values |= _rotation(table, robot, q, columns, METRES[values["unit"]])
-    sigma = sigma_columns(table.columns, names)
-    return {"values": values, **({"sigma": {"columns": list(sigma)}} if sigma else {})}
+    question = f"unit of {', '.join(names)}? ({', '.join(METRES)})"
+    given = table.answers.value_unit or certain or proposal
+    return table.answer(given, question, proposal, one_of(*METRES))
+
+
+def _angle_unit(table: _Table, columns: Columns) -> str:
+    """Unit of measured angles, which their range may tell as that of joint angles."""
+    names = [str(column) for column in columns]
+    stated, (guess, sure) = stated_unit(names), angle_unit(table.values(columns))
+    check = one_of(*get_args(AngleUnit))
+    certain = stated if stated in get_args(AngleUnit) else guess if sure else None
+    question = f"unit of {', '.join(names)}? ({' or '.join(get_args(AngleUnit))})"
+    return table.answer(table.answers.angle_unit or certain, question, certain or guess, check)
 
 
 def _rotation(

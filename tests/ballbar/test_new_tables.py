@@ -9,6 +9,9 @@ import pytest
 import yaml
 
 from acquisition.pose_tables import read_poses
+from cell.instruments import kinds
+from cell.instruments.base import Kind
+from cell.load import instrument_names, load_instrument
 from cell.rigid_fit import nominal_frames
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.pose_files import (
@@ -153,6 +156,47 @@ def test_without_header_the_columns_are_counted(tmp_path: Path) -> None:
     (made,) = yaml.safe_load((tmp_path / "made/poses.yaml").read_text())["tables"]
     assert made["joints"]["columns"] == [1, 2, 3, 4, 5, 6]
     assert (made["values"]["columns"], made["seat"]) == ([7], "floor")
+
+
+@pytest.mark.parametrize(
+    ("instrument", "measured", "values"),
+    [
+        ("dial_gauge", ["height_mm"], {"unit": "mm"}),
+        ("theodolite_pair", ["azimuth_deg", "elevation_deg"], {"angle_unit": "deg"}),
+    ],
+)
+def test_values_of_other_kinds_are_known_by_their_names(
+    tmp_path: Path, instrument: str, measured: list[str], values: dict[str, str]
+) -> None:
+    numbers = np.hstack((columns()[:, :6], POINTS[:, : len(measured)]))
+    path = table(tmp_path, lines(numbers, [*JOINTS, *measured]))
+    words = ["--robot", "ur5", "--instrument", instrument, "--seat", "a", "--yes"]
+    output("new", tmp_path / "made", "--poses", path, *words)
+    (made,) = yaml.safe_load((tmp_path / "made/poses.yaml").read_text())["tables"]
+    assert made["values"] == {"columns": measured, **values}
+    assert read_poses(tmp_path / "made").groups[0].values.shape == (len(Q), len(measured))
+
+
+@pytest.mark.parametrize("kind", kinds().values(), ids=lambda kind: kind.name)
+def test_what_every_kind_measures_is_asked_for_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: Kind
+) -> None:
+    """Where the columns of a table do not tell; a socket has none."""
+    instrument = next(n for n in instrument_names() if load_instrument(n).kind == kind)
+    asked: list[str] = []
+
+    def reply(question: str, _proposal: str | None) -> str:
+        asked.append(question)
+        raise KeyboardInterrupt
+
+    at_the_terminal(monkeypatch, reply)
+    path = table(tmp_path, lines(columns()[:, :7], [*JOINTS, "q_"]))
+    words = ["--robot", "ur5", "--instrument", instrument, "--joint-unit", "deg"]
+    ballbar("new", tmp_path / "made", "--poses", path, *words)
+    if not kind.columns:
+        assert not any("which columns hold" in question for question in asked)
+        return
+    assert all(name in asked[0] for name in kind.names if not name.startswith("r"))
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cell.chain import Chain, Frames, forward
 from cell.descriptions import BallBar, Robot
 from cell.errors import DescriptionError
+from cell.instrument import Instrument
+from cell.instruments.plane import TouchedPlane
 from cell.load import (
     ballbar_names,
     instrument_names,
@@ -94,7 +96,12 @@ def changed(folder: Path, source: str, old: str, new: str) -> Path:
 
 
 def refusal(path: Path) -> str:
-    load = {"robot": load_robot, "bar": load_ballbar, "plate": load_plate}
+    load = {
+        "robot": load_robot,
+        "bar": load_ballbar,
+        "plate": load_plate,
+        "instrument": load_instrument,
+    }
     kind = path.read_text(encoding="utf-8").split("schema: ballbar-")[1].split("/")[0]
     with pytest.raises(DescriptionError, match=re.escape(str(path))) as caught:
         load[kind](str(path))
@@ -366,7 +373,8 @@ def test_ballbars_and_other_instruments_share_a_folder_and_are_told_apart_by_sch
     assert load_ballbar("mine.yaml", relative_to=tmp_path).length == load_ballbar("lund_600").length
     for name in ("lund_600", str(mine)):
         with pytest.raises(
-            DescriptionError, match=r"is a ball-bar with encoders.*: dial_gauge, drawwire_2m, qc20w"
+            DescriptionError,
+            match=rf"is a ball-bar with encoders.*: {', '.join(instrument_names())}",
         ):
             load_instrument(name)
     with pytest.raises(DescriptionError, match=r"Did you mean lund_600\? Valid names: lund_1200"):
@@ -476,6 +484,19 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "length_m: 250  #",
             "length_m = 250: longer than 5 m. Lengths are metres",
         ),
+        (
+            "instruments/dial_gauge.yaml",
+            ", sigma_m: 3.0e-6",
+            "",
+            "chain[2]: sigma_m of this sensed prismatic joint is 0 or missing; state the standard "
+            "deviation of what it reads.",
+        ),
+        (
+            "instruments/tracker_pose.yaml",
+            "sensed: true, sigma_rad: 9.0e-5",
+            "sensed: true, sigma_rad: 0.0",
+            "chain[3]: sigma_rad of this sensed ball joint is 0 or missing",
+        ),
     ],
 )
 def test_a_wrong_number_is_refused_with_its_line_key_and_value(
@@ -489,6 +510,42 @@ def test_a_wrong_number_is_refused_with_its_line_key_and_value(
     line = text[: text.index(wrong)].count("\n") + 1
     sentences = refusal(path).split("\n")
     assert any(s.startswith(f"mine.yaml:{line}: {message}") for s in sentences), sentences
+
+
+_HEAD = "schema: ballbar-instrument/1\ntitle: Machine\nchain:\n"
+_LENGTH = "  - {joint: prismatic, sensed: true, nominal_m: 0.5, lower_m: 0.1, upper_m: 1.0"
+
+
+@pytest.mark.parametrize("key", ["lower_m: 0.1", "upper_m: 1.0", "sigma_m: 1e-5"])
+def test_sensed_lengths_of_one_chain_share_range_and_noise(tmp_path: Path, key: str) -> None:
+    joints = [f"{_LENGTH}, sigma_m: 1e-5}}"] * 3
+    path = tmp_path / "mine.yaml"
+
+    def load() -> Instrument:
+        path.write_text(_HEAD + "\n".join([*joints, "  - {joint: ball}", ""]), encoding="utf-8")
+        return load_instrument(str(path))
+
+    machine = load()
+    assert (machine.lower, machine.upper, machine.sigma_length) == (0.1, 1.0, 1e-5)
+    joints[1] = joints[1].replace(key, key.partition(":")[0] + ": 0.2")
+    with pytest.raises(
+        DescriptionError, match=rf":5: chain\[1\]: {key[:7]}.* differs from"
+    ) as said:
+        load()
+    assert "give each the same" in str(said.value)
+
+
+def test_range_and_noise_are_those_of_the_sensed_length_wherever_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slide = "  - {joint: prismatic, nominal_m: 0.4, lower_m: 0.0, upper_m: 0.8}\n"
+    chains = (("prismatic*", "prismatic", "prismatic", "ball"),)
+    monkeypatch.setattr(TouchedPlane, "chains", chains)
+    joints = f"{_LENGTH}, sigma_m: 1e-5}}\n{slide}{slide}  - {{joint: ball}}\n"
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"{_HEAD}{joints}", encoding="utf-8")
+    gauge = load_instrument(str(path))
+    assert (gauge.lower, gauge.upper, gauge.sigma_length) == (0.1, 1.0, 1e-5)
 
 
 def test_a_file_of_another_kind_is_recognised_by_its_schema(tmp_path: Path) -> None:
