@@ -1,4 +1,4 @@
-"""Every dialect that is read can be simulated, and is read as it was; a robot is identified from it.
+"""Every dialect that is read can be simulated and is read as it was; robots are identified from it.
 
 The coarsest stands for all: what the others leave of angles and times is less.
 """
