@@ -150,7 +150,7 @@ def run_scenario(
         )
         data = replace(
             data,
-            name=scenario.name if moves else data.name,
+            name=scenario.name,
             simulation=simulation,
             comparison=comparison,
             limits=limits,

@@ -65,6 +65,8 @@ def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path
     assert said is not None
     page = (tmp_path / "out/report.html").read_text()
     assert "TCP error against the truth" in page
+    assert f"<h1>Calibration report: {name}</h1>" in page
+    assert not re.search(r"ball-bar|the logs|this path", re.sub(r"(?s)<style.*?</style>", "", page))
     assert f'<p class="value">{float(said[1]):.3f} mm</p>' in page
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "calibration.yaml",
