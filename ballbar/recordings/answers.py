@@ -17,8 +17,10 @@ _POSES = typer.Option(rich_help_panel="Options of still poses")
 OfPoses = Annotated[Text, _POSES]
 OfEachTable = Annotated[list[str] | None, _POSES]
 _SHARED = ("robot", "instrument")
-_OF_POSES = ("joints", "joint_unit", "values", "value_unit", "rotation", "angle_unit")
-_OF_POSES += ("seat", "target")
+_OF_POSES = (
+    *("joints", "joint_unit", "values", "value_unit"),
+    *("rotation", "angle_unit", "seat", "target"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
