@@ -61,6 +61,15 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
 
 
 @pytest.mark.slow
+def test_a_few_points_beside_a_recording_do_not_judge_the_robot(run: Run) -> None:
+    """Without one of four, seat and target are hardly known: "not the declared robot" it was."""
+    cell, logs, truth = run
+    result = identify_together(cell, [logs], still_points(cell, truth, 3, count=4))
+    assert result.verdict.acceptable, result.verdict.sentence
+    assert any("4 poses of tracker hardly tell more" in w for w in result.verdict.warnings)
+
+
+@pytest.mark.slow
 def test_still_poses_of_another_robot_are_named(run: Run) -> None:
     """A zero of 0.5 mrad that only the still poses have."""
     cell, logs, truth = run
