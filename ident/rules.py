@@ -205,7 +205,7 @@ def _extrapolated(e: Evidence) -> Iterator[str]:
         yield (
             f"little was won over the nominal robot; {poses.predicted}. {MORE_POSES.capitalize()}"
         )
-    if validation.mean > OVERFITTED * fitted:
+    if poses.alone and validation.mean > OVERFITTED * fitted:  # else recordings tell the parameters
         yield (
             f"too few poses for so many parameters; fitted ones lie within "
             f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {MORE_POSES.capitalize()}"

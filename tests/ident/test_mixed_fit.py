@@ -16,6 +16,7 @@ from cell.poses import PoseTable
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
+from ident.verdict import Status
 from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.tracker_points import SIGMA, still_points
@@ -48,7 +49,7 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
     mixed = identify_together(cell, [logs], table)
     assert alone.poses is None
     assert mixed.poses is not None
-    assert mixed.verdict.acceptable
+    assert mixed.verdict.status is Status.GOOD, mixed.verdict.sentence
     assert mixed.robot.tcp_sigma.mean() < 0.8 * alone.robot.tcp_sigma.mean()
     seat = mixed.poses.seats["tracker"]
     assert seat.whole
