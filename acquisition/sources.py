@@ -142,8 +142,8 @@ def _dialect(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
         raise DescriptionError(f"{location}.dialect: {error}") from None
     if dialect.source != name:
         devices = f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped?"
-        what = f"{source.dialect} describes logs of the {devices}"
-        raise DescriptionError.at(f"{location}.dialect", what, "Exchange them, or name another.")
+        what, remedy = f"{source.dialect} describes logs of the {devices}", "Exchange them, or name"
+        raise DescriptionError.at(f"{location}.dialect", what, f"{remedy} another dialect.")
     if source.time is not None:
         checked_form(source.time, f"{location}.time")
     return dialect

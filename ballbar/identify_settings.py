@@ -100,6 +100,12 @@ class IdentifySettings(Strict):
     """
 
     @property
+    def stated(self) -> list[str]:
+        """Names of the settings that are not at their defaults."""
+        fields = type(self).model_fields
+        return [name for name in fields if getattr(self, name) != fields[name].default]
+
+    @property
     def options(self) -> FitOptions:
         """The options of the identification itself."""
         return FitOptions(

@@ -53,42 +53,24 @@ def simulate_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else, or
     what was really measured.
     """
-    if scenario.path is None:
-        return simulate_table(scenario, scenario_file, folder, progress=progress)
-    return simulate_recording(scenario, scenario_file, folder, progress=progress, live=live)
-
-
-def simulate_recording(
-    scenario: Scenario,
-    scenario_file: Path,
-    folder: Path,
-    *,
-    progress: Progress,
-    live: LiveRun | None = None,
-) -> Simulation:
-    """As `simulate_scenario`, of a robot that moves."""
-    with _simulating(scenario_file, folder, progress, still=False) as files:
-        simulation = simulate(
-            scenario,
-            relative_to=files,
-            recorded=recorded_log(scenario.needed_path, files),
-            on_motion=live.moved if live else None,
-        )
-        progress("writing the device logs")
+    simulation: Simulation | PoseSimulation
+    with _simulating(scenario_file, folder, progress, still=scenario.path is None) as files:
+        if scenario.path is None:
+            simulation = simulate_poses(scenario, relative_to=files)
+        else:
+            simulation = simulate(
+                scenario,
+                relative_to=files,
+                recorded=recorded_log(scenario.path, files),
+                on_motion=live.moved if live else None,
+            )
+        progress("writing the files")
         write_scenario(scenario, files, folder)
-        write_recording(simulation, with_copied_descriptions(scenario, files, folder), folder)
-        return simulation
-
-
-def simulate_table(
-    scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress
-) -> PoseSimulation:
-    """As `simulate_scenario`, of a robot that stands still."""
-    with _simulating(scenario_file, folder, progress, still=True) as files:
-        simulation = simulate_poses(scenario, relative_to=files)
-        progress("writing the table")
-        write_scenario(scenario, files, folder)
-        write_poses(simulation, scenario, folder, relative_to=files)
+        copied = with_copied_descriptions(scenario, files, folder)
+        if simulation.still is True:
+            write_poses(simulation, copied, folder)
+        else:
+            write_recording(simulation, copied, folder)
         return simulation
 
 
@@ -156,7 +138,7 @@ def run_scenario(
             scenario, scenario_file, folder, progress=progress, live=live
         )
         for other in held_out:
-            simulate_recording(_held_out(scenario), scenario_file, other, progress=progress)
+            simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
         data = identify_files(
             [folder], held_out, settings=scenario.identify, listener=Listener(progress)
         )
@@ -168,7 +150,7 @@ def run_scenario(
         )
         data = replace(
             data,
-            name=scenario.name if moves else data.name,
+            name=scenario.name,
             simulation=simulation,
             comparison=comparison,
             limits=limits,

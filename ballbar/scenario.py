@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from ballbar.identify_settings import IdentifySettings
 from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, portable
-from cell.files import copied_description, write_yaml
+from cell.files import beside, copied_description, write_yaml
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
@@ -107,8 +107,7 @@ class Scenario(SimulationSettings):
             refuse_keys(self, ("identify", *(f"accept.{k}" for k in limits)), A_PATH)
             return self
         settings, fitted = self.identify, self.encoders.fitted
-        defaults = IdentifySettings.model_fields
-        stated = {k for k in defaults if getattr(settings, k) != defaults[k].default}
+        stated = settings.stated
         if self.cell.instrument is not None:
             for key in ("cost", "data", "force", "rod_sigma_m"):
                 if key in stated:
@@ -188,8 +187,8 @@ def with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
 def with_copied_descriptions(scenario: Scenario, folder: Path, recording: Path) -> Scenario:
     """The scenario whose robot, ball-bar and plate files are copies in a recording's folder.
 
-    recording.yaml takes over their names, so that the recording can be moved. folder : of the
-    scenario's file.
+    recording.yaml or poses.yaml takes over their names, so that the folder can be moved. folder :
+    of the scenario's file.
     """
     return _renamed(scenario, lambda key, name: copied_description(recording, key, folder / name))
 
@@ -203,7 +202,7 @@ def _renamed(scenario: Scenario, rename: Callable[[str, str], str]) -> Scenario:
 
 def scenario_path(recording: Path) -> Path:
     """File of the scenario that made a simulated recording: beside its folder, as the truth is."""
-    return recording.with_name(f"{recording.name}.scenario.yaml")
+    return beside(recording, ".scenario.yaml")
 
 
 def write_scenario(scenario: Scenario, folder: Path, recording: Path) -> None:

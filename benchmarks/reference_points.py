@@ -59,7 +59,7 @@ def mean_error(seed: int, drift: tuple[float, float], points: int) -> tuple[floa
     settings = Scenario.model_validate(data)
     with tempfile.TemporaryDirectory() as folder:
         simulation = simulate_poses(settings, relative_to=Path())
-        write_poses(simulation, settings, Path(folder) / "t", relative_to=Path())
+        write_poses(simulation, settings, Path(folder) / "t")
         result = fit_table(read_poses(Path(folder) / "t"))
     error = poses_against_truth(result, simulation.truth).tcp.mean
     return error, bool(result.findings.drifts)

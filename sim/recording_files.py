@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.dialect import Dialect, load_dialect
-from cell.files import portable_name, write_whole, write_yaml
+from cell.files import beside, write_whole, write_yaml
 from cell.instrument import Instrument
 from cell.recording import TrackerFile
 from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
@@ -35,7 +35,7 @@ TABLE = "poses.csv"
 
 def truth_path(folder: Path) -> Path:
     """File of the truth of a simulated recording: beside its folder, never inside."""
-    return folder.with_name(folder.name + ".truth.yaml")
+    return beside(folder, ".truth.yaml")
 
 
 def write_recording(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
@@ -241,13 +241,8 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
     }
 
 
-def write_poses(
-    simulation: PoseSimulation, settings: SimulationSettings, folder: Path, *, relative_to: Path
-) -> None:
-    """Write the table, the truth beside the folder, and `folder/poses.yaml` last.
-
-    relative_to : folder of the scenario; descriptions of one's own that it names are copied.
-    """
+def write_poses(simulation: PoseSimulation, settings: SimulationSettings, folder: Path) -> None:
+    """Write the table, the truth beside the folder, and `folder/poses.yaml` last."""
     kind, stated = simulation.instrument.kind, settings.needed_poses
     shown = {"m": "mm", "rad": "rad"}
     names = tuple(f"{n} [{shown[u]}]" for n, u in zip(kind.names, kind.units, strict=True))
@@ -267,12 +262,11 @@ def write_poses(
         "target": {"column": "target"},
         "time": {"column": "time [s]", "form": "s"},
     }
-    place = {"relative_to": relative_to, "folder": folder}
     content: dict[str, object] = {
         "schema": "ballbar-poses/1",
         "kind": "simulated",
-        "robot": portable_name(settings.cell.robot, "robot", **place),
-        "instrument": portable_name(settings.cell.measured_by, "instrument", **place),
+        "robot": settings.cell.robot,
+        "instrument": settings.cell.measured_by,
         "tables": [table],
     }
     seats = [place.name for place in stated.seats]

@@ -289,21 +289,14 @@ class PoseTruth(Strict):
         write_yaml(path, self.model_dump(mode="json", by_alias=True))
 
 
-def load_truth(path: Path) -> Truth:
-    """The truth of a simulated recording.
+def load_truth(path: Path) -> Truth | PoseTruth:
+    """The truth of a simulated recording, or of a simulated table of still poses.
 
     Raises DescriptionError if the file cannot be read, is wrong, or has another schema.
     """
     document = load_yaml(path)
-    check_schema(document, "ballbar-truth/2", "Simulate the recording again.")
+    for schema in ("ballbar-truth/2", "ballbar-poses-truth/1"):
+        check_schema(document, schema, "Simulate it again.")
+    if document.data.get("schema") == "ballbar-poses-truth/1":
+        return parse_model(document, PoseTruth)
     return parse_model(document, Truth)
-
-
-def load_pose_truth(path: Path) -> PoseTruth:
-    """The truth of a simulated table of still poses.
-
-    Raises DescriptionError if the file cannot be read, is wrong, or has another schema.
-    """
-    document = load_yaml(path)
-    check_schema(document, "ballbar-poses-truth/1", "Simulate the poses again.")
-    return parse_model(document, PoseTruth)

@@ -56,45 +56,26 @@ def plan(
         adds most to it. May be repeated.
     """
     from ballbar.commands.result_json import plan_data
-    from ballbar.plan.show import parse_position, plan_path, plan_poses
-    from cell.errors import InputError
-    from planning.pose_request import PosePlanRequest
+    from ballbar.plan.show import PlanOptions, make_plan, parse_position
     from planning.request import load_request
 
-    changes = overrides or ()
-    planned = load_request(request, overrides=changes)
+    planned = load_request(request, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{planned.name}-plan"
-    of_paths = {"--path": path, "--position": position, "--what-if": what_if, "--after": after}
-    if isinstance(planned, PosePlanRequest) and (
-        given := [key for key, v in of_paths.items() if v]
-    ):
-        raise InputError(f"{given[0]} belongs to trajectories; a plan of still poses has none.")
-    if position is not None and path is None:
-        raise InputError(
-            "--position belongs to --path. For a search, set cell.ballbar_position_m or "
-            "cell.ballbar_region_m of the request, here with --set."
-        )
     base = None if position is None else parse_position(position)
     if as_json:
         silence()
-    if isinstance(planned, PosePlanRequest):
-        acceptable = plan_poses(
-            planned, request, folder=folder, seconds=seconds, overrides=changes, out=out, err=err
-        )
-    else:
-        acceptable = plan_path(
-            planned,
-            request,
-            folder=folder,
-            path=path,
-            position=base,
-            seconds=seconds,
-            what_if=what_if or (),
-            after=after or (),
-            overrides=changes,
-            out=out,
-            err=err,
-        )
+    options = PlanOptions(
+        folder=folder,
+        seconds=seconds,
+        out=out,
+        err=err,
+        overrides=overrides or (),
+        path=path,
+        position=base,
+        what_if=what_if or (),
+        after=after or (),
+    )
+    acceptable = make_plan(planned, request, options)
     if as_json:
         say_json(plan_data(folder, feasible=acceptable))
     raise typer.Exit(0 if acceptable else 1)

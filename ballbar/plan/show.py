@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
@@ -52,82 +53,92 @@ CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a dra
 EVALUATIONS = 20_000  # of CMA-ES: about a minute on two cores
 
 
-def plan_path(
-    request: PlanRequest,
-    file: Path,
-    *,
-    folder: Path,
-    path: Path | None = None,
-    position: tuple[float, float, float] | None = None,
-    seconds: float,
-    what_if: Sequence[str] = (),
-    after: Sequence[Path] = (),
-    overrides: Sequence[str] = (),
-    out: Console,
-    err: Console,
-) -> bool:
-    """Plans a trajectory or takes a path file, checks and writes it, and answers what-if questions.
+@dataclass(frozen=True)
+class PlanOptions:
+    """How a request is planned, and to which folder."""
 
-    file : that of the request. path, position : a path file and the base position [m] of the
-    ball-bar, instead of a search. seconds : duration of the search. what_if : questions `KEY=A,B`.
-    after : results of the machine; the path adds to what they know.
-    overrides : texts `KEY=VALUE` that replaced values of the file.
+    folder: Path
+    seconds: float  # of the search, at most
+    out: Console
+    err: Console
+    overrides: Sequence[str] = ()  # texts `KEY=VALUE` that replaced values of the file
+    path: Path | None = None  # a path file, in place of a search
+    position: tuple[float, float, float] | None = None  # [m] of the ball-bar's base, with `path`
+    what_if: Sequence[str] = ()  # questions `KEY=A,B`
+    after: Sequence[Path] = ()  # results of the machine: the path adds to what they know
 
-    Returns whether no limit is violated. Raises InputError for bad options or files.
+
+def make_plan(request: PlanRequest | PosePlanRequest, file: Path, options: PlanOptions) -> bool:
+    """Makes, checks, writes and prints the plan that a request asks for.
+
+    file : that of the request.
+
+    Returns whether no limit is violated; of still poses, whether every move keeps the clearance.
+    Raises InputError for bad options or files, and where too few poses can be measured.
     """
-    questions = [question(text) for text in what_if]
-    check_questions(request, questions)
-    known = known_from(after, request, err) if after else None
     outputs = output_names(request)
-    with claimed_folder(folder, outputs, "the plan"):
-        if path:
-            candidates = iter([given_path(request, path, position, known)])
-        else:
-            candidates = searched(request, file.parent, seconds, err, known)
-        plan, feasible = checked(candidates, out, err)
-        names = [*write_plan(plan, folder), REQUEST]
-        write_request(file, folder, overrides=overrides)
-        write_whole(folder / "plan.svg", plan_picture(plan))
-        for earlier in outputs - {*names, "plan.svg", DESCRIPTIONS}:  # of another plan
-            (folder / earlier).unlink(missing_ok=True)
-        questions += instead(plan)
-        if questions:
-            names += answer(plan, questions, folder, out, err)
-        _say_files(out, folder, [*names, "plan.svg"], plan.evaluator.cell.robot)
+    with claimed_folder(options.folder, outputs, "the plan"):
+        if isinstance(request, PosePlanRequest):
+            return _plan_poses(request, file, options, outputs)
+        return _plan_path(request, file, options, outputs)
+
+
+def _plan_path(request: PlanRequest, file: Path, options: PlanOptions, outputs: set[str]) -> bool:
+    """A trajectory of a search or of a path file, and answers to what-if questions."""
+    folder, out, err = options.folder, options.out, options.err
+    if options.position is not None and options.path is None:
+        raise InputError(
+            "--position belongs to --path. For a search, set cell.ballbar_position_m or "
+            "cell.ballbar_region_m of the request, here with --set."
+        )
+    questions = [question(text) for text in options.what_if]
+    check_questions(request, questions)
+    known = known_from(options.after, request, err) if options.after else None
+    if options.path:
+        candidates = iter([given_path(request, options.path, options.position, known)])
+    else:
+        candidates = searched(request, file.parent, options.seconds, err, known)
+    plan, feasible = checked(candidates, out, err)
+    names = [*write_plan(plan, folder), REQUEST, "plan.svg"]
+    write_whole(folder / "plan.svg", plan_picture(plan))
+    _complete(file, options, outputs - set(names))
+    questions += instead(plan)
+    if questions:
+        names += answer(plan, questions, folder, out, err)
+    _say_files(out, folder, names, plan.evaluator.cell.robot)
     return feasible
 
 
-def plan_poses(
-    request: PosePlanRequest,
-    file: Path,
-    *,
-    folder: Path,
-    seconds: float,
-    overrides: Sequence[str] = (),
-    out: Console,
-    err: Console,
+def _plan_poses(
+    request: PosePlanRequest, file: Path, options: PlanOptions, outputs: set[str]
 ) -> bool:
-    """Plans still poses and writes them.
-
-    file : that of the request. seconds : duration of the search at most. overrides : texts
-    `KEY=VALUE` that replaced values of the file.
-
-    Returns whether every move keeps the clearance. Raises InputError where too few poses can be
-    measured.
-    """
-    setup = setup_of(request, relative_to=file.parent)
-    with claimed_folder(folder, output_names(request), "the plan"):
-        begin = time.monotonic()
-        with status(err, "planning poses ...") as show:
-            plan = pose_plan(
-                setup, seconds=seconds, since=lambda: time.monotonic() - begin, show=show
-            )
-        names = [*write_pose_plan(plan, folder, relative_to=file.parent), REQUEST]
-        write_request(file, folder, overrides=overrides)
-        say_pose_plan(out, plan)
-        _say_files(out, folder, names, setup.robot)
-        out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
+    """Still poses."""
+    for key in ("path", "position", "what_if", "after"):
+        if getattr(options, key):
+            option = key.replace("_", "-")
+            raise InputError(f"--{option} belongs to trajectories; a plan of still poses has none.")
+    setup, folder, out = setup_of(request, relative_to=file.parent), options.folder, options.out
+    begin = time.monotonic()
+    with status(options.err, "planning poses ...") as show:
+        plan = pose_plan(
+            setup, seconds=options.seconds, since=lambda: time.monotonic() - begin, show=show
+        )
+    names = [*write_pose_plan(plan, folder, relative_to=file.parent), REQUEST]
+    _complete(file, options, outputs - set(names))
+    say_pose_plan(out, plan)
+    _say_files(out, folder, names, setup.robot)
+    out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
     return not plan.route.blocked
+
+
+def _complete(file: Path, options: PlanOptions, earlier: set[str]) -> None:
+    """Writes request.yaml, and removes files of an earlier plan, such as another robot's program.
+
+    earlier : names of files that this plan does not write.
+    """
+    write_request(file, options.folder, overrides=options.overrides)
+    for name in earlier - {DESCRIPTIONS}:
+        (options.folder / name).unlink(missing_ok=True)
 
 
 def _say_files(out: Console, folder: Path, names: Sequence[str], robot: Robot) -> None:

@@ -45,7 +45,8 @@ def one_of(*choices: str) -> Callable[[str], str]:
 
     def check(reply: str) -> str:
         if reply.strip() not in choices:
-            raise InputError(f"{reply!r}: expected {', '.join(choices[:-1])} or {choices[-1]}.")
+            words = " or ".join(filter(None, (", ".join(choices[:-1]), choices[-1])))
+            raise InputError(f"{reply!r}: expected {words}.")
         return reply.strip()
 
     return check

@@ -21,7 +21,7 @@ from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.verification import verify_folder
-from ballbar.run import simulate_recording
+from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
 from ballbar.truth.compare import identification_against_truth
 from ballbar.truth.limits import Limit, corrected_limits, tcp_limits
@@ -32,7 +32,7 @@ from cell.number_text import significant_text
 from cell.statistics import rms
 from ident.options import Listener
 from ident.result import Identification
-from sim.truth import Truth
+from sim.truth import PoseTruth, Truth
 
 SIMULATED, RECORDINGS = "simulated", "recordings"
 FIRST, RESULT = "result1", "result"
@@ -116,10 +116,10 @@ def rehearse(day: Day) -> Rehearsal:
     return Rehearsal(day, limits, first.tcp_nominal.mean, held)
 
 
-def _simulated(day: Day, name: str, scenario: Scenario) -> Truth:
+def _simulated(day: Day, name: str, scenario: Scenario) -> Truth | PoseTruth:
     """Simulates what the devices will deliver of a path."""
     folder = day.folder / SIMULATED / name
-    return simulate_recording(scenario, day.file, folder, progress=day.progress).truth
+    return simulate_scenario(scenario, day.file, folder, progress=day.progress).truth
 
 
 def _taken(
@@ -178,7 +178,7 @@ def _recorded(day: Day, name: str) -> None:
 
 
 def _identified(
-    day: Day, name: str, recordings: tuple[str, ...], truth: Truth
+    day: Day, name: str, recordings: tuple[str, ...], truth: Truth | PoseTruth
 ) -> tuple[Identification, Comparison]:
     """Identifies recordings, and compares with the truth of the first."""
     folders = [day.recording(recording) for recording in recordings]

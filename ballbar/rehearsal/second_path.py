@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from ballbar.plan.show import plan_path
+from ballbar.plan.show import PlanOptions, make_plan
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.terminal import PlainConsole
 from cell.files import write_yaml
 from cell.strict_yaml import load_model, load_yaml
-from planning.request import PlanRequest, load_request
+from planning.request import load_request
 from sim.path_files import LissajousFile
 
 SEARCH = 10.0  # [s] of the search for the second path: the same search as of `plan`, shorter
@@ -33,17 +33,8 @@ def plan_second_path(
     """
     plan, console = folder / PLAN, PlainConsole(file=io.StringIO())
     write_yaml(folder / REQUEST, request_data(scenario, named))
-    request = load_request(folder / REQUEST)
-    assert isinstance(request, PlanRequest)
-    feasible = plan_path(
-        request,
-        folder / REQUEST,
-        folder=plan,
-        seconds=SEARCH,
-        after=[result],
-        out=console,
-        err=console,
-    )
+    options = PlanOptions(folder=plan, seconds=SEARCH, out=console, err=console, after=[result])
+    feasible = make_plan(load_request(folder / REQUEST), folder / REQUEST, options)
     planned = load_yaml(plan / "plan.yaml").data
     if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on
         raise KeyboardInterrupt

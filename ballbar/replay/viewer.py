@@ -19,6 +19,7 @@ from pathlib import Path
 from cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
+_MAGIC = b"RRF"  # first bytes of a rerun recording, before the version of its format
 _START_TIMEOUT = 20.0  # [s]
 _BINARIES = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")  # Linux, Windows, macOS
 
@@ -42,6 +43,9 @@ def chosen_replay(run: Path, against: Path | None) -> AbstractContextManager[Pat
         if not files[-1].is_file():
             remedy = "Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`."
             raise InputError.at(files[-1], "no replay file.", remedy)
+        with files[-1].open("rb") as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise InputError.at(files[-1], "is not a replay.", f"Name a folder with {REPLAY}.")
     if against is None:
         return nullcontext(files[0])
     # rerun is slow to import, and reading replays is rarely needed

@@ -95,6 +95,7 @@ def machine_section(run: RunData) -> Section:
         correlated=[", ".join(names) for names in groups],
         correlations=correlation_map(covariance, groups),
         corrections=corrections,
+        weights=any(c.name == "unit_weights" for c in robot.corrections),
         at_prior=parameters_at_prior(robot),
         coefficients_at_prior=[(c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)],
         overviews={fitted.name: overview(fitted) for fitted in run.recordings},

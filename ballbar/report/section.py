@@ -52,6 +52,7 @@ def _environment() -> Environment:
     environment.filters["with_code"] = _with_code
     environment.filters["markdown"] = markdown
     environment.filters["capitalised"] = capitalised
+    environment.filters["ended"] = lambda sentence: f"{sentence.removesuffix('.')}."
     return environment
 
 

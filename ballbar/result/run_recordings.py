@@ -44,13 +44,20 @@ def identify_files(
 ) -> RunData:
     """One robot from recordings, tables of still poses or both, tried on held-out ones.
 
-    settings : of recordings. joint_errors : of still poses, "auto" searches them, "none" does
+    settings : of recordings. joint_errors : of still poses alone, "auto" searches them, "none" does
     without, and the path of a result keeps its own.
 
-    Raises as `identify_recordings`, and InputError for logs that are to be tried on still poses.
+    Raises as `identify_recordings`, and InputError for logs that are to be tried on still poses,
+    and for an option that is not of what is fitted.
     """
-    if not all(map(holds_poses, paths)):
+    if logs := [path for path in paths if not holds_poses(path)]:
+        if joint_errors != "auto":
+            what = "is a recording, and joint errors are chosen for still poses alone."
+            raise InputError.at(logs[0], what, "Leave --joint-errors out.")
         return identify_recordings(paths, validate, settings=settings, listener=listener)
+    if stated := settings.stated:
+        what = f"holds still poses, and these settings are of recordings: {', '.join(stated)}."
+        raise InputError.at(paths[0], what, "Leave them out.")
     options = FitOptions(joint_errors="none" if joint_errors == "none" else "auto")
     if joint_errors not in ("auto", "none"):
         options = replace(options, joint_errors=Calibration.load(joint_errors).joint_errors())

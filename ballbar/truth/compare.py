@@ -29,21 +29,30 @@ from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.table_estimate import TableEstimate
-from sim.truth import PoseTruth, Truth, load_pose_truth, load_truth
+from sim.truth import PoseTruth, Truth, load_truth
 
 
 def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
     """A stored result against the truth that its recording or table was simulated from.
 
-    Raises InputError where the truth has not the result's target, and where its file fails.
+    Raises InputError where the truth is of something else than the result, or has not its target,
+    and where its file fails.
     """
-    if not model.of_logs:
-        return _poses_against_truth(model, load_pose_truth(truth_file))
+    truth = load_truth(truth_file)
+    if isinstance(truth, PoseTruth) and not model.of_logs:
+        return _poses_against_truth(model, truth)
+    if isinstance(truth, PoseTruth) or not model.of_logs:
+        of_logs, still = "recordings", "still poses"
+        of_result, of_truth = (of_logs, still) if model.of_logs else (still, of_logs)
+        raise InputError(
+            f"{truth_file}: is the truth of {of_truth}, and {model.path} is of {of_result}. Name "
+            "the truth file of what the result was identified from."
+        )
     clock = model.file.logs[0].clock
     return compare_with_truth(
         model.identified_robot(),
         model.nominal,
-        load_truth(truth_file),
+        truth,
         model.file.identified,
         (clock.offset_s, clock.skew) if clock else None,
     )

@@ -322,7 +322,8 @@ def test_a_device_file_that_cannot_be_trusted_is_refused(
         ),
         (
             put("sources", "ballbar", "dialect", value="abb-motor"),
-            "sources.ballbar.dialect: abb-motor describes logs of the robot, not of the ballbar",
+            "sources.ballbar.dialect: abb-motor describes logs of the robot, not of the ballbar. "
+            "Are the files swapped? Exchange them, or name another dialect.",
         ),
         (put("encoders", value={}), "sources.ballbar is given, but no encoder is declared"),
         (

@@ -10,6 +10,8 @@ import yaml
 
 from acquisition.recording import read_recording
 from ballbar.recordings.proposals import counting
+from ballbar.recordings.questions import one_of
+from cell.errors import InputError
 from tests.helpers.command_line import output, refusal
 from tests.helpers.device_logs import BAR_T, ROBOT_T, bar_lines, robot_lines
 from tests.helpers.terminal import at_the_terminal, in_turn
@@ -160,3 +162,9 @@ def test_columns_that_count_on_are_seen() -> None:
     assert counting(["t", "q1", "q2", "q4", "q5", "q6", "q7"]) == {}
     names = tuple(f"Achse {k} Istwert 2" for k in range(1, 6))
     assert counting(names)["Achse # Istwert 2"] == names
+
+
+@pytest.mark.parametrize(("choices", "words"), [("a", "a"), ("ab", "a or b"), ("abc", "a, b or c")])
+def test_an_answer_that_is_none_of_the_choices_is_told_them(choices: str, words: str) -> None:
+    with pytest.raises(InputError, match=f"'z': expected {words}\\."):
+        one_of(*choices)("z")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.run import simulate_recording
+from ballbar.run import simulate_scenario
 from ballbar.scenario import SHIPPED, load_scenario
 from ballbar.truth.compare import identification_against_truth
 from ident.result import Identification
@@ -33,7 +33,7 @@ class Ring:
         plant = scenario.plant.model_copy(update={"kind": "mujoco"})
         chosen = scenario.model_copy(update={"plant": plant})
         file = SHIPPED / f"{name}.yaml"
-        simulation = simulate_recording(chosen, file, folder, progress=lambda _: None)
+        simulation = simulate_scenario(chosen, file, folder, progress=lambda _: None)
         return folder, simulation.truth
 
     @cache  # noqa: B019

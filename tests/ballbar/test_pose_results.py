@@ -502,6 +502,21 @@ def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
     assert copy.stat().st_size == first
 
 
+def test_an_option_that_is_not_of_what_is_fitted_is_refused(tmp_path: Path) -> None:
+    drawn = drawn_robot("ur10", rng := np.random.default_rng(7))
+    q = drawn.angles(60, rng)
+    poses = write_pose_table(tmp_path / "t", point_table(drawn, q, 3e-5, rng), "ur10", q, "ball")
+    out = ("--out", tmp_path / "out")
+    code, _, error = ballbar("identify", poses, "--model", "dh", "--samples", 300, *out)
+    assert code == 2
+    assert f"{poses}: holds still poses, and these settings are of recordings: sam" in error
+    for folders in ([tmp_path / "logs"], [poses, tmp_path / "logs"]):
+        code, _, error = ballbar("identify", *folders, "--joint-errors", "none", *out)
+        assert code == 2
+        assert "logs: is a recording, and joint errors are chosen for still poses alone" in error
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_drawn_arm_runs_along_the_rows_of_the_robot(result: Result) -> None:
     from ballbar.report.shapes import robot_bodies  # noqa: PLC0415
 

@@ -5,20 +5,22 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from acquisition.pose_tables import read_poses
+from ballbar.result.calibration import Calibration
 from ballbar.scenario import Scenario, load_scenario, scenario_file
-from ballbar.truth.compare import poses_against_truth
+from ballbar.truth.compare import poses_against_truth, result_against_truth
 from ballbar.truth.limits import tcp_limits
-from cell.errors import DescriptionError
+from cell.errors import DescriptionError, InputError
 from cell.poses import PoseTable
 from ident.table_estimate import TableEstimate
 from ident.table_fit import fit_table
-from sim.recording_files import write_poses
+from sim.recording_files import truth_path, write_poses
 from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
 from tests.helpers.still_poses import verdict_of
@@ -43,7 +45,7 @@ def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) ->
 
 def identified(settings: Scenario, folder: Path) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
     simulation = simulate_poses(settings, relative_to=Path())
-    write_poses(simulation, settings, folder, relative_to=Path())
+    write_poses(simulation, settings, folder)
     table = read_poses(folder)
     return simulation, table, fit_table(table)
 
@@ -63,6 +65,8 @@ def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path
     assert said is not None
     page = (tmp_path / "out/report.html").read_text()
     assert "TCP error against the truth" in page
+    assert f"<h1>Calibration report: {name}</h1>" in page
+    assert not re.search(r"ball-bar|the logs|this path", re.sub(r"(?s)<style.*?</style>", "", page))
     assert f'<p class="value">{float(said[1]):.3f} mm</p>' in page
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "calibration.yaml",
@@ -246,6 +250,21 @@ def test_what_needs_a_motion_refuses_still_poses(tmp_path: Path) -> None:
     assert code == 2
     assert "nothing moves" in err
     assert not (tmp_path / "out").exists()
+    sweep = tmp_path / "sweep.yaml"
+    file = scenario_file("ur10e_tracker").resolve()
+    sweep.write_text(f"schema: ballbar-sweep/1\nname: s\nscenario: {file}\nseeds: {{count: 2}}\n")
+    for command in (("rehearse", "ur10e_tracker"), ("identifiability", file), ("sweep", sweep)):
+        code, _, err = ballbar(*command)
+        assert code == 2
+        assert "a scenario of still poses, and this needs one with a path" in err
+
+
+def test_a_truth_of_still_poses_is_none_of_recordings(tmp_path: Path) -> None:
+    settings = scenario("ur10e_tracker")
+    write_poses(simulate_poses(settings, relative_to=Path()), settings, tmp_path / "t")
+    of_logs = cast(Calibration, SimpleNamespace(of_logs=True, path="calibration.yaml"))
+    with pytest.raises(InputError, match="is the truth of still poses, and calibration"):
+        result_against_truth(of_logs, truth_path(tmp_path / "t"))
 
 
 @pytest.mark.slow

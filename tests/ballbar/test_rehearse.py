@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from acquisition.recording import read_recording
+from ballbar.plan.show import PlanOptions
 from ballbar.rehearsal import files, second_path, targets
 from ballbar.rehearsal.day import Day, Rehearsal, Stage
 from ballbar.rehearsal.files import OUTPUTS, chain, rehearsal_page, rehearse_into
@@ -151,11 +152,11 @@ def test_ctrl_c_while_the_day_plans_ends_the_day(
 ) -> None:
     """`plan` keeps its best path; the day went on with it for 41 s and ended with 0."""
 
-    def stopped(*_: object, folder: Path, **__: object) -> bool:
-        write_yaml(folder / "plan.yaml", {"search": {"stopped": True}, "tcp_sigma_m": {}})
+    def stopped(_: object, __: object, options: PlanOptions) -> bool:
+        write_yaml(options.folder / "plan.yaml", {"search": {"stopped": True}, "tcp_sigma_m": {}})
         return True
 
-    monkeypatch.setattr(second_path, "plan_path", stopped)
+    monkeypatch.setattr(second_path, "make_plan", stopped)
     named = scenario_file(IRB).parent
     with pytest.raises(KeyboardInterrupt):
         plan_second_path(load_scenario(IRB), tmp_path, tmp_path / "result1", named)

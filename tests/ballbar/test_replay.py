@@ -333,6 +333,13 @@ def test_missing_replay_is_refused_before_a_viewer_starts(tmp_path):
             chosen_replay(path, None)
 
 
+def test_a_file_that_is_not_a_replay_is_refused(tmp_path):
+    targets = tmp_path / "targets.csv"
+    targets.write_text("q1\n0.0\n")
+    with pytest.raises(InputError, match=r"targets\.csv: is not a replay\. Name a folder"):
+        chosen_replay(targets, None)
+
+
 def test_taken_port_is_refused_by_number(file):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -243,12 +243,13 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
         description=recording.description.model_copy(update={"notes": evil}),
         report=report,
     )
-    verdict = replace(run.identification.verdict, warnings=(f"`{evil}`",))
+    verdict = replace(run.identification.verdict, warnings=(f"`{evil}`", "it stands."))
     result = replace(run.identification, verdict=verdict)
     data = replace(_with(run, recording=hostile), name=evil, identification=result)
     page = _page(data, tmp_path, command=f"ballbar run {evil}")
     parsed = _Page(page)
     assert "<code>&lt;script&gt;" in page, "what stands between backticks is code"
+    assert "<li>It stands.</li>" in page
     assert "img" not in parsed.tags
     assert parsed.tags.count("script") == 1
     assert parsed.text.count("onerror=alert(1)") >= 6

@@ -7,7 +7,7 @@ import pytest
 from ballbar.scenario import load_scenario
 from planning.planned_scenario import EVERYTHING_ON, TWO_CLOCKS
 from sim.errors.sample_errors import SampleErrors
-from sim.settings import ClockSettings, ErrorSettings
+from sim.settings import OF_POSES, ClockSettings, ErrorSettings
 from tests.helpers.drawn_robots import scenario_of
 
 # Of the rest, each cell has one and all have all.
@@ -20,7 +20,8 @@ OF_A_LOGGER = {"quantum"}  # whole ms are those of EGM, whose rows have no jitte
 
 def sources(section: type[ErrorSettings | ClockSettings]) -> set[str]:
     left_out = FAULTS | OTHER_SHAPES | OF_A_LOGGER | OF_A_RECORDING | set(SampleErrors.model_fields)
-    return set(section.model_fields) - left_out
+    of_still_poses = {key.removeprefix("errors.") for key in OF_POSES}
+    return set(section.model_fields) - left_out - of_still_poses
 
 
 def given(section: ErrorSettings | ClockSettings) -> dict[str, object]:

@@ -24,16 +24,10 @@ POSITION = (0.897, -0.195, 0.486)
 
 def plan_into(folder: Path) -> None:
     silent = Console(file=io.StringIO())
-    command.plan_path(
-        load_request(REQUEST),
-        REQUEST,
-        folder=folder,
-        path=PATH,
-        position=POSITION,
-        seconds=0.0,
-        out=silent,
-        err=silent,
+    options = command.PlanOptions(
+        folder=folder, seconds=0.0, out=silent, err=silent, path=PATH, position=POSITION
     )
+    command.make_plan(load_request(REQUEST), REQUEST, options)
 
 
 def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(

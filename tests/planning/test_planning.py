@@ -425,9 +425,8 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
 
     monkeypatch.setattr(command, "check_in_plant", checked)
     file, said = SCENARIOS / "plans" / "irb2400.yaml", Console(file=io.StringIO(), width=120)
-    kept = command.plan_path(
-        load_request(file), file, folder=tmp_path, seconds=1.0, out=said, err=said
-    )
+    options = command.PlanOptions(folder=tmp_path, seconds=1.0, out=said, err=said)
+    kept = command.make_plan(load_request(file), file, options)
     assert kept == (violating < 2)
     taken = found[min(violating, 1)].evaluation.candidate
     assert load_model(tmp_path / "path.yaml", LissajousFile).ballbar_position_m == pytest.approx(

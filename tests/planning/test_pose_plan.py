@@ -357,6 +357,7 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
     done = RUNNER.invoke(app, ["plan", str(file), "--out", str(folder)])
     assert done.exit_code == 0, done.output
     assert "predicted TCP sigma" in done.output
+    (folder / "irb2400_tracker.src").write_text("of a robot of another controller")
     again = RUNNER.invoke(app, ["plan", str(file), "--out", str(folder), "--json"])
     assert again.exit_code == 0
     result = json.loads(again.stdout)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from ballbar.commands.cli import app
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.run import simulate_recording
+from ballbar.run import simulate_scenario
 from ballbar.scenario import load_scenario
 from ballbar.truth.compare import identification_against_truth
 from cell.arrays import Array
@@ -395,7 +395,7 @@ def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_run
     scenario = load_scenario(out / "scenario.yaml")
     assert scenario.plant.kind == "kinematic"  # the robot's file has no masses
     recording = tmp_path / "recording"
-    simulation = simulate_recording(
+    simulation = simulate_scenario(
         scenario, out / "scenario.yaml", recording, progress=lambda _: None
     )
     first = joints_to_axes(simulation.cell.robot, simulation.path.q[0])

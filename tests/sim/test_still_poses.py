@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from acquisition.pose_tables import read_poses
-from cell.errors import DescriptionError, InputError
+from cell.errors import InputError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.poses import PoseTable
@@ -20,7 +20,7 @@ from sim.recording_files import truth_path, write_poses
 from sim.settings import ErrorSettings, PlantSettings, SimulationSettings
 from sim.still_poses import PoseSimulation, simulate_poses
 from sim.true_robot import TrueArm, true_arm
-from sim.truth import TruePlace, load_pose_truth
+from sim.truth import TruePlace, load_truth
 
 
 def cell(
@@ -89,7 +89,7 @@ def simulated(name: str, errors: dict[str, Any] | None = None, **changes: Any) -
 def read_back(name: str, folder: Path, errors: dict[str, Any]) -> tuple[PoseSimulation, PoseTable]:
     settings = SimulationSettings.model_validate(CELLS[name] | {"errors": errors, "seed": 1})
     simulation = simulate_poses(settings, relative_to=Path())
-    write_poses(simulation, settings, folder, relative_to=Path())
+    write_poses(simulation, settings, folder)
     return simulation, read_poses(folder)
 
 
@@ -97,7 +97,7 @@ def read_back(name: str, folder: Path, errors: dict[str, Any]) -> tuple[PoseSimu
 def test_the_reader_reads_what_the_true_robot_and_instrument_do(name: str, tmp_path: Path) -> None:
     errors = EXACT if name != "qc20w_300" else {"geometry": {}}
     simulation, table = read_back(name, tmp_path / "t", errors)
-    truth = load_pose_truth(truth_path(tmp_path / "t"))
+    truth = load_truth(truth_path(tmp_path / "t"))
     arm = truth.arm(simulation.robot)
     assert table.size == len(simulation.rows.seat)
     for group in table.groups:
@@ -245,13 +245,6 @@ def test_a_robot_without_masses_is_kinematic_and_the_sentence_says_so() -> None:
 def test_poses_that_cannot_be_are_refused(name: str, section: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         simulated(name, poses=CELLS[name]["poses"] | section)
-
-
-def test_a_truth_file_of_another_schema_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "x.truth.yaml"
-    file.write_text("schema: ballbar-truth/2\n")
-    with pytest.raises(DescriptionError, match="expected 'ballbar-poses-truth/1'"):
-        load_pose_truth(file)
 
 
 # --- MuJoCo -------------------------------------------------------------------------------------

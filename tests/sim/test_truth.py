@@ -44,5 +44,5 @@ def test_the_truth_of_an_earlier_release_is_to_be_simulated_again(tmp_path: Path
         load_truth(file)
     assert str(caught.value) == (
         f"{file}:1: schema = 'ballbar-truth/1': this release reads ballbar-truth/2. "
-        "Simulate the recording again."
+        "Simulate it again."
     )
