@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ballbar.claims.file import ClaimFile
-from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.scenario import Scenario
 from ballbar.sweep.file import SweepFile
 from cell.ballbar_files import BallBarFile, PlateFile

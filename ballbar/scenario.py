@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from ballbar.identify_settings import IdentifySettings
 from cell.errors import DescriptionError, InputError
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, portable
-from cell.files import copied_description, write_yaml
+from cell.files import beside, copied_description, write_yaml
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
@@ -202,7 +202,7 @@ def _renamed(scenario: Scenario, rename: Callable[[str, str], str]) -> Scenario:
 
 def scenario_path(recording: Path) -> Path:
     """File of the scenario that made a simulated recording: beside its folder, as the truth is."""
-    return recording.with_name(f"{recording.name}.scenario.yaml")
+    return beside(recording, ".scenario.yaml")
 
 
 def write_scenario(scenario: Scenario, folder: Path, recording: Path) -> None:

@@ -22,7 +22,6 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
-from ident.identify_poses import identify_poses
 
 from acquisition.recording import read_recording
 from ballbar.scenario import Scenario, load_scenario
@@ -36,6 +35,7 @@ from cell.poses import PoseTable
 from ident.estimator import priors
 from ident.identify import identify_together
 from ident.recording_fit import Logs
+from ident.table_fit import fit_table
 from sim.recording_files import write_recording
 from sim.simulate import simulate
 from tests.helpers.still_poses import TrueRobot, angles, table_of, true_robot
@@ -116,14 +116,14 @@ def recordings(folder: Path, splits: int) -> Iterator[Case]:
 
 def by_poses(fitted: PoseTable, rest: PoseTable) -> Row:
     """Errors of other poses of the same seats."""
-    result = identify_poses(fitted)
+    result = fit_table(fitted)
     error = real.norms(result, rest)
     return {"mean_mm": error.mean(), "covered": result.within(rest).mean()}
 
 
 def by_sockets(fitted: PoseTable, rest: PoseTable) -> Row:
     """Errors at other sites."""
-    error, covered = real.judged_sockets(identify_poses(fitted), rest)
+    error, covered = real.judged_sockets(fit_table(fitted), rest)
     return {"mean_mm": error.mean(), "covered": covered}
 
 

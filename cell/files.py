@@ -199,6 +199,12 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def beside(path: Path, ending: str) -> Path:
+    """The path with an ending at its name; `.` and `..` have the names of their folders."""
+    named = path.resolve() if path.name in ("", "..") else path
+    return named.with_name(named.name + ending)
+
+
 def aside_of(path: Path) -> Path:
     """Where a file is written before it is renamed to its name."""
     return path.with_name(f".{path.name}.part")

@@ -12,7 +12,7 @@ from pathlib import Path
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.recording_entries import marks_of
 from cell.files import write_whole
 from cell.pose_file import PosesFile

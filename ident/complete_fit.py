@@ -161,7 +161,7 @@ class _Run:
         sources = [
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
-        if needs_loads(chosen) and not wanders(chosen) and "none" in sources:
+        if searches_tension(chosen, sources):
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)
@@ -302,11 +302,9 @@ def posed(
         for k, (r, source) in enumerate(zip(recordings, sources, strict=True))
     ]
     starts = [
-        start_of(r, samples, source)
+        start_of(r, samples, source, chosen)
         for r, samples, source in zip(recordings, every, sources, strict=True)
     ]
-    if wanders(chosen):
-        starts = [replace(start, tension_sigma=WANDERING) for start in starts]
     layout, x = complete_unknowns(
         cell,
         recordings[0].nominal,
@@ -343,19 +341,29 @@ def wanders(corrections: Sequence[Correction]) -> bool:
     return [c.name for c in corrections if c.slopes is not None] == [ROD_ELONGATION]
 
 
+def searches_tension(corrections: Sequence[Correction], sources: Sequence[str]) -> bool:
+    """Whether geometry alone has to tell a tension on which more than the rod's length depends."""
+    return needs_loads(corrections) and not wanders(corrections) and "none" in sources
+
+
 def clock_steps_of(faults: Sequence[StepFault], recording: int) -> tuple[float, ...]:
     """[s] instants at which a clock of one recording was set."""
     return tuple(f.time for f in faults if f.kind == "clock" and f.recording == recording)
 
 
-def start_of(recording: RecordingFit, samples: Samples, source: str) -> RecordingStart:
-    """Where one recording's own unknowns start; source : of the rod's tension."""
+def start_of(
+    recording: RecordingFit, samples: Samples, source: str, corrections: Sequence[Correction]
+) -> RecordingStart:
+    """Where one recording's own unknowns start.
+
+    source : of the rod's tension. corrections : of the fit.
+    """
     return RecordingStart(
         encoders=samples.encoders,
         geometry=recording.geometry,
         clock=recording.clock if samples.has_clock else None,
         knots=samples.splines.shape[0],
-        tension_sigma=DEVIATION[source],
+        tension_sigma=WANDERING if wanders(corrections) else DEVIATION[source],
         clock_steps=len(samples.clock_steps),
     )
 

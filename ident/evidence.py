@@ -73,6 +73,11 @@ class Evidence:
     elsewhere: bool = False  # whether the robot was judged elsewhere than where still poses are
 
     @property
+    def judged_by(self) -> TableEstimate | None:
+        """Still poses, where there are enough of them to judge the robot by."""
+        return self.table if self.table and self.table.judges else None
+
+    @property
     def ended(self) -> tuple[bool, int]:
         """Whether the fit converged, and after how many iterations."""
         of = self.closure or self.table

@@ -29,6 +29,7 @@ from ident.complete_fit import (
     continued,
     fit_pose,
     needs_loads,
+    searches_tension,
     start_of,
     with_likely_tension,
     with_tension,
@@ -102,7 +103,7 @@ def closed_loop(
     layout, _ = complete_unknowns(
         cell,
         robot.geometry,
-        [start_of(recording, samples, source)],
+        [start_of(recording, samples, source, robot.corrections)],
         corrections,
         measured_force=loaded and source in MEASURED,
         rod_sigma=None,
@@ -112,7 +113,7 @@ def closed_loop(
     model = Model(gearing(cell.robot), masses, corrections, layout, (samples,))
     ballbar = samples.ballbar_angles(recording.geometry, recording.clock)
     pose = Pose(model, layout.mean.copy(), [ballbar])
-    if loaded and source == "none":
+    if searches_tension(robot.corrections, [source]):
         pose = continued(pose, listener)
     result = fit_pose(pose, excess)
     if not loaded:

@@ -22,7 +22,7 @@ from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.priors import declared_names, priors, with_tails
+from ident.estimator.priors import declared_names, of_robot, priors, with_tails
 from ident.estimator.sample_times import sample_times
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.variance_components import rod_deviation
@@ -144,13 +144,14 @@ def fit_recording(
     if samples.measures_length:
         samples = samples.with_noise_held(first.clock())
     off = (first.geometry().values - nominal.values)[fitted]
+    own = of_robot(nominal.table, [nominal.table.parameters[i] for i in fitted])
     final = fit_kinematics(
         samples,
         _on_nominal(first.geometry(), nominal, free),
         first.clock(),
         fitted,
         ExcessNoise(rod=rod_deviation(first)),
-        prior_sigma=with_tails(prior, off),
+        prior_sigma=np.where(own, with_tails(prior, off), prior),
     )
     iterations = chosen.fit.iterations + first.iterations + final.iterations
     return RecordingFit(logs, nominal, start, subset, final, iterations)

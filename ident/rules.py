@@ -72,9 +72,9 @@ def _another_machine(e: Evidence) -> Iterator[str]:
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
         )
-    if e.table and e.table.cross_validation.strange:
+    if (poses := e.judged_by) and poses.cross_validation.strange:
         yield (
-            f"Not the declared robot, or not its joint angles: {e.table.predicted}. Check `robot`, "
+            f"Not the declared robot, or not its joint angles: {poses.predicted}. Check `robot`, "
             "the order, signs and units of the joint columns, the unit of the measured values, and "
             "whether two seats of the instrument go by one name."
         )
@@ -180,40 +180,40 @@ def _uncertain(e: Evidence) -> Iterator[str]:
 
 
 def _lost(e: Evidence) -> Iterator[str]:
-    if e.table and e.table.ignored > LOST * e.table.table.size:
+    if (poses := e.judged_by) and poses.ignored > LOST * poses.table.size:
         yield (
-            f"{e.table.ignored} of {e.table.table.size} poses lie too far from the model to count. "
-            f"Look for what they have in common. Of the others, {e.table.predicted}."
+            f"{poses.ignored} of {poses.table.size} poses lie too far from the model to count. "
+            f"Look for what they have in common. Of the others, {poses.predicted}."
         )
 
 
 def _worse(e: Evidence) -> Iterator[str]:
-    if e.table and e.table.cross_validation.mean > e.table.residual_nominal.mean():
+    if (poses := e.judged_by) and poses.cross_validation.mean > poses.residual_nominal.mean():
         yield (
             "the identified robot is worse than the nominal one where it was not fitted; "
-            f"{e.table.predicted}. Do not use these parameters. Check the joint columns, and "
+            f"{poses.predicted}. Do not use these parameters. Check the joint columns, and "
             f"whether instrument or target moved; {MORE_POSES}"
         )
 
 
 def _extrapolated(e: Evidence) -> Iterator[str]:
     """Poses that say little of others."""
-    if e.table is None:
+    if (poses := e.judged_by) is None:
         return
-    validation, (fitted, _) = e.table.cross_validation, e.table.residual_means
-    if validation.mean > NO_GAIN * float(np.median(e.table.residual_nominal)):
+    validation, (fitted, _) = poses.cross_validation, poses.residual_means
+    if validation.mean > NO_GAIN * float(np.median(poses.residual_nominal)):
         yield (
-            f"little was won over the nominal robot; {e.table.predicted}. {MORE_POSES.capitalize()}"
+            f"little was won over the nominal robot; {poses.predicted}. {MORE_POSES.capitalize()}"
         )
-    if validation.mean > OVERFITTED * fitted:
+    if poses.alone and validation.mean > OVERFITTED * fitted:  # else recordings tell the parameters
         yield (
             f"too few poses for so many parameters; fitted ones lie within "
-            f"{fitted * 1e3:.3f} mm, but {e.table.predicted}. {MORE_POSES.capitalize()}"
+            f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {MORE_POSES.capitalize()}"
         )
-    if e.table.at_one_place and not e.elsewhere:
+    if poses.at_one_place and not e.elsewhere:
         yield (
             f"all was measured at one place, and the statement holds there; "
-            f"elsewhere the robot may be several times worse: {e.table.predicted}. Measure at "
+            f"elsewhere the robot may be several times worse: {poses.predicted}. Measure at "
             "another place too, or validate with poses of another place."
         )
 

@@ -30,6 +30,8 @@ from ident.robot.identified import IdentifiedRobot
 from ident.robot.pose_covariance import PoseCovariance
 from ident.table_steps import renamed
 
+ENOUGH = 3.0  # equations for each unknown of seats and targets: nine points of one tracker
+
 
 @dataclass(frozen=True, eq=False)
 class PlacementEstimate:
@@ -58,6 +60,18 @@ class TableEstimate:
     def alone(self) -> bool:
         """Whether no recording was fitted together with them."""
         return not self.fit.model.recordings
+
+    @property
+    def judges(self) -> bool:
+        """Whether the poses tell enough beyond their seats and targets to judge the robot.
+
+        Of poses alone that is asked for before the fit. A few beside recordings do not predict
+        one another: what is left of them hardly determines where their instrument stands.
+        """
+        layout = self.fit.model.unknowns
+        places = sum(p.stop - p.start for p in (*layout.seats.values(), *layout.targets.values()))
+        told = sum(group.kind.equations * group.size for group in self.table.groups)
+        return self.alone or told >= ENOUGH * places
 
     @cached_property
     def seats(self) -> dict[str, PlacementEstimate]:

@@ -27,6 +27,11 @@ def table_remarks(evidence: Evidence) -> Iterator[str]:
     if estimate is None:
         return
     yield from _findings(estimate, estimate.findings)
+    if not estimate.judges:
+        yield (
+            f"{_poses(estimate.table.size)} of {estimate.table.name} hardly tell more than where "
+            "instrument and target are; the verdict is by the recordings alone"
+        )
     steps = np.rad2deg(estimate.fit.model.angle_noise * np.sqrt(12.0))
     if steps.any():
         axes = ", ".join(str(j + 1) for j in np.flatnonzero(steps))

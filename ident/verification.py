@@ -30,6 +30,7 @@ ROUNDS = 4  # of taking a change away and fitting again
 MANY = 3  # causes that are named together at most
 WIDENINGS = 3  # of the prior of a size that is beyond it
 SEEN = 4.0  # deviations by which a change must stand out
+LARGEST = 0.1  # [rad] of a zero: no larger change is stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,11 @@ class Score:
             gain = float(right @ far + far @ far)
             prior = with_tails(cause.prior, size)
         return Explanation(cause, size, sigma, evidence, gain)
+
+    def unseen(self, cause: Cause, deviations: float = SEEN) -> float:
+        """Size of a cause of one unit that stands out by so much, whatever its prior."""
+        moved = float(np.linalg.norm(self.whitened(cause.columns)))
+        return deviations / moved if moved > 0.0 else np.inf
 
     def ranked(self, causes: Sequence[Cause]) -> list[Explanation]:
         """Every cause, the best first."""
@@ -190,7 +196,10 @@ class Verification:
     @property
     def warnings(self) -> list[str]:
         """Rows that do not count, and changes that cannot be seen."""
-        each = ", ".join(f"{axis} ({size * 1e3:.1f} mrad)" for axis, size in self.blind.items())
+        each = ", ".join(
+            f"{axis} ({size * 1e3:.1f} mrad)" if size < LARGEST else f"{axis} (any)"
+            for axis, size in self.blind.items()
+        )
         unseen = (
             "changes of the zeros of these axes, up to the size named, would not show in what was "
             f"measured: {each}"

@@ -75,8 +75,8 @@ def verify_recording(
     causes = single_causes(machine, start.free)
     limit, ranked = start.score.limit(causes, max(1, start.blocks - 1)), start.score.ranked(causes)
     statistic = ranked[0].evidence
-    left, single = start, statistic <= limit
-    if not single:
+    left, single = start, False
+    if statistic > limit:
         listener.progress("fitting once more after the likeliest change")
         left, ranked[0], single = followed(start, ranked[0])
     innovation = normalised_innovation(start.closed, machine)
@@ -102,7 +102,7 @@ def verify_recording(
         + ("zero or scale of the length, gear" if sensed else "rod, plate, gear"),
         square=float(start.score.value @ start.score.value),
         limit=limit,
-        blind=_blind(ranked, limit, cell.robot),
+        blind=_blind(start.score, causes, limit, cell.robot),
         doubt=_doubt(cell, recording, explained=is_explained(misfit, innovation_left)),
     )
 
@@ -164,14 +164,14 @@ def _doubt(cell: Cell, recording: RecordingFit, *, explained: bool) -> str:
     )
 
 
-def _blind(explanations: Sequence[Explanation], limit: float, robot: Robot) -> dict[int, float]:
+def _blind(score: Score, causes: Sequence[Cause], limit: float, robot: Robot) -> dict[int, float]:
     """Axes whose zero may have changed by more than BLIND unseen, axis 1 apart.
 
     Its zero turns the robot about its base, which is not known to the ball-bar anyway.
     """
-    sigma = {e.cause.axis: float(e.sigma[0]) for e in explanations if e.cause.kind == "axis"}
     seen = max(SEEN, float(np.sqrt(2.0 * max(0.0, limit))))  # evidence is half a squared deviation
-    sizes = {axis: seen * sigma.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
+    sizes = {c.axis: score.unseen(c, seen) for c in causes if c.kind == "axis"}
+    sizes = {axis: sizes.get(axis, np.inf) for axis in range(2, robot.joints + 1)}
     return {axis: size for axis, size in sizes.items() if size > BLIND}
 
 

@@ -40,7 +40,7 @@ from ident.held_machine import held_layout
 from ident.robot.identified import IdentifiedRobot, range_sentence
 from ident.single_causes import SCALE, SHIFT, TURN, ZERO, Cause, Explanation
 from ident.start.placements import start_of_poses
-from ident.verification import FALSE_ALARMS, RIVAL, SEEN, Score, Verification, followed
+from ident.verification import FALSE_ALARMS, RIVAL, Score, Verification, followed
 
 LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be stated
 LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have no more quantile
@@ -277,7 +277,7 @@ class _Held:
         by_axis = np.einsum("aj,jcn->acn", arm.robot.controller_to_joint, moved)
         levers = np.sqrt((by_axis**2).sum(axis=1).mean(axis=1))
         for axis in range(2, arm.robot.joints):
-            size = SEEN * float(self.score.explanation(self.axis(axis)).sigma[0])
+            size = self.score.unseen(self.axis(axis))
             if size * levers[axis - 1] > UNSEEN:
                 out[axis] = size
         return out

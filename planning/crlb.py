@@ -93,7 +93,7 @@ class Predictor:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Prediction:
+class PredictedInformation:
     """Predicted information about one robot by what is observed, moving or still."""
 
     layout: Unknowns
@@ -147,7 +147,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PathPrediction(Prediction):
+class PathPrediction(PredictedInformation):
     """Predicted information of one trajectory, and what the next rod tension reuses."""
 
     model: Model

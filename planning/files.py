@@ -14,7 +14,7 @@ from cell.geometry import nominal_chain
 from cell.instruments.base import Kind
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, PathCandidate
-from planning.crlb import Prediction
+from planning.crlb import PredictedInformation
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
 from planning.plan import PathPlan
 from planning.planned_scenario import PATH, scenario_data
@@ -124,13 +124,13 @@ def numbers_data(plan: PathPlan, targets: Targets, cell: dict[str, object]) -> d
     }
 
 
-def tcp_data(prediction: Prediction) -> dict[str, float]:
+def tcp_data(prediction: PredictedInformation) -> dict[str, float]:
     """[m] mean and largest predicted TCP sigma over the workspace."""
     sigma = prediction.tcp_sigma
     return {"mean": float(sigma.mean()), "largest": float(sigma.max())}
 
 
-def sigma_data(prediction: Prediction) -> dict[str, object]:
+def sigma_data(prediction: PredictedInformation) -> dict[str, object]:
     """[SI] standard deviation of each unknown, before and as predicted."""
     prior = prediction.prior
     return {n: {"prior": prior[n], "predicted": value} for n, value in prediction.sigma.items()}

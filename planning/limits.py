@@ -148,11 +148,11 @@ def _rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Limit
         return LimitedValue(key, share.max(axis=1), allowed, unit, allowed, text)
 
     speed, bend = trajectory.speed @ to_axis, trajectory.acceleration @ to_axis
-    one = np.radians(np.ones(cell.robot.joints))  # a degree: the share is the acceleration itself
+    degree = np.radians(np.ones(cell.robot.joints))  # as top: the share is the acceleration itself
     limit, unit = limits.tcp_speed_m_per_s, "deg/s^2"
     return [
         of_axes("axis_speed_share", speed, "", fastest, "deg/s"),
-        of_axes("axis_acceleration_deg_per_s2", bend, unit, one, unit),
+        of_axes("axis_acceleration_deg_per_s2", bend, unit, degree, unit),
         limited(
             "tcp_speed_m_per_s", trajectory.tip_speed, limit, "m/s", limit, "tool at {:.2f} m/s"
         ),
@@ -172,12 +172,12 @@ def _singular_angle(
 
 def _crossed(key: str, side: Array, trajectory: Trajectory, text: str) -> LimitedValue:
     """A quantity (N,) that must keep the sign with which each run begins."""
-    kept = np.where(side * side[trajectory.first] < 0.0, -1.0, 1.0)
-    return LimitedValue(key, kept, 0.0, CROSSING, -1.0, lambda _: text)
+    sign = np.where(side * side[trajectory.first] < 0.0, -1.0, 1.0)
+    return LimitedValue(key, sign, 0.0, CROSSING, -1.0, lambda _: text)
 
 
 def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
-    """Of an arm of any structure, whose singular postures have no angle of their own."""
+    """Smallest singular value of an arm whose singular postures show in no single angle."""
     chain, key, limit = trajectory.nominal.robot, "singular_value", limits.singular_value
     value, words = dexterity(chain, trajectory.q), "smallest singular value of the arm {:.3f}"
     values = [limited(key, value, limit, "", -UNIT_SINGULAR, words)]

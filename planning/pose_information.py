@@ -34,7 +34,7 @@ from ident.estimator.robust_fit import equations_at
 from ident.estimator.unknowns import PlacedPoses, Unknowns
 from ident.robot.accuracy import aligned_columns, position_sigma
 from ident.robot.identified import IdentifiedRobot
-from planning.crlb import Prediction
+from planning.crlb import PredictedInformation
 from planning.feasible_poses import Candidates
 from planning.stations import PoseSetup, Station, station_frames
 
@@ -82,8 +82,8 @@ class Information:
         triangle = np.asarray(np.linalg.qr(columns * self.layout.sigma, mode="r"))
         return np.asarray(triangle.T / np.sqrt(len(positions)))
 
-    def prediction(self, rows: Array) -> Prediction:
-        """What the poses of whitened rows (K, E, P) tell; the tool is the first target."""
+    def prediction(self, rows: Array) -> PredictedInformation:
+        """Information of the poses of whitened rows (K, E, P); the tool is the first target."""
         flat, sigma = rows.reshape(-1, self.layout.count), self.layout.sigma
         return replace(self.before, normal=(self.prior + flat.T @ flat) / np.outer(sigma, sigma))
 
@@ -94,7 +94,7 @@ class Information:
         return position_sigma(positions, moves[machine], variance)
 
     @cached_property
-    def before(self) -> Prediction:
+    def before(self) -> PredictedInformation:
         """The prediction without any pose."""
         layout, setup, station = self.layout, self.setup, self.setup.stations[0]
         robot = IdentifiedRobot(
@@ -104,7 +104,7 @@ class Information:
             layout.mean[layout.coefficients],
             target=Placement(np.eye(3), station.point),
         )
-        return Prediction(
+        return PredictedInformation(
             layout=layout,
             normal=np.diag(layout.sigma**-2.0),
             robot=robot,

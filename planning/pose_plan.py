@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from ident.estimator.gauss_newton import inverse
-from planning.crlb import Prediction
+from planning.crlb import PredictedInformation
 from planning.feasible_poses import Candidates, Screen, feasible, joined, random_candidates
 from planning.pose_information import Information, information_of
 from planning.route import Route, route_of
@@ -153,7 +153,7 @@ class PosePlan:
     setup: PoseSetup
     information: Information
     route: Route
-    prediction: Prediction  # by the poses, over the workspace
+    prediction: PredictedInformation  # by the poses, over the workspace
     random: Array  # (RANDOM_SETS,) [m] its mean for random poses, as many and as feasible
     seconds: float  # that the search took
 

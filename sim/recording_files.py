@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.dialect import Dialect, load_dialect
-from cell.files import write_whole, write_yaml
+from cell.files import beside, write_whole, write_yaml
 from cell.instrument import Instrument
 from cell.recording import TrackerFile
 from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
@@ -35,7 +35,7 @@ TABLE = "poses.csv"
 
 def truth_path(folder: Path) -> Path:
     """File of the truth of a simulated recording: beside its folder, never inside."""
-    return folder.with_name(folder.name + ".truth.yaml")
+    return beside(folder, ".truth.yaml")
 
 
 def write_recording(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:

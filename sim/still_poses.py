@@ -63,7 +63,7 @@ class PoseSimulation:
 
     @property
     def figures(self) -> dict[str, object]:
-        """What held the robot, and the least and largest force along rod or wire [N]."""
+        """The plant that held the robot, and least and largest force along rod or wire [N]."""
         force = self.truth.force_N
         return {"plant": self.plant, "force_N": None if force is None else list(force)}
 

@@ -270,7 +270,8 @@ def check_rotations(
             f"{robot.name} does ({np.rad2deg(off):.3g} deg off, median); with `{how}` they do "
             f"({np.rad2deg(least):.2g} deg). Write so under values in poses.yaml."
         )
-    sentence = f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of {robot.name}."
+    turn = f"{np.rad2deg(off):.3g} deg (median)"
+    sentence = f"the rotations are {turn} off those of the flange of {robot.name}."
     return rows.remark("rotations off the nominal robot", sentence)
 
 

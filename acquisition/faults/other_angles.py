@@ -110,8 +110,8 @@ def _refuse_other_angles(table: Table, angles: RobotAngles) -> None:
         return
     if others := _others_that_fit(angles):
         span = np.rad2deg(np.ptp(angles.joints, axis=0).max())
-        what = f"{_either(others)} where {angles.reading} are declared? So they turn no axis "
-        what += f"by more than {span:.2g} deg."
+        what = f"{_either(others)} where {angles.reading} are declared? As declared they turn "
+        what += f"no axis by more than {span:.2g} deg."
         remedy = "Name the dialect of what was logged, or convert the log."
         raise LogError.at(table.location(rows[0]), what, remedy)
 

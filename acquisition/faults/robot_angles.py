@@ -244,6 +244,6 @@ def with_limits_checked(table: Table, angles: RobotAngles) -> Table:
         if not rows.size:
             continue
         beyond = np.rad2deg(max(lower - angle[rows].min(), angle[rows].max() - upper))
-        sentence = f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the robot?"
+        sentence = f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits."
         table = table.remarked("axis beyond its limits", sentence, rows=rows)
     return table

@@ -123,8 +123,10 @@ def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[Non
 
 def _beside(recording: Path) -> Path:
     """The folder of a result where none is named."""
+    from cell.files import beside
+
     folder = recording.parent if recording.is_file() else recording
-    return folder.with_name(folder.resolve().name + "-identified")
+    return beside(folder, "-identified")
 
 
 def _settings(corrections: str, **options: object) -> IdentifySettings:

@@ -61,6 +61,7 @@ def new(
             "name the robot's log and that of the ball-bar or instrument, or a table of still "
             "poses with --poses."
         )
+    options.refuse_others(poses=bool(poses))
     from ballbar.recordings.check import check_data, check_lines
     from ballbar.recordings.new import new_poses, new_recording
 

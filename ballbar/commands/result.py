@@ -147,6 +147,8 @@ def correct(
     from ballbar.compensation.targets_file import correct_and_write_table
     from ballbar.export.result import load_result
 
+    if not path.is_file():
+        raise InputError.at(path, "no such file.", "Name a table of targets or a program.")
     stated = frame_options(tool or (), frame or (), payload or (), keep or ())
     robot, program = load_result(result), is_program(path)
     if not program and (tool or frame or payload or keep):

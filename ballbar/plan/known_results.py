@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from ballbar.result.calibration import Calibration
-from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.recording_entries import RecordingEntry
 from ballbar.result.run_recordings import description_identity
 from cell.arrays import Array

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 import typer
 
 from acquisition.times import TIME_FORMS
+from cell.errors import InputError
 from cell.file_units import LogLengthUnit
 
 Text = str | None
@@ -15,6 +16,11 @@ Number = int | None
 _POSES = typer.Option(rich_help_panel="Options of still poses")
 OfPoses = Annotated[Text, _POSES]
 OfEachTable = Annotated[list[str] | None, _POSES]
+_SHARED = ("robot", "instrument")
+_OF_POSES = (
+    *("joints", "joint_unit", "values", "value_unit"),
+    *("rotation", "angle_unit", "seat", "target"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,3 +84,12 @@ class Answers:
     angle_unit: OfPoses = None
     seat: OfEachTable = None
     target: OfEachTable = None
+
+    def refuse_others(self, *, poses: bool) -> None:
+        """Raises InputError for options of logs beside still poses, and the other way round."""
+        stated = [field.name for field in fields(self) if getattr(self, field.name) is not None]
+        others = [name for name in stated if name not in _SHARED and (name in _OF_POSES) != poses]
+        if others:
+            options = ", ".join("--" + name.replace("_", "-") for name in others)
+            here = "still poses" if poses else "logs"
+            raise InputError.at(options, f"not for {here}.", "Leave it out.")

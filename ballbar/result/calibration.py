@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.calibration_file import (
+from ballbar.result.calibration_schema import (
     LEARNED_HARMONICS,
     POSE_CORRECTIONS,
     SCHEMA,

@@ -15,7 +15,7 @@ from acquisition.report import ImportReport, finding_line
 from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
-from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
 from cell.pose_file import load_poses_file, pose_file_path

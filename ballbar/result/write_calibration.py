@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast, get_args
 import numpy as np
 
 from ballbar.result.calibration import load_calibration
-from ballbar.result.calibration_file import SCHEMA, CalibrationFile
+from ballbar.result.calibration_schema import SCHEMA, CalibrationFile
 from ballbar.result.machine_entries import (
     CoefficientEntry,
     DroppedEntry,

@@ -301,7 +301,7 @@ def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterato
     for length in lengths:
         if abs(length.change) < LENGTH_ERROR:
             continue
-        if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms):
+        if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms, OFF_SPHERE):
             parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
             what = f"{length.name} of the file of robot {cell.robot.name}"
             if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":

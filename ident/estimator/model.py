@@ -31,7 +31,7 @@ from ident.corrections.base import (
 )
 from ident.estimator.closure import Closure, parameter_jacobian
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.observations import StillPoses
+from ident.estimator.observations import Observations, StillPoses
 from ident.estimator.samples import ArmMotion, Samples
 from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
@@ -47,7 +47,6 @@ MAX_UNMEASURED_STEP = 0.5  # [rad]
 LINEAR_STEP = 1e-4  # [rad] a smaller step moves the tool less than 1e-8 of its lever off its column
 
 Regressors = tuple[tuple[Array, ...], ...]  # (N,) each, of every correction
-Observations = Samples | StillPoses
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Still poses as the fit takes them: observations beside those of a recording.
+"""Observations as the fit takes them: samples of a recording, or still poses.
 
 A still pose is a sample whose speed is zero, whose clock is absent and whose joint noise is the
 rounding of its angles. A recording (ident.estimator.samples) answers to the same methods.
@@ -21,6 +21,7 @@ from cell.poses import PoseGroup
 from cell.robot_angles import by_axis
 from ident.corrections.base import BAR, GEAR
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.samples import Samples
 from ident.estimator.target_closure import TargetClosure, close_on_target
 from ident.estimator.unknowns import Unknowns
 
@@ -128,3 +129,6 @@ def rounding(q: Array) -> Array:
                 break
     commanded = out >= 0.5  # whole and half degrees are targets of a program, not rounding
     return np.deg2rad(np.where(commanded, 0.0, out))
+
+
+Observations = Samples | StillPoses

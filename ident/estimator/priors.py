@@ -123,12 +123,15 @@ def robot_prior(parameter: Parameter) -> float:
 
 def robot_unknowns(layout: Unknowns) -> list[int]:
     """Unknowns of a fit that are the robot's own parameters, with a prior about the catalogue."""
-    plate = layout.fixed.table.plate
-    return [
-        i
-        for i, parameter in enumerate(layout.parameters)
-        if parameter.side == "robot" and parameter.name != plate and np.isfinite(layout.sigma[i])
-    ]
+    own = of_robot(layout.fixed.table, layout.parameters)
+    return [int(i) for i in np.flatnonzero(own) if np.isfinite(layout.sigma[i])]
+
+
+def of_robot(table: ParameterTable, parameters: Sequence[Parameter]) -> NDArray[np.bool_]:
+    """(P,) whether parameters are the robot's own: of the instrument, plate included, files state
+    how well they are known.
+    """
+    return np.array([p.side == "robot" and p.name != table.plate for p in parameters], dtype=bool)
 
 
 def declared_sigma(layout: Unknowns) -> Array:

@@ -81,8 +81,8 @@ class Uncertainty:
 def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     """Autocorrelation-robust covariance of a fit, misfit included.
 
-    deviated : cells with masses beside those that the fit took as given, as in
-        ident.estimator.uncertainty.
+    deviated : cells with masses beside those that the fit took as given, as for
+        `considered_shifts`.
     """
     layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
     sigma = layout.sigma

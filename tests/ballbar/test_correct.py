@@ -223,6 +223,13 @@ def test_bad_targets_are_refused_by_line_and_nothing_is_written(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run", "targets.csv"]
 
 
+@pytest.mark.parametrize("name", ["none.csv", "none.mod", "."])
+def test_targets_that_are_no_file_are_refused(tmp_path: Path, result: Path, name: str) -> None:
+    code, _, err = ballbar("correct", tmp_path / name, "--with", result)
+    assert code == 2
+    assert "no such file. Name a table of targets or a program." in err
+
+
 def test_an_existing_file_is_not_written_over(tmp_path: Path, result: Path) -> None:
     given = write_targets(tmp_path / "targets.csv", AXES, ["0,0,0,0,45,0"])
     (tmp_path / "targets-corrected.csv").write_text("mine")

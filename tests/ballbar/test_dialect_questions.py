@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from acquisition.recording import read_recording
+from ballbar.recordings.answers import Answers
 from ballbar.recordings.proposals import counting
 from ballbar.recordings.questions import one_of
 from cell.errors import InputError
@@ -168,3 +169,11 @@ def test_columns_that_count_on_are_seen() -> None:
 def test_an_answer_that_is_none_of_the_choices_is_told_them(choices: str, words: str) -> None:
     with pytest.raises(InputError, match=f"'z': expected {words}\\."):
         one_of(*choices)("z")
+
+
+def test_options_of_logs_and_of_still_poses_are_not_mixed() -> None:
+    with pytest.raises(InputError, match="--encoder, --bits: not for still poses"):
+        Answers(robot="ur5", encoder=["b1=a"], bits=12).refuse_others(poses=True)
+    with pytest.raises(InputError, match="--value-unit: not for logs"):
+        Answers(instrument="drawwire_2m", unit="mm", value_unit="mm").refuse_others(poses=False)
+    Answers(robot="ur5", seat=["left"], joints="#1,#2").refuse_others(poses=True)

@@ -12,7 +12,14 @@ import pytest
 
 from ballbar.export.result import load_result
 from cell.errors import InputError
-from cell.files import claimed_folder, copied_description, new_folder, require_writable, write_whole
+from cell.files import (
+    beside,
+    claimed_folder,
+    copied_description,
+    new_folder,
+    require_writable,
+    write_whole,
+)
 from cell.geometry import Geometry
 from tests.helpers.calibrations import write_calibration_of
 
@@ -55,6 +62,16 @@ def test_what_a_power_cut_left_is_cleaned_up_and_nothing_else(tmp_path: Path) ->
             pass
         assert (tmp_path / ".a.part").exists()
         (tmp_path / foreign).unlink()
+
+
+def test_what_stands_beside_a_folder_has_its_name_where_it_is_called_dot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "monday" / "raw").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "monday" / "raw")
+    assert beside(Path(), "-identified") == tmp_path / "monday" / "raw-identified"
+    assert beside(Path(".."), "-identified") == tmp_path / "monday-identified"
+    assert beside(Path("a/b"), ".truth.yaml") == Path("a/b.truth.yaml")
 
 
 def test_a_refused_command_leaves_no_folder_behind(tmp_path: Path) -> None:

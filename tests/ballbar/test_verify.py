@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from ballbar import Calibration
 from ballbar.result.calibration import load_calibration
-from ballbar.result.calibration_file import CalibrationFile
+from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.machine_entries import CovarianceEntry
 from ballbar.result.verification import temperature_remarks
 from cell.errors import DescriptionError

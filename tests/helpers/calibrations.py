@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.result.calibration_file import SCHEMA
+from ballbar.result.calibration_schema import SCHEMA
 from cell.descriptions import Cell
 from cell.files import write_yaml
 from cell.geometry import Geometry

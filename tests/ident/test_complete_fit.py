@@ -13,6 +13,7 @@ from ident.complete_fit import (
     CONTINUATION,
     DEVIATION,
     FIRST_EXCESS,
+    WANDERING,
     Pose,
     approached,
     clock_steps_of,
@@ -26,11 +27,14 @@ from ident.complete_fit import (
 )
 from ident.corrections import CORRECTIONS, supported_corrections
 from ident.corrections.base import Correction
+from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
 from ident.estimator.noise import ExcessNoise
+from ident.held_machine import closed_loop
 from ident.model_choice import coefficients_of, lasting, unsupported
 from ident.options import FitOptions, Listener
 from ident.recording_fit import RecordingFit, fit_recording
+from ident.robot.identified import IdentifiedRobot
 from ident.signals.steps import StepFault
 from tests.helpers.known_loads import tension_at
 from tests.helpers.minute_logs import LATE, minute_logs
@@ -283,11 +287,23 @@ def test_clock_steps_are_those_of_one_recording() -> None:
     assert clock_steps_of(faults, 2) == ()
 
 
+def test_a_rod_that_wanders_is_held_to_no_narrower_a_tension_than_it_was_identified_with(
+    rippled: RecordingFit,
+) -> None:
+    rod = rod_elongation(CELL)
+    robot = IdentifiedRobot(CELL, rippled.geometry, (rod,), np.array([rod.coefficients[0].mean]))
+    told: list[str] = []
+    held = closed_loop(robot, rippled, OPTIONS, (), FIRST_EXCESS, Listener(told.append))
+    (own,) = held.model.unknowns.own
+    assert set(held.model.unknowns.sigma[own.knots]) == {WANDERING}
+    assert told == []  # the force is not sought: nothing but the rod's length depends on it
+
+
 def test_a_recordings_own_unknowns_start_where_its_kinematic_fit_ended(
     rippled: RecordingFit,
 ) -> None:
     samples = with_tension(CELL, rippled, "none", (20.0, 30.0), loaded=True)
-    start = start_of(rippled, samples, "none")
+    start = start_of(rippled, samples, "none", ())
     assert start.clock == rippled.clock
     assert start.geometry is rippled.geometry or np.array_equal(
         start.geometry.values, rippled.geometry.values
@@ -295,6 +311,8 @@ def test_a_recordings_own_unknowns_start_where_its_kinematic_fit_ended(
     assert start.knots == samples.splines.shape[0] > 0
     assert start.tension_sigma == DEVIATION["none"]
     assert start.clock_steps == 2
+    wandering = start_of(rippled, samples, "torque", [rod_elongation(CELL)])
+    assert wandering.tension_sigma == WANDERING > DEVIATION["torque"]
     assert samples.clock_steps == (20.0, 30.0)
     assert with_tension(CELL, rippled, "none", (), loaded=False).splines.shape[0] == 0
 

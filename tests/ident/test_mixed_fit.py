@@ -16,6 +16,7 @@ from cell.poses import PoseTable
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
+from ident.verdict import Status
 from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.tracker_points import SIGMA, still_points
@@ -48,7 +49,7 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
     mixed = identify_together(cell, [logs], table)
     assert alone.poses is None
     assert mixed.poses is not None
-    assert mixed.verdict.acceptable
+    assert mixed.verdict.status is Status.GOOD, mixed.verdict.sentence
     assert mixed.robot.tcp_sigma.mean() < 0.8 * alone.robot.tcp_sigma.mean()
     seat = mixed.poses.seats["tracker"]
     assert seat.whole
@@ -58,6 +59,15 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
     assert mixed.poses.cross_validation.mean < 8.0 * SIGMA  # of poses that the recording predicts
     errors = np.delete(mixed.poses.errors[0], 4)
     assert SIGMA < errors.mean() < 8.0 * SIGMA  # the robot's own scatter at rest is above it
+
+
+@pytest.mark.slow
+def test_a_few_points_beside_a_recording_do_not_judge_the_robot(run: Run) -> None:
+    """Without one of four, seat and target are hardly known: "not the declared robot" it was."""
+    cell, logs, truth = run
+    result = identify_together(cell, [logs], still_points(cell, truth, 3, count=4))
+    assert result.verdict.acceptable, result.verdict.sentence
+    assert any("4 poses of tracker hardly tell more" in w for w in result.verdict.warnings)
 
 
 @pytest.mark.slow

@@ -191,7 +191,7 @@ def test_logs_refuse_what_is_no_log() -> None:
         RobotLog(np.array([0.0, 0.0]), np.zeros((2, 6)))
     with pytest.raises(ValueError, match="do not fit"):
         RobotLog(np.array([0.0, 1.0]), np.zeros((3, 6)))
-    with pytest.raises(ValueError, match="not distinct"):
+    with pytest.raises(ValueError, match="do not increase within"):
         BallBarLog(np.array([0.0, 1.0]), np.zeros((2, 2)), (2, 1))
 
 

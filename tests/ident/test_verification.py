@@ -68,6 +68,19 @@ def test_a_change_is_named_with_its_size(
 
 
 @pytest.mark.slow
+def test_no_cause_is_named_that_an_unchanged_machine_would_show_as_well(
+    machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The residual alone is beyond what is stated, and the likeliest cause within its limit."""
+    monkeypatch.setattr(Score, "limit", lambda *_: 1e9)
+    outcome = verified(machine, moved(rtheta4=1e-3))
+    assert not outcome.holds
+    assert outcome.comparable
+    assert outcome.named == ()
+    assert "No single cause" in outcome.sentence
+
+
+@pytest.mark.slow
 def test_two_changes_have_no_single_cause(machine: Machine) -> None:
     outcome = verified(machine, moved(rtheta4=1e-3, bd3=3e-4))
     assert not outcome.holds
@@ -134,6 +147,16 @@ def score_of(x: Array, covariance: Array) -> Score:
     """The score of an estimate x (U,) that shows every change in full."""
     root = np.linalg.cholesky(covariance)
     return Score(np.linalg.solve(root, x), lambda columns: np.linalg.solve(root, columns))
+
+
+def test_a_change_that_nothing_shows_is_unseen_at_any_size() -> None:
+    """Its prior of 2 mrad passed for what was measured: it was said to show beyond 8 mrad."""
+    score = score_of(np.zeros(2), np.diag([1e-4, 1.0]) ** 2)
+    seen, hidden = (Cause("axis", "2", x, np.array([ZERO])) for x in np.eye(2)[:, :, None])
+    assert score.unseen(seen) == pytest.approx(4e-4)
+    assert score.unseen(hidden) == pytest.approx(4.0)
+    outcome = outcome_of(blind={2: score.unseen(seen), 3: score.unseen(hidden)})
+    assert outcome.warnings[0].endswith("2 (0.4 mrad), 3 (any)")
 
 
 def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() -> None:

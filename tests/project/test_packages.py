@@ -59,7 +59,6 @@ INTO_THE_WINGS = {  # imports of the ground floor that remain, each for its reas
     # what another recording would add is predicted by the planner
     "ballbar.report.machine": {"planning", "sim"},
     # types of what a simulated run has beside an identification
-    "ballbar.commands.result_json": {"sim"},
     "ballbar.result.run_data": {"ballbar.scenario", "ballbar.truth", "sim"},
 }
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
