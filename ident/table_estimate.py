@@ -70,8 +70,8 @@ class TableEstimate:
         """
         layout = self.fit.model.unknowns
         places = sum(p.stop - p.start for p in (*layout.seats.values(), *layout.targets.values()))
-        told = sum(group.kind.equations * group.size for group in self.table.groups)
-        return self.alone or told >= ENOUGH * places
+        equations = sum(group.kind.equations * group.size for group in self.table.groups)
+        return self.alone or equations >= ENOUGH * places
 
     @cached_property
     def seats(self) -> dict[str, PlacementEstimate]:

@@ -174,7 +174,7 @@ def _values(
 
 
 def _held(kind: Kind) -> str:
-    """What the columns of a kind's values hold, as a part of a question."""
+    """Content of the columns of a kind's values, as a part of a question."""
     if kind.target_turns:
         return listed((*kind.names[:3], "the rotation"))
     return listed(kind.names) if kind.columns > 1 else f"the {kind.names[0]}"

@@ -118,6 +118,7 @@ def test_a_knocked_point_is_told_from_the_others(points: int, point: int, kind: 
     assert rms(errors(fit, kind, 3)[0]) < 5e-6
 
 
+@pytest.mark.slow
 def test_a_point_that_is_knocked_twice_is_three_points() -> None:
     read = readings("linear", 6, 4)
     read[40:, 1, 0] += 2e-4

@@ -141,6 +141,7 @@ def test_one_seat_and_one_target_in_two_files_are_said_to_be_so(tmp_path: Path, 
     assert [entry["files"] for entry in content["tables"]] == [["raw/grid.csv", "raw/random.csv"]]
 
 
+@pytest.mark.slow
 def test_two_seats_of_two_targets_are_told_from_each_other(tmp_path: Path) -> None:
     files = [
         table(tmp_path / f"{seat}{target}.csv", q, points(q, REFLECTORS[target], place))

@@ -411,6 +411,7 @@ def test_what_was_measured_at_one_place_is_good_after_another_place_alone() -> N
     assert verdict_of(fit_table(two, FitOptions(joint_errors="none"))).status is Status.GOOD
 
 
+@pytest.mark.slow
 def test_a_place_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     table = socket_table(true_robot("panda"), count=40)
     groups = tuple(  # the robot errs at site 2 in a way that the model has not

@@ -30,6 +30,7 @@ def plan_into(folder: Path) -> None:
     command.make_plan(load_request(REQUEST), REQUEST, options)
 
 
+@pytest.mark.slow
 def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
