@@ -97,10 +97,10 @@ def test_fanuc_axis_3_keeps_the_forearm_level_while_axis_2_moves() -> None:
 
 
 def recorded_tcp_poses() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Axis angles (N, 6) [rad], TCP positions (N, 3) [m] and quaternions (N, 4) of a real controller.
+    """Axis angles (N, 6) [rad], TCP positions (N, 3) [m] and quaternions (N, 4) of a real robot.
 
-    Each sample is four rows: position, orientation, speed, axes. Read while it stood or crept: the
-    four are read one after the other.
+    They are those that its controller showed, one row after the other: position, orientation, speed,
+    axes. Samples in motion are left out.
     """
     (file,) = (DATA / "irb4400_vicon").glob("*.csv.gz")
     kept: list[list[float]] = []
