@@ -99,8 +99,8 @@ def test_fanuc_axis_3_keeps_the_forearm_level_while_axis_2_moves() -> None:
 def recorded_tcp_poses() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Axis angles (N, 6) [rad], TCP positions (N, 3) [m] and quaternions (N, 4) of a real robot.
 
-    They are those that its controller showed, one row after the other: position, orientation, speed,
-    axes. Samples in motion are left out.
+    They are those that its controller showed, one row after the other: position, orientation,
+    speed, axes. Samples in motion are left out.
     """
     (file,) = (DATA / "irb4400_vicon").glob("*.csv.gz")
     kept: list[list[float]] = []
