@@ -1,14 +1,16 @@
-"""State of a robot that stands still: its weight, and backlash on the side that it presses to."""
+"""State of a robot without ball-bar: its weight, and backlash on the side that it presses to."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.geometry import BAR_ROWS, Geometry, robot_geometry
+from cell.poses import Motion
 from cell.robot_angles import by_axis
 from ident.corrections.base import Channel, Correction, State, backlash_transition
 from ident.loads.gear_loads import MassModel, link_masses, mass_model, no_loads, own_weight
@@ -70,4 +72,30 @@ def state_at_rest(
         gear_speed=still,
         gear_acceleration=still,
         flanks=backlash_flanks(weight.gear),
+    )
+
+
+def state_in_motion(
+    masses: MassModel | None,
+    geometry: Geometry,
+    motion: Motion,
+    at: Array,
+    to_gear: Array,
+    width: Array,
+) -> State:
+    """State of a robot that moves with nothing attached, at robot times (N,) [s].
+
+    Other arguments as of `state_at_rest`; its gears lie on the flanks that their loads choose.
+    """
+    q, (speed, acceleration) = motion.angles(at), motion.arm(at)
+    state = state_at_rest(None, geometry, q, to_gear, width)
+    if masses is not None:
+        carried = own_weight(masses, geometry, q, speed, acceleration)
+        state = replace(state, loads=carried)
+    return replace(
+        state,
+        t=at,
+        gear_speed=(motion.speed(at) @ to_gear).T,
+        gear_acceleration=(acceleration @ to_gear).T,
+        flanks=None,
     )
