@@ -98,9 +98,18 @@ class PoseGroup:
 
     def by(self, clock: Clock) -> PoseGroup:
         """The poses of a robot that moved, by another clock of the instrument."""
-        assert self.motion is not None and self.time is not None  # the caller's condition
-        at = self.motion.within(clock.robot_time(self.time))
-        return replace(self, q=self.motion.angles(at), motion=self.motion.by(clock))
+        assert self.motion is not None  # the caller's condition
+        q = self.q + self.motion.angles(self.at(clock)) - self.motion.angles(self.at())
+        return replace(self, q=q, motion=self.motion.by(clock))
+
+    def at(self, clock: Clock | None = None) -> Array:
+        """(N,) [s] robot time of the poses of a robot that moved, kept inside its log.
+
+        clock : of the instrument; that of `q` where it is not given.
+        """
+        assert self.motion is not None  # the caller's condition
+        assert self.time is not None
+        return self.motion.within((clock or self.motion.clock).robot_time(self.time))
 
     def part(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> PoseGroup:
         """The group of some of its poses."""
@@ -147,6 +156,12 @@ class PoseTable:
     @property
     def targets(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(group.target for group in self.groups))
+
+    @property
+    def what(self) -> str:
+        """What the poses are, in the plural."""
+        kinds = {group.motion is None for group in self.groups}
+        return "poses" if len(kinds) > 1 else "still poses" if kinds == {True} else "followed poses"
 
     @property
     def moving(self) -> NDArray[np.bool_]:

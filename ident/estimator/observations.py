@@ -9,6 +9,7 @@ robot's log at the instants of its rows, and a clock. A recording of a ball-bar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,11 +142,16 @@ class FollowedPoses(StillPoses):
         """The robot up to its bare flange, the clock, and (N,) [s] the robot's time."""
         del k
         clock = layout.instrument_clock(x, self.motion.name)
-        return layout.bare(x), clock, self.motion.within(clock.robot_time(self.times))
+        return layout.bare(x), clock, self.group.at(clock)
+
+    @cached_property
+    def _beyond(self) -> Array:
+        """(N, J) [rad] angles as given less those of the motion by the clock that they are of."""
+        return np.asarray(self.group.q - self.motion.angles(self.group.at()))
 
     def joint_angles(self, at: Array) -> Array:
         """(N, J) [rad] at robot times (N,) [s]."""
-        return self.motion.angles(at)
+        return self._beyond + self.motion.angles(at)
 
     def joint_speed(self, at: Array) -> Array:
         """(N, J) [rad/s] at robot times (N,) [s]."""
@@ -155,8 +161,7 @@ class FollowedPoses(StillPoses):
         self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
     ) -> State:
         """What regressors depend on, by the clock from which the fit starts."""
-        at = self.motion.within(self.motion.clock.robot_time(self.times))
-        return state_in_motion(masses, geometry, self.motion, at, to_gear, width)
+        return state_in_motion(masses, geometry, self.group, to_gear, width)
 
     def noise_columns(
         self, point: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
@@ -170,14 +175,15 @@ class FollowedPoses(StillPoses):
     def own_columns(
         self, layout: Unknowns, x: Array, k: int, point: Evaluation, weights: Whitening
     ) -> list[tuple[slice, Array]]:
-        """Unknowns of seat, target and clock, and (p, E, N) the weighted error's change per unit."""
+        """Unknowns of seat, target and clock, and (p, E, N) the weighted change per unit of each."""
         shift = weights(point.time_column)
-        clock = layout.placed.clocks[self.motion.name], np.stack((shift, shift * self.times))
-        return [*super().own_columns(layout, x, k, point, weights), clock]
+        clock = layout.placed.clocks[self.motion.name]
+        columns = np.stack((shift, shift * self.times))
+        return [*super().own_columns(layout, x, k, point, weights), (clock, columns)]
 
 
 def observed(group: PoseGroup, rounding: Array) -> StillPoses:
-    """A group of poses as the fit takes it; rounding : (J,) [rad] noise of angles of still poses."""
+    """A group of poses as the fit takes it; rounding : (J,) [rad] of the angles of still ones."""
     motion, times = group.motion, group.time
     if motion is None or times is None:
         return StillPoses(group, rounding)

@@ -10,7 +10,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.geometry import BAR_ROWS, Geometry, robot_geometry
-from cell.poses import Motion
+from cell.poses import PoseGroup
 from cell.robot_angles import by_axis
 from ident.corrections.base import Channel, Correction, State, backlash_transition
 from ident.loads.gear_loads import MassModel, link_masses, mass_model, no_loads, own_weight
@@ -76,21 +76,18 @@ def state_at_rest(
 
 
 def state_in_motion(
-    masses: MassModel | None,
-    geometry: Geometry,
-    motion: Motion,
-    at: Array,
-    to_gear: Array,
-    width: Array,
+    masses: MassModel | None, geometry: Geometry, group: PoseGroup, to_gear: Array, width: Array
 ) -> State:
-    """State of a robot that moves with nothing attached, at robot times (N,) [s].
+    """State of a robot that moved with nothing attached, at the poses of a group.
 
     Other arguments as of `state_at_rest`; its gears lie on the flanks that their loads choose.
     """
-    q, (speed, acceleration) = motion.angles(at), motion.arm(at)
-    state = state_at_rest(None, geometry, q, to_gear, width)
+    motion, at = group.motion, group.at()
+    assert motion is not None  # the caller's condition
+    speed, acceleration = motion.arm(at)
+    state = state_at_rest(None, geometry, group.q, to_gear, width)
     if masses is not None:
-        carried = own_weight(masses, geometry, q, speed, acceleration)
+        carried = own_weight(masses, geometry, group.q, speed, acceleration)
         state = replace(state, loads=carried)
     return replace(
         state,

@@ -8,8 +8,6 @@ among the unknowns, on a part of the rows; what explains these best is taken.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from cell.arrays import Array
@@ -120,6 +118,4 @@ def _offsets(smooth: SmoothLog, motion: SmoothLog, geometry: Geometry) -> list[f
         return []
     scan = scan_speeds(a, b, [(0, 0)], least=least, paired=True)
     best = best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / SCAN_STEP))
-    return [
-        float(motion.start - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best
-    ]
+    return [float(motion.start - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best]
