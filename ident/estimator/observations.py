@@ -175,7 +175,7 @@ class FollowedPoses(StillPoses):
     def own_columns(
         self, layout: Unknowns, x: Array, k: int, point: Evaluation, weights: Whitening
     ) -> list[tuple[slice, Array]]:
-        """Unknowns of seat, target and clock, and (p, E, N) the weighted change per unit of each."""
+        """Unknowns of seat, target and clock, and (p, E, N) the weighted change by each."""
         shift = weights(point.time_column)
         clock = layout.placed.clocks[self.motion.name]
         columns = np.stack((shift, shift * self.times))

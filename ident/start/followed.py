@@ -1,7 +1,7 @@
 """Poses by an instrument that follows a moving robot: its clock, and where it stands, about.
 
-The clock follows from the vector-free part of both motions: target and flange are about equally
-fast whatever frame and target are, so the lags at which their speeds agree best are tried. From
+Target and flange are about equally fast, wherever the frame and the target are, so the lags at
+which their speeds agree best are tried. From
 each, seat and target are found by the nominal robot as those of still poses are, with the clock
 among the unknowns, on a part of the rows; what explains these best is taken.
 """
@@ -29,6 +29,8 @@ WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual as
 SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
 LAGS, LAG_SEPARATION = 4, 0.5  # peaks of the scan that are tried, and [s] between them
 TRIED_ROWS = 600  # from which clock, seat and target are found from each of them
+# [m] along each axis, that a robot by its file leaves at the right lag, and never at a wrong one
+CLOSE, GROSS = 3e-3, 0.03
 SEAT, TARGET = "tracker", "target"
 
 
@@ -73,29 +75,30 @@ def followed_table(
         time=times,
         motion=LoggedMotion(name, motion, Clock(0.0, 0.0)),
     )
-    best, refused = None, None
+    best, clock, refused = np.inf, None, None
     for offset in _offsets(smooth, motion, geometry):
-        clock = Clock(offset, 0.0)
-        for _ in range(2):  # the clock decides which rows these are
-            group = _covered(whole, motion, clock)
-            step = max(1, group.size // TRIED_ROWS)
-            try:
-                fit = placed_fit(geometry, PoseTable(name, robot, (_every(group, step),)))
-            except PoseStartError as error:
-                refused = error
-                break
-            clock = fit.model.unknowns.instrument_clock(fit.x, name)
-            if best is None or fit.excess.position < best[0]:
-                best = fit.excess.position, clock
-    if best is None:
-        raise refused or StartError(
-            f"{name}: the tracker's log shares no {MIN_OVERLAP:g} s of motion with the robot's"
+        trial = Clock(offset, 0.0)
+        try:
+            for _ in range(2):  # the clock decides which rows these are
+                group = _covered(whole, motion, trial)
+                part = group.part(np.arange(0, group.size, max(1, group.size // TRIED_ROWS)))
+                fit = placed_fit(geometry, PoseTable(name, robot, (part,)))
+                trial = fit.model.unknowns.instrument_clock(fit.x, name)
+        except PoseStartError as error:
+            refused = error
+            continue
+        if fit.excess.position < best:
+            best, clock = fit.excess.position, trial
+        if best < CLOSE:
+            break
+    if refused is not None and best > GROSS:
+        raise refused
+    if clock is None:
+        raise StartError(
+            f"{name}: the tracker's log shares no {MIN_OVERLAP:g} s of motion with the robot's. "
+            "Are they of one run? Log both in one."
         )
-    return PoseTable(name, robot, (_covered(whole, motion, best[1]),))
-
-
-def _every(group: PoseGroup, step: int) -> PoseGroup:
-    return group.part(np.arange(0, group.size, step))
+    return PoseTable(name, robot, (_covered(whole, motion, clock),))
 
 
 def _covered(group: PoseGroup, motion: SmoothLog, clock: Clock) -> PoseGroup:
