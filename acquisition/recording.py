@@ -261,7 +261,7 @@ def _read_tracker(
 def _target_of(
     folder: Path, description: RecordingFile, declared: TrackerFile
 ) -> tuple[Literal["point", "pose"], Instrument | None]:
-    """What is measured of the target, and the instrument; None of one beside a ball-bar.
+    """Quantity that is measured of the target, and the instrument; None beside a ball-bar.
 
     Raises DescriptionError where the instrument and the columns of the orientation do not fit.
     """

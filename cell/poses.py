@@ -23,7 +23,7 @@ from cell.instruments.base import Kind
 Measured = str  # name of a kind of instrument
 
 
-class Motion(Protocol):
+class JointMotion(Protocol):
     """Motion of the robot's joints while an instrument followed its target (ident.signals.motion).
 
     Times (N,) [s] are those of the robot's clock, angles those of the DH convention.
@@ -54,7 +54,7 @@ class Motion(Protocol):
         apart, as if they were independent.
         """
 
-    def by(self, clock: Clock) -> Motion:
+    def by(self, clock: Clock) -> JointMotion:
         """The motion with another clock of the instrument."""
 
 
@@ -77,7 +77,7 @@ class PoseGroup:
     # (N,) [s] since the table's first pose; of a robot that moved on the instrument's clock
     time: Array | None = None
     temperature: Array | None = None  # (N,) [deg C]
-    motion: Motion | None = None  # None: the robot stood still; else `q` is by its clock
+    motion: JointMotion | None = None  # None: the robot stood still; else `q` is by its clock
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -159,7 +159,7 @@ class PoseTable:
 
     @property
     def what(self) -> str:
-        """What the poses are, in the plural."""
+        """Name of such poses, in the plural."""
         kinds = {group.motion is None for group in self.groups}
         return "poses" if len(kinds) > 1 else "still poses" if kinds == {True} else "followed poses"
 

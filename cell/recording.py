@@ -12,8 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
-from cell.file_units import AngleUnit, LogLengthUnit
-from cell.pose_file import Rotation
+from cell.file_units import AngleUnit, LogLengthUnit, Rotation
 from cell.schema import EncoderLines, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model

@@ -20,7 +20,7 @@ from cell.chain import forward
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, Geometry
 from cell.placement import target_frames
-from cell.poses import Motion, PoseGroup
+from cell.poses import JointMotion, PoseGroup
 from cell.robot_angles import by_axis
 from ident.corrections.base import BAR, GEAR, State
 from ident.estimator.noise import ExcessNoise
@@ -67,7 +67,7 @@ class StillPoses:
     def state(
         self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
     ) -> State:
-        """What regressors depend on; arguments as of `ident.loads.at_rest.state_at_rest`."""
+        """State of the robot for the regressors; arguments as of `state_at_rest`."""
         return state_at_rest(masses, geometry, self.group.q, to_gear, width)
 
     def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
@@ -134,7 +134,7 @@ class FollowedPoses(StillPoses):
     A constant latency of the instrument is a part of its clock's offset.
     """
 
-    motion: Motion
+    motion: JointMotion
     times: Array  # (N,) [s] on the instrument's clock
     stamp_noise: float  # [s] of the robot's log, at instants as far apart as these
 
@@ -160,7 +160,7 @@ class FollowedPoses(StillPoses):
     def state(
         self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
     ) -> State:
-        """What regressors depend on, by the clock from which the fit starts."""
+        """State of the robot for the regressors, by the clock from which the fit starts."""
         return state_in_motion(masses, geometry, self.group, to_gear, width)
 
     def noise_columns(

@@ -71,7 +71,15 @@ class Placed:
         return replace(self, seats=seats, targets=targets, clocks=clocks)
 
 
-NOWHERE = Placed({}, {}, {}, {}, np.zeros(0, dtype=np.intp), np.zeros(0), {})
+NOWHERE = Placed(
+    seats={},
+    targets={},
+    seat_starts={},
+    target_starts={},
+    last_row=np.zeros(0, dtype=np.intp),
+    flange=np.zeros(0),
+    clocks={},
+)
 
 
 def _clock(x: Array, part: slice | None) -> Clock:

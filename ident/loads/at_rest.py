@@ -80,7 +80,8 @@ def state_in_motion(
 ) -> State:
     """State of a robot that moved with nothing attached, at the poses of a group.
 
-    Other arguments as of `state_at_rest`; its gears lie on the flanks that their loads choose.
+    Its gears lie on the flanks that their loads choose. to_gear : (J, J), gears = joints @ to_gear.
+    width : (J,) [N m] of the transition between the flanks of the backlash.
     """
     motion, at = group.motion, group.at()
     assert motion is not None  # the caller's condition

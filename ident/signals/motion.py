@@ -12,8 +12,11 @@ from ident.signals.smooth_log import SmoothLog
 
 
 @dataclass(frozen=True, eq=False)
-class LoggedMotion:
-    """Angles, speeds and noise by a robot's log, and the instrument's clock (cell.poses.Motion)."""
+class MotionByLog:
+    """Angles, speeds and noise by a robot's log, and the clock of what followed it.
+
+    It is a cell.poses.JointMotion.
+    """
 
     name: str  # of the recording
     log: SmoothLog
@@ -28,17 +31,17 @@ class LoggedMotion:
         return np.asarray(self.log.speed(at))
 
     def arm(self, at: Array) -> tuple[Array, Array]:
-        """Speed and acceleration (N, J) [rad/s, rad/s^2] of the arm as a rigid body."""
+        """(N, J) [rad/s] and (N, J) [rad/s^2] speed and acceleration of the arm as a rigid body."""
         return np.asarray(self.log.arm(at, 1)), np.asarray(self.log.arm(at, 2))
 
     def within(self, at: Array) -> Array:
-        """The times (N,) [s], kept inside the log."""
+        """(N,) [s] the times, kept inside the log."""
         return np.clip(at, self.log.start, self.log.end)
 
     def noise(self, spacing: float) -> tuple[Array, float]:
         """(J,) [rad] of the angles and [s] of the stamps, of rows `spacing` [s] apart."""
         return self.log.sample_sigma(spacing), self.log.sample_stamp_sigma(spacing)
 
-    def by(self, clock: Clock) -> LoggedMotion:
+    def by(self, clock: Clock) -> MotionByLog:
         """The motion with another clock of the instrument."""
         return replace(self, clock=clock)

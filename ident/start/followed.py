@@ -18,7 +18,7 @@ from cell.geometry import Geometry
 from cell.logs import RobotLog, TrackerLog, segment_starts
 from cell.poses import PoseGroup, PoseTable
 from cell.statistics import rms
-from ident.signals.motion import LoggedMotion
+from ident.signals.motion import MotionByLog
 from ident.signals.smooth_log import SmoothLog, smooth_log
 from ident.start.automatic import StartError
 from ident.start.lag_scan import best_lags, subsample
@@ -64,16 +64,16 @@ def followed_table(
     rows = ~np.isin(log.t, smooth.outliers.times)
     times, number = smooth.stamps[rows], np.flatnonzero(rows) + 1
     whole = PoseGroup(
-        log.measured,
-        SEAT,
-        TARGET,
-        motion.spline(np.clip(times, motion.start, motion.end)),
-        log.values[rows],
-        log.sigma[rows],
-        number,
-        name,
+        measured=log.measured,
+        seat=SEAT,
+        target=TARGET,
+        q=motion.spline(np.clip(times, motion.start, motion.end)),
+        values=log.values[rows],
+        sigma=log.sigma[rows],
+        rows=number,
+        file=name,
         time=times,
-        motion=LoggedMotion(name, motion, Clock(0.0, 0.0)),
+        motion=MotionByLog(name, motion, Clock(0.0, 0.0)),
     )
     best, clock, refused = np.inf, None, None
     for offset in _offsets(smooth, motion, geometry):

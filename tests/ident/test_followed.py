@@ -95,7 +95,7 @@ def test_a_clock_that_is_shifted_is_found_shifted() -> None:
 
 
 def test_derivatives_are_those_of_central_differences() -> None:
-    """Of every unknown, clock and skew among them, away from the start; the weights are held."""
+    """They are taken for clock and skew too, away from the start; the weights are held."""
     for pose in (False, True):
         table = table_by(*logs_of(MADE, pose=pose))
         thin = replace(table, groups=(table.groups[0].part(np.arange(0, 1500, 7)),))
@@ -188,7 +188,7 @@ def test_a_frame_with_a_wrong_sign_is_refused_as_a_mirror_image() -> None:
 
 @pytest.mark.slow
 def test_stated_intervals_hold_the_truth_as_often_as_they_claim() -> None:
-    """Of twelve drawn robots: all errors of clock and tool, over what is stated."""
+    """Twelve drawn robots give 24 errors of the clock over what is stated."""
     clocks, tools = [], []
     for seed in range(20, 32):
         made = FollowedRobot(seed=seed)
