@@ -74,15 +74,20 @@ class Recording:
     tracker_log: TrackerLog | None = None  # none where nothing follows a target
 
 
+def require_folder(folder: Path) -> None:
+    """Raises DescriptionError where there is no folder that could be a recording."""
+    if not folder.is_dir():
+        what = "no such folder. A recording is a folder with recording.yaml and the device files."
+        raise DescriptionError.at(folder, what, "Check the name.")
+
+
 def read_recording(folder: Path) -> Recording:
     """Joint angles, encoder angles and logged loads of a recording folder, with the import report.
 
     Raises DescriptionError if recording.yaml is wrong or contradicts itself, LogError if a device
     file cannot be trusted.
     """
-    if not folder.is_dir():
-        what = "no such folder. A recording is a folder with recording.yaml and the device files."
-        raise DescriptionError.at(folder, what, "Check the name.")
+    require_folder(folder)
     description = load_recording_file(folder)
     _check_encoders(folder, description)
     robot = load_robot(description.robot, relative_to=folder)

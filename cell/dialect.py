@@ -50,12 +50,19 @@ class TimeColumn(Strict):
     forms: tuple[TimeForm, ...] = ()
     # Low and high 32 bits, read where `column` is absent.
     halves: tuple[Selector, Selector] | None = None
+    # Nanoseconds beside whole seconds in `column`; the form is that of both together, in ns.
+    nanoseconds: Selector | None = None
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         if bool(self.forms) == (self.unit is not None):
             raise ValueError("give either unit, or forms to tell apart")
         return self
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of a stamp."""
+        return (self.column, *((self.nanoseconds,) if self.nanoseconds else ()))
 
     @property
     def possible(self) -> tuple[TimeForm, ...]:
@@ -175,7 +182,7 @@ class Dialect(Strict):
     def headerless(self) -> bool:
         """Whether all columns that it names are counted, so that no header is needed."""
         columns = () if self.source in ("ballbar", "length") else (*self.angles, *self.wrench)
-        return by_position((self.time.column, *columns, *self.point))
+        return by_position((*self.time.columns, *columns, *self.point))
 
 
 def dialect_names() -> list[str]:

@@ -233,10 +233,6 @@ class Model:
         """Every group of still poses at the unknowns x (P,), where there is nothing else."""
         return tuple(self.evaluate(x, k, np.zeros((0, 0))) for k in range(len(self.parts)))
 
-    def robot_times(self, x: Array, k: int) -> Array:
-        """(N,) [s] on the robot's clock of the samples of recording k, clock steps included."""
-        return self.parts[k].mechanism(self.unknowns, x, k)[2]
-
     def tension(self, x: Array, k: int) -> Array:
         """(N,) [N] of the rod at the samples of recording k: measured times gain, plus spline."""
         samples, knots, gain = self.recordings[k], self.unknowns.own[k].knots, self.unknowns.gain

@@ -11,7 +11,7 @@ import pytest
 from acquisition.channels import read_channels
 from acquisition.explain import explain_lines
 from acquisition.recording import read_recording
-from ballbar.recordings.check import check_lines
+from ballbar.recordings.check import CheckedRecording
 from cell.errors import DescriptionError, LogError
 from cell.load import load_instrument
 from tests.helpers.followed_robot import FollowedRobot
@@ -64,7 +64,9 @@ def test_points_are_read_in_metres_with_the_stated_accuracy(folder: Path) -> Non
     assert "points of a target in mm (recording.yaml), accuracy 90 um" in "\n".join(
         explain_lines(folder)
     )
-    assert "  tracker log: 2957 samples over 59.12 s" in "\n".join(check_lines(recording, None))
+    assert "  tracker log: 2957 samples over 59.12 s" in "\n".join(
+        CheckedRecording(recording).lines()
+    )
 
 
 @pytest.mark.parametrize("cells", [",,", "0,0,0", "NaN,NaN,NaN", "0.000, 0.000, 0.000"])
