@@ -153,7 +153,7 @@ def _log_lines(recording: Recording) -> list[str]:
         elif name not in ("force", "length", "tracker"):
             line += "; no dwell"
         lines.append(line)
-    if bar is None and recording.length_log is None:
+    if bar is None and recording.length_log is None and not recording.description.followed:
         lines.append("no encoders: the ball-bar's length is the only measurement")
     return lines
 
@@ -221,7 +221,7 @@ def _pose_data(read: PoseImport) -> dict[str, Any]:
     axes = joints_to_axes(table.robot, table.q)
     return {
         "robot": table.robot.name,
-        "instrument": read.description.instrument,
+        "instrument": read.description.instrument or "",
         "poses": table.size,
         "seats": list(table.seats),
         "targets": list(table.targets),
