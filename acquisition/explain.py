@@ -77,8 +77,10 @@ def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
         zero = f" from {declared.zero_m:g} m on" if declared.zero_m else ""
         return [f"length in {declared.unit}{zero}, column {declared.column} (recording.yaml)"]
     if isinstance(declared, TrackerFile):
-        accuracy = f"accuracy {declared.accuracy_m * 1e6:g} um"
-        return [f"points of an LED in {declared.unit} (recording.yaml), {accuracy}; empty: hidden"]
+        stated = declared.accuracy_m
+        accuracy = "of the instrument" if stated is None else f"{stated * 1e6:g} um"
+        what = f"points of a target in {declared.unit} (recording.yaml), accuracy {accuracy}"
+        return [f"{what}; empty: hidden"]
     return ["forces in N, torques in N m: what the flange feels, in its own frame"]
 
 

@@ -23,7 +23,7 @@ from cell.errors import DescriptionError, LogError, UnfinishedLogError
 from cell.foreign_files import repeated
 from cell.logs import SourceName
 from cell.neighbours import Mask
-from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile
+from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, TrackerFile
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix
 # nothing.
@@ -92,6 +92,8 @@ def layout_of(source: SourceFile, dialect: Dialect, encoders: Fitted | None = No
     time, fitted = dialect.time, encoders or {}
     required: dict[str, Kind] = {}
     optional: dict[str, Kind] = dict.fromkeys(dialect.torque_columns, "float")
+    turns = source.rotation if isinstance(source, TrackerFile) else None
+    target_turns = turns.columns if turns else ()
     match dialect.source:
         case "robot":
             required = dict.fromkeys(dialect.angles, "float")
@@ -103,8 +105,8 @@ def layout_of(source: SourceFile, dialect: Dialect, encoders: Fitted | None = No
             required = {source.column: "float"}
         case "force":
             required = dict.fromkeys(dialect.wrench, "float")
-        case "tracker":
-            required = dict.fromkeys(dialect.point, "float")
+        case "tracker" if isinstance(source, TrackerFile):
+            required = dict.fromkeys((*dialect.point, *target_turns), "float")
     signal, stamped = tuple(required), time.columns
     if twice := [name for name in stamped if name in required]:
         raise DescriptionError(
@@ -125,7 +127,7 @@ def layout_of(source: SourceFile, dialect: Dialect, encoders: Fitted | None = No
         names=source.columns,
         headerless=dialect.headerless,
         decimal=dialect.decimal,
-        all_empty=dialect.point,  # a hidden LED has no coordinates
+        all_empty=(*dialect.point, *target_turns),  # a hidden target has no coordinates
         signal=signal,
         damaged_rows=source.damaged_rows,
     )

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
-from cell.file_units import AngleUnit, LengthUnit
+from cell.file_units import AngleUnit, LengthUnit, Rotation
 from cell.instrument import Instrument
 from cell.poses import KnownDistance
 from cell.schema import Positive, Strict
@@ -22,15 +22,6 @@ from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
-# Angles turned about moving axes (XYZ) or fixed ones (xyz), as scipy's Rotation.from_euler has it.
-Rotation = Annotated[
-    str,
-    Field(
-        pattern=r"^(rotvec|quat_wxyz|quat_xyzw"
-        r"|XYZ|XZY|YXZ|YZX|ZXY|ZYX|XYX|XZX|YXY|YZY|ZXZ|ZYZ"
-        r"|xyz|xzy|yxz|yzx|zxy|zyx|xyx|xzx|yxy|yzy|zxz|zyz)$"
-    ),
-]
 
 
 class NamedColumn(Strict):
