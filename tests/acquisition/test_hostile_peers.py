@@ -66,10 +66,14 @@ def test_every_truncated_egm_message_is_left_out_or_decoded_never_fatal(egm: Egm
     egm.connect()
     whole = egm_message(7, joints(7))
     sent_to(egm, *(whole[:length] for length in range(len(whole))))
-    batch = egm.poll()
-    assert len(batch.records) + batch.refused == len(whole)
-    assert batch.refused > len(whole) // 2
-    assert np.isfinite(batch.values).all()
+    decoded = refused = 0
+    while decoded + refused < len(whole):  # a poll on a busy machine ends before all are read
+        batch = egm.poll()
+        assert batch.records or batch.refused
+        assert np.isfinite(batch.values).all()
+        decoded, refused = decoded + len(batch.records), refused + batch.refused
+    assert decoded + refused == len(whole)
+    assert refused > len(whole) // 2
 
 
 def test_numbers_at_the_ends_of_their_range_are_no_faults_of_the_program(egm: EgmSource) -> None:
