@@ -19,8 +19,11 @@ from cell.geometry import nominal_chain, robot_geometry
 from cell.placement import Placement
 from cell.poses import PoseTable
 from ident.corrections.base import Coefficient, Correction
+from ident.corrections.gear_backlash import backlash_of
+from ident.corrections.gear_ripple import ripple_of
 from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
+from ident.corrections.joint_lag import lag_of
 from ident.corrections.unit_weights import unit_weights
 from ident.cross_validation import cross_validated, robust_covariance
 from ident.estimator.build_unknowns import still_unknowns
@@ -34,7 +37,7 @@ from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ident.findings import Findings, findings_of
 from ident.moved_seats import MOST, confirms, step_of
 from ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
-from ident.start.placements import start_of_poses
+from ident.start.placements import retimed, start_of_poses
 from ident.table_estimate import TableEstimate
 from ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
@@ -95,11 +98,12 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
     table = still.table
     noise = rounding_noise(table.q)
     learned = options.joint_errors
-    fixed = [*sag(table.robot), *(_held(learned) if isinstance(learned, JointErrors) else [])]
+    fixed = [*_expected(table), *(_held(learned) if isinstance(learned, JointErrors) else [])]
     layout = still_unknowns(robot_geometry(table.robot), still, fixed)
     _check_enough(table, layout)
     model = still_model(table, layout, fixed, noise)
     nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
+    model = replace(model, table=retimed(nominal))
     listener.progress("fitting geometry and sag")
     fit = fit_robustly(model, nominal.x, nominal.excess)
     fit, findings = _without_unsettled(fit)
@@ -114,6 +118,19 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
     listener.progress("cross-validating")
     fit = replace(fit, covariance=robust_covariance(fit))
     return TableEstimate(fit, nominal, cross_validated(fit), findings, search)
+
+
+def _expected(table: PoseTable) -> list[Correction]:
+    """Sag, and of a robot that moved what its gears and its controller's filters do besides, as far
+    as its file states gears and masses.
+    """
+    robot, out = table.robot, sag(table.robot)
+    if not table.moving.any():
+        return out
+    out.append(lag_of(robot))
+    if robot.gears is not None:
+        out += [ripple_of(robot), *([] if robot.links is None else [backlash_of(robot)])]
+    return out
 
 
 def sag(robot: Robot) -> list[Correction]:
