@@ -253,7 +253,9 @@ def tracker_rows(
     seed: int,
     instrument: Instrument | None = None,
 ) -> tuple[Array, Array]:
-    """Stamps (N,) [s] on the tracker's clock, and points or poses (N, 3 or 6) [m, rad] in its frame.
+    """(N,) [s] stamps on the clock of the tracker, and (N, 3 or 6) [m, rad] points or poses.
+
+    Both are in the frame of the tracker.
 
     first, last : [s] true times of the robot's first and last row; the tracker logs as long.
     instrument : what follows the target, its axes those of the tool; None for an LED.

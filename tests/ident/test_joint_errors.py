@@ -88,7 +88,9 @@ def test_a_search_where_nothing_is_left_finds_nothing(monkeypatch: pytest.Monkey
     """A listed error: the complete fit explains it, and the search is made all the same."""
     monkeypatch.setattr(MODULE, "may_have_joint_errors", lambda _: True)
     stages: list[str] = []
-    listed = next(order for gear, order, _ in harmonic_orders(CELL.robot) if gear == JOINT and order > 1)
+    listed = next(
+        order for gear, order, _ in harmonic_orders(CELL.robot) if gear == JOINT and order > 1
+    )
     error = (JOINT, listed, 6e-5)
     result = identify_together(
         CELL, [minute_logs(joint_error=error)], options=OPTIONS, listener=Listener(stages.append)
