@@ -152,7 +152,10 @@ def _unfinished(fit: Fit) -> float:
 
 
 def _score(fit: Fit, groups: Sequence[int], columns: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """Score (K,) of K more unknowns, its variance by poses or blocks of rows (K, K), and their information (K, K).
+    """Score (K,) of K more unknowns, its variance (K, K), and their information (K, K).
+
+    The variance is by poses, or by blocks of rows where the robot moved.
+
 
     columns : (K, E, N) whitened, of the groups that they move. The unknowns of the fit are
     eliminated.

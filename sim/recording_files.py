@@ -58,8 +58,7 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
     if tracker and drawn.tracker:
         stamps, values = tracker_rows(
             motion,
-            first,
-            last,
+            (first, last),
             tracker=tracker,
             drawn=drawn.tracker,
             seed=seed,

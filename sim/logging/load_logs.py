@@ -245,8 +245,7 @@ def drawn_tracker(tracker: OpticalTracker | None, seed: int) -> TrackerTruth | N
 
 def tracker_rows(
     motion: Motion,
-    first: float,
-    last: float,
+    times: tuple[float, float],
     *,
     tracker: OpticalTracker,
     drawn: TrackerTruth,
@@ -257,13 +256,13 @@ def tracker_rows(
 
     Both are in the frame of the tracker.
 
-    first, last : [s] true times of the robot's first and last row; the tracker logs as long.
+    times : [s] true ones of the robot's first and last row; the tracker logs as long.
     instrument : what follows the target, its axes those of the tool; None for an LED.
     """
+    first, last = times
     rows = int((last - first) * tracker.rate_hz) + 1
     elapsed = np.arange(rows, dtype=np.float64) / tracker.rate_hz
-    times = first + Clock(drawn.offset_s, drawn.skew).robot_time(elapsed)
-    rotation, tool = motion.tool_at(times)
+    rotation, tool = motion.tool_at(first + Clock(drawn.offset_s, drawn.skew).robot_time(elapsed))
     target = tool + np.einsum("ijn,j->in", rotation, np.array(drawn.led_m))
     points, rng = drawn.seen(target.T), stream(seed, "tracker_noise")
     if instrument is None:
