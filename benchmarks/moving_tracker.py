@@ -1,9 +1,10 @@
-"""A robot that a laser tracker follows, white noise: error over the Cramer-Rao bound, and intervals.
+"""A robot that a laser tracker follows, white noise: error over the Cramer-Rao bound, intervals.
 
-The robots, their motion and the rows are made by tests.helpers.followed_robot, plain arithmetic that
-shares nothing with the product: 60 s at 200 Hz, 15 um + 6 um/m along each axis. At poses of the same
-ranges that were not measured the target is predicted in the tracker's frame. Its error is compared
-with the bound, the covariance of the true noise without inflation, and with the stated intervals.
+The robots, their motion and the rows are made by tests.helpers.followed_robot, plain arithmetic
+that shares nothing with the product: 60 s at 200 Hz, 15 um + 6 um/m along each axis. At poses of
+the same ranges that were not measured the target is predicted in the tracker's frame. Its error is
+compared with the bound, the covariance of the true noise without inflation, and with the stated
+intervals.
 
 python -m benchmarks.moving_tracker [--seeds 60]
 """

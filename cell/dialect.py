@@ -86,13 +86,13 @@ class Dialect(Strict):
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
     source: SourceName
-    """What is logged."""
+    """The device that is logged."""
     container: Container = "text"
     """Form of the file."""
     separators: tuple[Separator, ...] = ()
-    """Of the columns of a text."""
+    """Separators of the columns of a text."""
     decimal: Literal["either", "point", "comma"] = "either"
-    """Of numbers that are no integers."""
+    """Decimal sign of numbers that are no integers."""
     time: TimeColumn
     # Columns that count on from 1 are those of six axes and stand for as many as the robot has.
     motors: tuple[Selector, ...] = ()
@@ -102,7 +102,7 @@ class Dialect(Strict):
     joints: tuple[Selector, ...] = ()
     """Robot: in place of motors, the angles of the DH model."""
     angle_unit: AngleUnit = "rad"
-    """Of these angles."""
+    """Unit of these angles."""
     torques: tuple[Selector, ...] = ()
     """Robot: what each motor exerts [N m], positive along its angle; all or none."""
     torques_at: Literal["motors", "axes"] = "motors"

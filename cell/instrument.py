@@ -62,7 +62,7 @@ class InstrumentFile(Strict):
     """Joints from the floor to the tool."""
     distance: DistanceFile | None = None
     mass_kg: NotNegative = 0.0
-    """Of a rod from seat to target, which carries half of its weight."""
+    """Mass of a rod from seat to target; the target carries half of its weight."""
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:

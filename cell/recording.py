@@ -44,8 +44,8 @@ class SourceFile(Strict):
 class LengthFile(SourceFile):
     """The device files of a sensor of one length, and the column that holds it."""
 
-    column: str = Field(description="Of the length.")
-    unit: LogLengthUnit = Field("mm", description="Of that column.")
+    column: str = Field(description="Column of the length.")
+    unit: LogLengthUnit = Field("mm", description="Unit of that column.")
     zero_m: float = 0.0
     """Length where the column is zero, as the instrument declares it."""
 
@@ -56,10 +56,10 @@ class RotationColumns(Strict):
     columns: Annotated[tuple[str, ...], Field(min_length=3, max_length=4)]
     """Three angles, a rotation vector, or a quaternion."""
     form: Rotation
-    """As `values.rotation` of poses.yaml: `quat_wxyz`, `quat_xyzw`, `rotvec`, or angles in the
-    order of scipy's `Rotation.from_euler`.
+    """Form of the rotation, as `values.rotation` of poses.yaml has it: `quat_wxyz`, `quat_xyzw`,
+    `rotvec`, or angles in the order of scipy's `Rotation.from_euler`.
     """
-    unit: AngleUnit = Field("rad", description="Of angles.")
+    unit: AngleUnit = Field("rad", description="Unit of angles.")
 
     @model_validator(mode="after")
     def _count(self) -> Self:
@@ -74,7 +74,7 @@ class TrackerFile(SourceFile):
     body of markers whose orientation is measured too.
     """
 
-    unit: LogLengthUnit = Field("mm", description="Of the coordinates.")
+    unit: LogLengthUnit = Field("mm", description="Unit of the coordinates.")
     rotation: RotationColumns | None = None
     """Orientation of the target in the tracker's frame, where it is measured."""
     accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = None
@@ -104,8 +104,8 @@ class Sources(Strict):
 class EncoderFitting(Strict):
     """One ball-bar encoder: counter column, resolution and declared direction."""
 
-    column: str = Field(description="Of the counter.")
-    lines: EncoderLines = Field(description="Per turn.")
+    column: str = Field(description="Column of the counter.")
+    lines: EncoderLines = Field(description="Lines per turn.")
     bits: Annotated[int, Field(ge=8, le=13)]
     """Interpolation of one line (EL5021 object 8001:11)."""
     sign: Literal[-1, 1] = Field(1, description="Declared direction.")
@@ -128,8 +128,8 @@ class RecordingFile(Strict):
         default_factory=dict, description="The ball-bar's, b1 to b5."
     )
     temperature_C: Annotated[float, Field(ge=-50.0, le=100.0)] | None = None
-    """Of the air about robot and ball-bar; kept with the result."""
-    notes: str = Field("", description="Whatever else is to be remembered.")
+    """Temperature of the air about robot and ball-bar; kept with the result."""
+    notes: str = Field("", description="Anything else that is to be remembered.")
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> Self:

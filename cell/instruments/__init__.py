@@ -36,7 +36,7 @@ def refuse_shared_chains(every_kind: Sequence[Kind]) -> None:
                 what = f"chain {' '.join(chain)} is that of {owner.name} and of {kind.name}"
                 raise ValueError(f"{what}; take it out of one of them")
             if kind.target_turns and chain[-1] != "ball*":
-                what = f"kind {kind.name} senses turns, and its chain ends in {chain[-1]}"
+                what = f"kind {kind.name} measures turns, and its chain ends in {chain[-1]}"
                 raise ValueError(f"{what}; let it end in ball*, whose sigma_rad is that of turns")
 
 

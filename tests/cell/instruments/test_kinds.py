@@ -111,7 +111,7 @@ def test_a_kind_that_senses_turns_ends_in_a_sensed_ball() -> None:
         name, chains, target_turns = "nest", (("ball*", "prismatic*"),), True
 
     with pytest.raises(
-        ValueError, match=r"kind nest senses turns, and its chain ends in prismatic"
+        ValueError, match=r"kind nest measures turns, and its chain ends in prismatic"
     ):
         refuse_shared_chains([Nest()])
 
