@@ -11,6 +11,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
+JOINT_LAG = "joint_lag"
 LAG = 3e-3  # [s] a filter of 50 Hz; assumed
 SECOND_ORDER = 5e-5  # [s^2] of two filters of 10 ms; assumed
 
@@ -34,4 +35,4 @@ def lag_of(robot: Robot) -> Correction:
     def regressors(state: State) -> list[Array]:
         return [*state.gear_speed[1:], *state.gear_acceleration]
 
-    return Correction("joint_lag", "lags of single joints", (*lags, *seconds), regressors)
+    return Correction(JOINT_LAG, "lags of single joints", (*lags, *seconds), regressors)
