@@ -24,7 +24,7 @@ from cell.logs import SourceName
 
 PERIODS = (2.0e-4, 0.1)  # [s] of rows that a robot or ball-bar logger writes without a remark
 DEGREES = 7.0  # a joint angle above it [rad] would be more than a turn
-_AXES = range(5, 9)
+_AXES, _ONE_EACH = range(5, 9), "one for each axis, 5 to 8"
 _TIME_NAME = re.compile(r"(time|zeit|t|stamp|timestamp|date|datum|uhrzeit)\b", re.IGNORECASE)
 
 
@@ -51,8 +51,9 @@ def new_dialect(
             "made from it. Write one (docs, Read your own log) and name its file."
         )
     seen = joint_columns(ColumnNames(tuple(log.columns), counted=False), axes)
-    joints = named_columns(answers.joints, log.columns, _AXES) if answers.joints else [*seen, ()][0]
-    signal = next(iter((*point, *(joints if source == "robot" else ()))), None)
+    named = answers.joints.split(",") if answers.joints else [*seen, ()][0]
+    likely = [*point, *(name.strip() for name in named if source == "robot")]
+    signal = next((name for name in likely if name in log.columns), None)
     columns = _stamp_columns(log, signal, ask)
     cells, hidden = log.filled(columns[0], signal), None
     middle = cells[len(cells) // 2] if cells else ""
@@ -98,16 +99,22 @@ def _stamp_columns(log: LogPreview, signal: str | None, ask: Ask) -> list[str]:
     named = [n for n in log.columns if _TIME_NAME.match(n)]
     proposal = next(iter((*both, *dated, *named)), None)
     question = f"{log.name}: which column holds the time stamps? Columns: {', '.join(log.columns)}."
-    return answer(None, question, proposal, one_of(*log.columns, *both), ask).split(", ")
+    reply = answer(None, question, proposal, one_of(*log.columns, *both), ask)
+    return reply.split(", ") if reply in both else [reply]
 
 
-def named_columns(reply: str, names: Sequence[str], counts: Collection[int]) -> list[str]:
-    """The columns of an answer; raises InputError unless they are among names, and so many."""
+def named_columns(
+    reply: str, names: Sequence[str], counts: Collection[int], expected: str
+) -> list[str]:
+    """The columns of an answer; raises InputError unless they are among names, and so many.
+
+    expected : how many, in words.
+    """
     chosen = [part.strip() for part in reply.split(",")]
     if unknown := [name for name in chosen if name not in names]:
         raise InputError(f"{unknown[0]!r} is no column. Columns: {', '.join(names)}.")
     if len(chosen) not in counts:
-        raise InputError(f"{len(chosen)} columns; expected {' or '.join(map(str, counts))}.")
+        raise InputError(f"{len(chosen)} columns; expected {expected}.")
     return chosen
 
 
@@ -125,7 +132,7 @@ def _angles(
     question = f"{log.name}: which columns hold the angles, in the order of the axes?"
     families = (family for family in counting(names).values() if len(family) in _AXES)
     proposal = ", ".join(next(iter((*seen, *families)), ()))
-    check = partial(named_columns, names=names, counts=_AXES)
+    check = partial(named_columns, names=names, counts=_AXES, expected=_ONE_EACH)
     chosen = answer(answers.joints, question, proposal or None, check, ask)
     largest = float(np.abs(log.throughout(chosen)).max(initial=0.0))
     question = (

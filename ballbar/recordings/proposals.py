@@ -159,8 +159,9 @@ def _rotation(columns: ColumnNames, position: Sequence[str]) -> tuple[str, ...]:
         if len(chosen) == len(rotation):
             return tuple(chosen)
     following = names[names.index(position[-1]) + 1 :][:4]  # a quaternion, such as ov_x to ov_w
-    order = "".join(bare[name][-1:] for name in following)
-    return tuple(following) if order in ("xyzw", "wxyz") else ()
+    order = "".join(name[-1:].lower() for name in following)
+    one = len({name[:-1] for name in following}) == 1  # stem of all names
+    return tuple(following) if one and order in ("xyzw", "wxyz") else ()
 
 
 def sigma_columns(columns: ColumnNames, values: Sequence[str]) -> tuple[str, ...]:

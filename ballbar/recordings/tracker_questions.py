@@ -29,7 +29,8 @@ def target_columns(
     listed = "; or ".join(map(", ".join, seen)) or ", ".join(log.columns)
     what = "x, y, z and the rotation" if turns else "x, y and z"
     question = f"{log.name}: which columns hold {what} of the target? Likely ones: {listed}."
-    check = partial(named_columns, names=log.columns, counts=(6, 7) if turns else (3,))
+    counts, expected = ((6, 7), "6 or 7") if turns else ((3,), "3")
+    check = partial(named_columns, names=log.columns, counts=counts, expected=expected)
     return answer(answers.values, question, proposal, check, ask)
 
 
