@@ -48,14 +48,15 @@ def new(
     DIR : Recording folder to make.
     ROBOTLOG : The robot's log.
     BALLBARLOG : The log of the ball-bar, or of an instrument of a length or one that follows the
-        tool. Not needed where one table holds both.
+        tool. Not needed where one table holds both and --instrument names what made it.
     --poses TABLE : A table of still poses, or a folder of tables, instead of two logs; may be
         repeated for files of the same columns.
     --yes : Take every proposal without asking; fail where there is none.
     """
     if poses and robot_log is not None:
         raise InputError("give either --poses or two logs, not both.")
-    if not poses and robot_log is None:
+    one = options.instrument is not None  # whose rows may stand in the robot's table
+    if not poses and (robot_log is None or (ballbar_log is None and not one)):
         raise InputError(
             "name the robot's log and that of the ball-bar or instrument, or a table of still "
             "poses with --poses."
