@@ -116,7 +116,7 @@ def test_columns_of_both_signals_may_be_named(log: Path, tmp_path: Path) -> None
 def test_columns_of_a_target_are_no_option_of_a_ball_bar(log: Path, tmp_path: Path) -> None:
     words = ["--robot", "ur10e", "--ballbar", "lund_600", "--yes", "--values", "pv_x,pv_y,pv_z"]
     assert "they are of a tracker, and lund_600 held the tool" in refusal(
-        "new", tmp_path / "made", log, *words
+        "new", tmp_path / "made", log, log, *words
     )
 
 
