@@ -92,9 +92,7 @@ def _signals(name: str, t: Array, angles: Array) -> Array:
             f"the {name} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} "
             "s in common. Log a longer run with both."
         )
-    speed = np.zeros(t.size)
-    for channel in speeds(t, angles):
-        speed += np.abs(channel)
+    speed = sum((np.abs(channel) for channel in speeds(t, angles)), start=np.zeros(t.size))
     moving = speed[speed > MOVING]
     if not moving.size:
         raise LogError(

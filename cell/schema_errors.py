@@ -224,11 +224,8 @@ def _valid_keys(annotation: Any, raw: Loc) -> set[str]:
         return _valid_keys(inner[0], raw)
     if origin in (Union, types.UnionType):
         chosen = [member for member in inner if raw and _is_named(member, raw[0])]
-        return set().union(
-            *(_valid_keys(m, raw[1:]) for m in chosen)
-            if chosen
-            else (_valid_keys(m, raw) for m in inner)
-        )
+        rest = raw[1:] if chosen else raw
+        return set().union(*(_valid_keys(member, rest) for member in chosen or inner))
     if origin is dict and raw:
         return _valid_keys(inner[1], raw[1:])
     if origin in (list, tuple) and raw:

@@ -51,8 +51,7 @@ def decode(message: bytes) -> JointState:
     try:
         state: Any = _TYPES.deserialize_cdr(message, "sensor_msgs/msg/JointState")
     except SerdeError as error:
-        reason = str(error).rstrip(".")
-        raise LogError(f"JointState: {reason}. {_REMEDY}") from None
+        raise LogError(f"JointState: {str(error).rstrip('.')}. {_REMEDY}") from None
     stamp, names, positions = state.header.stamp, state.name, state.position.tolist()
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
         raise LogError(f"JointState: no stamp is {stamp.sec} s {stamp.nanosec} ns. {_REMEDY}")

@@ -131,9 +131,8 @@ def _group_table(
     number = np.concatenate(([0], export.number[rows]))
     plain = LogText(text.file, text.encoding, ["\t".join(kinds), *lines], number, quoted=False)
     table, form = text_table(plain, Layout(("\t",), kinds, remedies=_AGAIN))
-    table.columns[time] = _times(
-        export, TimeCells(text.file, time, table.columns[time], table.line)
-    )
+    stamps = TimeCells(text.file, time, table.columns[time], table.line)
+    table.columns[time] = _times(export, stamps)
     for name, position in zip(names, positions[1:], strict=True):
         data_type, values = export.meta["Data-Type"][position], table.columns[name]
         lower, upper = _INTEGERS.get(data_type, (-np.inf, np.inf))

@@ -24,6 +24,10 @@ DEFAULT_PORT = 6510  # ABB's for UdpUc devices
 # [s] without a message: the EGM session has ended; gaps of a running session reach 25 ms
 # (notes/log_formats sec. D).
 SILENCE = 2.0
+_REFUSED = {
+    errno.EADDRINUSE: "another program listens there",
+    errno.EADDRNOTAVAIL: "no network card has this address",
+}
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
 # Messages; a network may swap neighbours, a new session goes back further.
 _REORDERED = 10
@@ -60,11 +64,7 @@ class EgmSource:
             self._socket.bind((address, port))
         except OSError as error:
             self._socket.close()
-            reasons = {
-                errno.EADDRINUSE: "another program listens there",
-                errno.EADDRNOTAVAIL: "no network card has this address",
-            }
-            reason = reasons.get(error.errno or 0, error.strerror)
+            reason = _REFUSED.get(error.errno or 0, error.strerror)
             raise InputError(f"--egm {address}:{port}: {reason}. Name another port.") from None
         self.quiet = "no EGM message at {}:{} yet".format(*self.address)
         self._sender: tuple[str, int] | None = None

@@ -142,9 +142,8 @@ class _Krl(ProgramSource):
         needed, allowed = (AXES, ()) if joints else (POSE, ("s", "t"))
         if not set(needed) <= set(fields) <= {*needed, *allowed, *EXTERNAL_AXES}:
             expected, stated = (", ".join(keys).upper() for keys in (needed, fields))
-            raise ProgramError(
-                line, f"{name}: expected {expected}, there are {stated}; decimals have a point"
-            )
+            wrong = f"{name}: expected {expected}, there are {stated}; decimals have a point"
+            raise ProgramError(line, wrong)
         if ("s" in fields) is not ("t" in fields):
             raise ProgramError(line, f"{name}: S and T are both needed, or neither")
         configuration = numbers_of((fields[k] for k in allowed if k in fields), name, line)
@@ -257,9 +256,8 @@ class _Krl(ProgramSource):
         if point is not None and point.rotation and not point.configuration:
             self.placed.add(tokens[2].start)
             return _constant(point.numbers)
-        raise computed(
-            line, f"{shown}, which may be a number as {what[1:].upper()}_DATA[1],", value
-        )
+        numbered = f"{shown}, which may be a number as {what[1:].upper()}_DATA[1],"
+        raise computed(line, numbered, value)
 
     def _of_data(self, what: str, name: str, line: int) -> _Frame:
         """The tool or base of a data set; without a number where it is not in these files."""

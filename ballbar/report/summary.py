@@ -38,14 +38,14 @@ class Tile:
 class Summary:
     """Verdict and key figures, before the first section."""
 
-    subtitle: str
     band: str  # class of the verdict's band: "good", "care" or "bad"
     heading: str
     sentences: tuple[str, ...]  # of the held-out recordings, then of the verdict
-    paragraphs: tuple[str, ...]  # in short, and how sure the figures are
-    what_to_do: str
     warnings: tuple[str, ...]
-    tiles: tuple[Tile, ...]
+    subtitle: str = ""
+    paragraphs: tuple[str, ...] = ()  # in short, and how sure the figures are
+    what_to_do: str = ""
+    tiles: tuple[Tile, ...] = ()
     even: bool = False  # whether the tiles are of one width
 
 
@@ -53,14 +53,10 @@ def summary(run: RunData, tcp: TcpView, advice: str) -> Summary:
     """The summary of a run; advice : what would help most next."""
     verdict = run.identification.verdict
     common = Summary(
-        subtitle="",
         band=_BANDS.get(verdict.status, "bad") if run.acceptable else "bad",
         heading=_heading(run),
         sentences=(*(outcome.sentence for outcome in run.outcomes), verdict.sentence),
-        paragraphs=(),
-        what_to_do="",
         warnings=verdict.warnings,
-        tiles=(),
     )
     if not run.recordings:
         poses = run.identification.poses
