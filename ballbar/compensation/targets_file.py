@@ -177,11 +177,8 @@ def correct_file(path: Path, result: Result) -> CorrectedTable:
     identified, of_logs = result.calibration.file.corrections, result.calibration.of_logs
     expected = _OF_LOGS if of_logs else _OF_POSES
     missing = [EFFECTS[name] for name in expected if name not in identified]
-    warnings = []
-    if result.status != "good":
-        warnings.append(
-            f"the fit is called {result.status!r}; read its report before a robot moves by it"
-        )
+    poor = f"the fit is called {result.status!r}; read its report before a robot moves by it"
+    warnings = [poor] if result.status != "good" else []
     if missing:
         warnings.append(f"not identified, so not corrected: {', '.join(missing)}")
     return CorrectedTable(

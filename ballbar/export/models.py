@@ -51,13 +51,12 @@ def urdf(result: Result) -> str:
         bounds = {"lower": number(lower[i]), "upper": number(upper[i])}
         ET.SubElement(joint, "limit", bounds | {"effort": "0", "velocity": number(speed[i])})
         parent = f"link_{i + 1}"
-    first, *others = result.tools.items()
-    name, place = first
+    name, *others = result.tools
     ET.SubElement(robot, "link", name=name)
     _urdf_joint(robot, "tool_joint", "fixed", parent, name, poses[-1])
-    for other, place in others:
+    for other in others:
         ET.SubElement(robot, "link", name=other)
-        pose = (place.rotation, place.origin)
+        pose = (result.tools[other].rotation, result.tools[other].origin)
         _urdf_joint(robot, f"{other}_joint", "fixed", name, other, pose)
     return _text(robot)
 

@@ -47,13 +47,18 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
         _check_same_cell(file, content, request)
         machines.append(calibration.machine(cell))
     _check_shared_recordings(files, calibrations)
-    for file, calibration in zip(files, calibrations, strict=True):
-        if (status := calibration.file.fit.status) != Status.GOOD:
-            err.print(
-                f"[yellow]warning:[/] {escape(str(file))}: its fit is called {escape(status)!r}; "
-                "what is predicted after it is no surer than its report"
-            )
+    for calibration in calibrations:
+        _warn_of_poor(calibration, err)
     return known_of(machines)
+
+
+def _warn_of_poor(calibration: Calibration, err: Console) -> None:
+    if (status := calibration.file.fit.status) != Status.GOOD:
+        file = escape(str(calibration.path))
+        err.print(
+            f"[yellow]warning:[/] {file}: its fit is called {escape(status)!r}; what is predicted "
+            "after it is no surer than its report"
+        )
 
 
 def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest) -> None:

@@ -302,21 +302,22 @@ def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[st
 
     Raises InputError also for a name that is none of them.
     """
-    encoders: dict[str, tuple[str, int]] = {}
-    for text in texts:
-        name, equals, column = text.partition("=")
-        direction = "1"
-        if column.endswith((":1", ":-1", ":+1")):
-            column, _, direction = column.rpartition(":")
-        if name not in ENCODERS or not equals or not column:
-            raise InputError(
-                f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
-                "direction; encoders are b1 to b5."
-            )
-        if columns and column not in columns:
-            hint = nearest(column, columns, noun="column")
-            raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
-        encoders[name] = (column, int(direction))
-    if not encoders:
+    if not texts:
         raise InputError("no encoder was named: write b1=COLUMN, and so on.")
-    return encoders
+    return dict(_parsed_encoder(text, columns) for text in texts)
+
+
+def _parsed_encoder(text: str, columns: Sequence[str]) -> tuple[str, tuple[str, int]]:
+    name, equals, column = text.partition("=")
+    direction = "1"
+    if column.endswith((":1", ":-1", ":+1")):
+        column, _, direction = column.rpartition(":")
+    if name not in ENCODERS or not equals or not column:
+        raise InputError(
+            f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
+            "direction; encoders are b1 to b5."
+        )
+    if columns and column not in columns:
+        hint = nearest(column, columns, noun="column")
+        raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
+    return name, (column, int(direction))

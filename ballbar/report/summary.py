@@ -180,17 +180,18 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
     )
 
 
+def _truth_tile(comparison: Comparison) -> Tile:
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    note = f"mean; largest {tcp.maximum * MM:.3f} mm; nominal robot {before.mean * MM:.3f} mm"
+    return Tile("TCP error against the truth", f"{tcp.mean * MM:.3f} mm", note)
+
+
 def _pose_tiles(result: TableEstimate, comparison: Comparison | None) -> tuple[Tile, ...]:
     validation, fit = result.cross_validation, result.fit
     orders = result.search.orders if result.search else ()
     fitted, nominal = result.residual_means
-    truth = []
-    if comparison is not None:
-        tcp, before = comparison.tcp, comparison.tcp_nominal
-        note = f"mean; largest {tcp.maximum * MM:.3f} mm; nominal robot {before.mean * MM:.3f} mm"
-        truth = [Tile("TCP error against the truth", f"{tcp.mean * MM:.3f} mm", note)]
     return (
-        *truth,
+        *([] if comparison is None else [_truth_tile(comparison)]),
         Tile(
             "Stated TCP uncertainty",
             f"{result.sigma_at_poses.mean() * MM:.3f} mm",

@@ -154,6 +154,19 @@ def _speeds(angles: Array) -> Array:
     return np.asarray(speed / np.maximum(np.sqrt((speed * speed).mean(axis=0)), 1e-12))
 
 
+def _distance(nominal: Geometry, q: Array) -> float:
+    """[m] rms of the tool from its best sphere at q (N, J) [rad]; infinite where that says nothing.
+
+    A short path is on many spheres, and some joints hardly move the tool.
+    """
+    if np.ptp(q, axis=0).max() < MOVES:
+        return np.inf
+    try:
+        return tool_path(nominal, q).rms
+    except ValueError:
+        return np.inf
+
+
 def robot_columns(
     robot: Robot, nominal: Geometry, motion: LoggedMotion, declared: float
 ) -> list[ColumnReading]:
@@ -163,17 +176,10 @@ def robot_columns(
     further away is compared with the encoders.
     """
     some = motion.q[:: 1 + len(motion.q) // SPHERE_ROWS]
-    spheres = []
-    for mistake in other_angles(robot):
-        q = mistake.joints(some)
-        if np.ptp(q, axis=0).max() < MOVES:  # a short path is on many spheres
-            continue
-        try:
-            rms = tool_path(nominal, q).rms
-        except ValueError:  # the tool hardly moves that way
-            continue
-        if rms <= 1.5 * declared + 1e-3:
-            spheres.append((rms, mistake))
+    distances = (
+        (_distance(nominal, mistake.joints(some)), mistake) for mistake in other_angles(robot)
+    )
+    spheres = [(rms, mistake) for rms, mistake in distances if rms <= 1.5 * declared + 1e-3]
     readings = []
     for _, mistake in sorted(spheres, key=lambda sphere: sphere[0])[:CANDIDATES]:
         path = tool_path(nominal, mistake.joints(motion.q))
