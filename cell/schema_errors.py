@@ -135,9 +135,8 @@ def _expectation(error: ErrorDetails, context: Mapping[str, Any], value: Any) ->
     elif kind in ("float_type", "int_type") and isinstance(value, str):
         text += ", without quotes or unit"
     elif kind == "literal_error":
-        close = difflib.get_close_matches(
-            str(value), re.findall(r"'([^']*)'", context["expected"]), n=1
-        )
+        valid = re.findall(r"'([^']*)'", context["expected"])
+        close = difflib.get_close_matches(str(value), valid, n=1)
         text += f"; the nearest is {close[0]}" if close else ""
     return text.rstrip(".")
 

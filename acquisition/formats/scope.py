@@ -231,11 +231,8 @@ def _scaling_findings(export: _Export, position: int, kind: str) -> list[Finding
     """
     meta, file = export.meta, export.text.file
     name, data_type = meta["Name"][position], meta["Data-Type"][position]
-    scaled = not all(
-        _is_number(meta[key][position], neutral)
-        for key, neutral in _UNSCALED.items()
-        if key in meta
-    )
+    present = [key for key in _UNSCALED if key in meta]
+    scaled = not all(_is_number(meta[key][position], _UNSCALED[key]) for key in present)
     if kind == "integer" and (scaled or data_type not in _INTEGERS):
         why = "scaled in the Scope (offset, scale factor or unit)" if scaled else data_type
         what = f"channel {name!r} is {why}; a counter must be a whole number as the PLC has it."

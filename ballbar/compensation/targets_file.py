@@ -14,6 +14,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -163,6 +164,14 @@ class CorrectedTable:
     warnings: tuple[str, ...]
 
 
+def _refused(faults: Mapping[str, str]) -> InputError:
+    """The error that names the first faults; faults : by file and line."""
+    lines = [f"{place}: {why}" for place, why in faults.items()]
+    shown, more = lines[:_FAULTS_SHOWN], len(lines) - _FAULTS_SHOWN
+    others = [f"and {more} more targets"] if more > 0 else []
+    return InputError("\n".join(["nothing was written.", *shown, *others]))
+
+
 def correct_file(path: Path, result: Result) -> CorrectedTable:
     """Corrected targets of a CSV file. Raises InputError naming file and line."""
     robot = result.robot
@@ -170,10 +179,8 @@ def correct_file(path: Path, result: Result) -> CorrectedTable:
     try:
         corrected = corrected_joints(result, targets.q)
     except TargetError as error:
-        faults = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
-        shown, more = faults[:_FAULTS_SHOWN], len(faults) - _FAULTS_SHOWN
-        others = [f"and {more} more targets"] if more > 0 else []
-        raise InputError("\n".join(["nothing was written.", *shown, *others])) from None
+        places = {f"{path}:{targets.lines[k]}": why for k, why in sorted(error.faults.items())}
+        raise _refused(places) from None
     identified, of_logs = result.calibration.file.corrections, result.calibration.of_logs
     expected = _OF_LOGS if of_logs else _OF_POSES
     missing = [EFFECTS[name] for name in expected if name not in identified]

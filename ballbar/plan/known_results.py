@@ -35,10 +35,9 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
     recording.
     """
     calibrations = [Calibration.load(result) for result in results]
-    files = [calibration.path for calibration in calibrations]
     machines = []
-    for file, calibration in zip(files, calibrations, strict=True):
-        cell, content = calibration.cell(), calibration.file
+    for calibration in calibrations:
+        file, cell, content = calibration.path, calibration.cell(), calibration.file
         if content.model == "dh" and cell.ballbar.stroke is None:
             raise InputError(
                 f"{file}: is of model dh, and a path is predicted with the complete model, of "
@@ -46,7 +45,7 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
             )
         _check_same_cell(file, content, request)
         machines.append(calibration.machine(cell))
-    _check_shared_recordings(files, calibrations)
+    _check_shared_recordings(calibrations)
     for calibration in calibrations:
         _warn_of_poor(calibration, err)
     return known_of(machines)
@@ -77,11 +76,11 @@ def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest)
             )
 
 
-def _check_shared_recordings(files: Sequence[Path], calibrations: Sequence[Calibration]) -> None:
+def _check_shared_recordings(calibrations: Sequence[Calibration]) -> None:
     """Two results are of one recording by its noise: folders may have any name."""
     entries = [
-        (file, recording.name, _noise(recording))
-        for file, calibration in zip(files, calibrations, strict=True)
+        (calibration.path, recording.name, _noise(recording))
+        for calibration in calibrations
         for recording in calibration.file.logs
     ]
     for k, (file, name, noise) in enumerate(entries):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,20 +71,21 @@ def _numbers(log: LogPreview, name: str) -> Array:
     return np.array([value for value in log.numbers(name) if value is not None])
 
 
+def _one_an_axis(names: Sequence[str], reply: str) -> list[str]:
+    """The columns of a reply, one for each axis; names : of the columns that there are."""
+    chosen = [part.strip() for part in reply.split(",")]
+    if unknown := [name for name in chosen if name not in names]:
+        raise InputError(f"{unknown[0]!r} is no column. Columns: {', '.join(names)}.")
+    if len(chosen) not in _AXES:
+        raise InputError(f"{len(chosen)} columns; expected one for each axis, 5 to 8.")
+    return chosen
+
+
 def _angles(log: LogPreview, names: Sequence[str], ask: Ask) -> dict[str, Any]:
     """Columns, kind and unit of a robot's angles; names : of the columns that may hold them."""
-
-    def columns(reply: str) -> list[str]:
-        chosen = [part.strip() for part in reply.split(",")]
-        if unknown := [name for name in chosen if name not in names]:
-            raise InputError(f"{unknown[0]!r} is no column. Columns: {', '.join(names)}.")
-        if len(chosen) not in _AXES:
-            raise InputError(f"{len(chosen)} columns; expected one for each axis, 5 to 8.")
-        return chosen
-
     question = f"{log.name}: which columns hold the angles, in the order of the axes?"
     likely = next((family for family in counting(names).values() if len(family) in _AXES), ())
-    chosen = answer(None, question, ", ".join(likely) or None, columns, ask)
+    chosen = answer(None, question, ", ".join(likely) or None, partial(_one_an_axis, names), ask)
     question = (
         f"{log.name}: which angles are they? (motors: motor angles; axes: as the controller shows "
         "them; joints: of the DH model)"

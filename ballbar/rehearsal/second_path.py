@@ -53,10 +53,7 @@ def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
     """The planning request of a scenario's second path: its cell, times and sensors."""
     named = with_absolute_names(scenario, relative_to).cell
     position, encoders = named.position, scenario.encoders
-    region = {
-        "lower": (position - REACH).round(6).tolist(),
-        "upper": (position + REACH).round(6).tolist(),
-    }
+    lower, upper = ((position + side).round(6).tolist() for side in (-REACH, REACH))
     request: dict[str, object] = {
         "schema": "ballbar-plan/1",
         "name": "path2",
@@ -66,7 +63,7 @@ def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
     cell: dict[str, object] = {
         "robot": named.robot,
         "plate": named.plate,
-        "ballbar_region_m": region,
+        "ballbar_region_m": {"lower": lower, "upper": upper},
     }
     if named.instrument is not None:
         seat = {"axis": [0.0, 0.0, 1.0], "cone_deg": CONE}

@@ -43,8 +43,7 @@ class ClockRow:
 
 def clock_rows(estimate: RecordingEstimate, comparison: Comparison | None) -> list[ClockRow]:
     """Offset and skew; empty without a second clock."""
-    clock = estimate.clock
-    if clock is None:
+    if (clock := estimate.clock) is None:
         return []
     offset_sigma, skew_sigma = estimate.clock_sigma
     offset_error, skew_error = (comparison.offset, comparison.skew) if comparison else (None, None)

@@ -47,6 +47,11 @@ def say_identification(out: Console, run: RunData) -> None:
     for fitted in run.recordings:
         _clock(out, fitted, f"clock of {fitted.name}" if run.several else "clock")
         _tracker(out, fitted.estimate.tracker, fitted.name if run.several else "")
+    _say_stated(out, run)
+
+
+def _say_stated(out: Console, run: RunData) -> None:
+    """Print the stated uncertainty, and what the still poses among the data tell."""
     tcp, poses = run.identification.robot.tcp, run.identification.poses
     if run.recordings:
         if poses is not None:

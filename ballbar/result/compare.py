@@ -129,11 +129,10 @@ def robot_comparison(
     """
     grid = accuracy_grid(model.cell.robot)
     offset, skew = clock or (None, None)
-    bare = model.rigid(nominal)
     return Comparison(
         compare_geometry(model.geometry, reference, names),
         position_error(model.tool(grid), actual),
-        position_error(bare.tool(grid), actual),
+        position_error(model.rigid(nominal).tool(grid), actual),
         offset,
         skew,
     )

@@ -34,7 +34,7 @@ from ident.causes.agreement import (
     motion_of,
     tool_path,
 )
-from ident.causes.channels import channel_errors, channel_errors_beside
+from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.lengths import single_lengths
 from ident.causes.robot_log import PLURAL
@@ -236,6 +236,21 @@ def _still_axes(cell: Cell, motion: LoggedMotion, rms: float) -> Iterator[Suspec
         )
 
 
+def _logged_wrongly(error: ChannelError, names: Sequence[str]) -> str:
+    """How a channel is logged; names : of the recordings."""
+    name, single = names[error.recording], len(names) == 1 or error.channel.startswith("encoder")
+    words = {
+        (True, True): ("late", "early"),
+        (True, False): ("too large", "too small"),
+        (False, True): ("later", "earlier"),
+        (False, False): ("larger", "smaller"),
+    }[single, error.late]
+    cause = f"{error.channel} is logged {words[0] if error.size > 0 else words[1]}"
+    if not single:
+        return f"{cause} in {name} than elsewhere"
+    return f"{name}: {cause}" if len(names) > 1 else cause
+
+
 def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
     """Sentences about errors of single channels that a complete fit cannot contain; may be empty.
 
@@ -247,24 +262,10 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
     for error in errors:
         if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE or error.channel in sentences:
             continue  # the same, seen from the other recording
-        name, encoder = names[error.recording], error.channel.startswith("encoder")
-        single = encoder or len(names) == 1
-        words = {
-            (True, True): ("late", "early"),
-            (True, False): ("too large", "too small"),
-            (False, True): ("later", "earlier"),
-            (False, False): ("larger", "smaller"),
-        }[single, error.late]
-        cause = f"{error.channel} is logged {words[0] if error.size > 0 else words[1]}"
-        if not single:
-            cause = f"{cause} in {name} than elsewhere"
-        elif len(names) > 1:
-            cause = f"{name}: {cause}"
-        evidence = (
-            f"so corrected, the complete model leaves {_percent(max(0.0, error.left))} of what it "
-            "leaves without"
-        )
-        sentences[error.channel] = str(Suspect(cause, evidence, error.remedy))
+        left = _percent(max(0.0, error.left))
+        evidence = f"so corrected, the complete model leaves {left} of what it leaves without"
+        suspect = Suspect(_logged_wrongly(error, names), evidence, error.remedy)
+        sentences[error.channel] = str(suspect)
     return " Or ".join(sentences.values())
 
 

@@ -217,8 +217,7 @@ def _misfit(log: _Log, around: Rows, known: Mask, row: int, step: float) -> _Mis
     residual, sigma = fits.residual(values), log.sigma[:, None]
     left = residual * fits.known / sigma
     moved = fits.residual(speed) * fits.known / sigma
-    # The angle behind is that of an earlier time: value(t) = P(t - step), so more step means less
-    # angle.
+    # Behind the step value(t) = P(t - step): more step means less angle.
     energy = float((moved * moved).sum())
     correction = -float((moved * left).sum()) / energy if energy > 0.0 else 0.0
     spread = float(np.sqrt((left * left).sum() / max(1.0, known.sum() - CUBIC * len(values))))
