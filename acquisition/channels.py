@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
 from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds
@@ -120,7 +121,9 @@ def _of_table(
     stamps = popped_stamps(table.columns, both or (column,), path.name, table.line)
     ns, findings = stamps_ns(stamps, "ns" if both else _form(stamps, time))
     table = replace(table, columns={STAMP: ns, **table.columns})
-    table = in_order(in_sequence(replace(table, findings=(*table.findings, *findings)), None))
+    table = in_sequence(replace(table, findings=(*table.findings, *findings)), None)
+    refuse_two_publishers(table, chosen, "")
+    table = in_order(table)
     values = np.stack([table.columns[name] for name in chosen], axis=1)
     log = ChannelLog(path.name, _increasing(table), values, tuple(chosen))
     return log, tuple(f for f in table.findings if f.kind != "column not used")

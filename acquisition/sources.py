@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.flags import Flags
 from acquisition.formats.registry import read_file
 from acquisition.report import FileSummary, Finding
@@ -199,6 +200,9 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     table, form = read_file(inside(source.folder, file), file, source.dialect, source.layout)
     table, time = _with_stamps(source, table)
     table = in_sequence(table, source.dialect.sequence)
+    angles = {"robot": source.dialect.angle_unit, "ballbar": "counts"}
+    unit = getattr(source.declared, "unit", angles.get(source.name, ""))
+    refuse_two_publishers(table, source.layout.signal, unit)
     table = in_order(spread(table, source.declared.quantised))
     summary = FileSummary(
         file=file,

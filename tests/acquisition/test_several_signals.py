@@ -18,7 +18,7 @@ from acquisition.table.header import Layout
 from acquisition.table.table import Table, read_table
 from cell.errors import DescriptionError, LogError
 from cell.files import write_yaml
-from cell.recording import SourceFile, TrackerFile
+from cell.recording import TrackerFile
 from tests.helpers.real_robots import DATA
 
 HEADER = "stamp,sec,nanosec,x,y,z,q1,q2,note"
@@ -128,7 +128,7 @@ def test_stamps_and_values_are_different_columns(tmp_path: Path) -> None:
             "period_s": [1e-4, 0.1],
         }
         write_yaml(tmp_path / "own.yaml", dialect)
-        declared = SourceFile(files=("log.csv",), dialect="own.yaml")
+        declared = TrackerFile(files=("log.csv",), dialect="own.yaml")
         with pytest.raises(DescriptionError, match="column x holds the time stamps"):
             log_source(tmp_path, "tracker", declared)
 
