@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -29,7 +30,7 @@ def explain_lines(folder: Path) -> list[str]:
     Raises DescriptionError or LogError as reading would.
     """
     description = load_recording_file(folder)
-    encoders = description.encoders
+    encoders = dict(sorted(description.encoders.items()))
     kind = "instrument" if description.ballbar is None else "ball-bar"
     lines = [
         f"recording of robot {description.robot}, {kind} {description.measured_by}, plate "
@@ -37,25 +38,27 @@ def explain_lines(folder: Path) -> list[str]:
     ]
     for name in get_args(SourceName):
         declared: SourceFile | None = getattr(description.sources, name)
-        if declared is None:
-            continue
-        source = log_source(folder, name, declared, encoders=dict(sorted(encoders.items())))
-        count = len(declared.files)
-        lines.append(
-            f"{name}: dialect {declared.dialect}, as recording.yaml has it; {count} file(s)"
-        )
-        lines += [f"  {line}" for line in _meaning(source, encoders)]
-        if declared.quantised:
-            lines.append(
-                "  stamps step by more than can be neglected, the rows were taken evenly "
-                "(recording.yaml): put between the steps"
-            )
-        for file in declared.files:
-            if source.dialect.container == "text":
-                lines += [f"  {line}" for line in _file(source, file)]
-            else:
-                lines.append(f"  {file}: {source.dialect.container}")
+        if declared is not None:
+            lines += _source(log_source(folder, name, declared, encoders=encoders), encoders)
     return lines
+
+
+def _source(source: LogSource, encoders: Fitted) -> Iterator[str]:
+    """One log: its dialect, the meaning of its numbers, and each of its files."""
+    declared = source.declared
+    dialect, count = declared.dialect, len(declared.files)
+    yield f"{source.name}: dialect {dialect}, as recording.yaml has it; {count} file(s)"
+    yield from (f"  {line}" for line in _meaning(source, encoders))
+    if declared.quantised:
+        yield (
+            "  stamps step by more than can be neglected, the rows were taken evenly "
+            "(recording.yaml): put between the steps"
+        )
+    for file in declared.files:
+        if source.dialect.container == "text":
+            yield from (f"  {line}" for line in _file(source, file))
+        else:
+            yield f"  {file}: {source.dialect.container}"
 
 
 def _meaning(source: LogSource, encoders: Fitted) -> list[str]:

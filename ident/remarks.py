@@ -17,7 +17,7 @@ from ident.evidence import ClosureEvidence, Evidence
 from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TURN, not_by_chance
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import RATIO
-from ident.result import CorrectionEstimate
+from ident.result import CorrectionEstimate, RecordingEstimate
 from ident.signals.smooth_log import LogOutliers
 from ident.signals.steps import StepFault
 from ident.verdict import PLAUSIBLE
@@ -46,11 +46,7 @@ def rod_remark(evidence: ClosureEvidence) -> list[str]:
     ]
 
 
-def recording_remarks(evidence: Evidence) -> Iterator[str]:
-    """Encoder directions, samples and autocorrelation of a recording, and what its logs show."""
-    closure, recording = evidence.closure, evidence.recording
-    if closure is None or recording is None:
-        return
+def _directions(recording: RecordingEstimate) -> Iterator[str]:
     directions = recording.start.chosen.hypothesis.directions
     for joint, direction in zip(recording.encoders, directions, strict=True):
         if direction < 0:
@@ -58,6 +54,14 @@ def recording_remarks(evidence: Evidence) -> Iterator[str]:
                 f"encoder b{joint} counts against its declared direction; the identified one is "
                 "used (check `sign` in recording.yaml)"
             )
+
+
+def recording_remarks(evidence: Evidence) -> Iterator[str]:
+    """Encoder directions, samples and autocorrelation of a recording, and what its logs show."""
+    closure, recording = evidence.closure, evidence.recording
+    if closure is None or recording is None:
+        return
+    yield from _directions(recording)
     if recording.samples < FEW_SAMPLES:
         yield (
             f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "

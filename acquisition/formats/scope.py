@@ -163,16 +163,13 @@ def _times(export: _Export, cells: TimeCells) -> Stamps:
     return ns
 
 
-def _present(export: _Export) -> tuple[list[NDArray[np.intp]], list[Finding]]:
-    """Rows in which each group has values, without torn ones, and a finding about these.
+def _filled(export: _Export, ends: set[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(N, G) whether each group of a row has all its values, and (N,) whether the row is torn.
 
-    In a torn row a group is half there, or back after it had ended.
-    Raises LogError where more than DAMAGED_LIMIT of the rows are torn.
+    ends : the widths that a row may have.
     """
-    count = len(export.rows)
-    present = np.zeros((count, len(export.groups)), dtype=bool)
-    torn = np.zeros(count, dtype=bool)
-    ends = {group.stop for group in export.groups}
+    present = np.zeros((len(export.rows), len(export.groups)), dtype=bool)
+    torn = np.zeros(len(export.rows), dtype=bool)
     for i, row in enumerate(export.rows):
         width = len(row) - (len(row) - 1 in ends and not row[-1].strip())
         if width not in ends:
@@ -182,6 +179,17 @@ def _present(export: _Export) -> tuple[list[NDArray[np.intp]], list[Finding]]:
             filled = sum(bool(cell.strip()) for cell in row[group.start : group.stop])
             present[i, j] = filled == len(group)
             torn[i] |= 0 < filled < len(group)
+    return present, torn
+
+
+def _present(export: _Export) -> tuple[list[NDArray[np.intp]], list[Finding]]:
+    """Rows in which each group has values, without torn ones, and a finding about these.
+
+    In a torn row a group is half there, or back after it had ended.
+    Raises LogError where more than DAMAGED_LIMIT of the rows are torn.
+    """
+    count, ends = len(export.rows), {group.stop for group in export.groups}
+    present, torn = _filled(export, ends)
     for column in present.T:
         if (valued := np.flatnonzero(column)).size:
             torn[: valued[-1]] |= ~column[: valued[-1]]

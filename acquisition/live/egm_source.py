@@ -119,7 +119,10 @@ class EgmSource:
         except (BlockingIOError, InterruptedError):
             return None
 
-    def _batch(self, messages: list[tuple[bytes, EgmFeedback]], refused: int) -> Batch:
+    def _of_session(
+        self, messages: list[tuple[bytes, EgmFeedback]]
+    ) -> tuple[list[tuple[bytes, EgmFeedback]], int]:
+        """The messages of the running session, and how many were lost; later ones are held."""
         lost, last = 0, self._last_seqno
         for i, (_, feedback) in enumerate(messages):
             number = feedback.seqno
@@ -131,13 +134,14 @@ class EgmSource:
                 break
             skipped = range(number if last is None else last + 1, number)
             lost += len(skipped) - (number in self._missing)  # late is not lost
-            self._missing = {
-                n
-                for n in (*self._missing, *skipped[-_REORDERED:])
-                if n > number - _REORDERED and n != number
-            }
+            recent = {*self._missing, *skipped[-_REORDERED:]} - {number}
+            self._missing = {n for n in recent if n > number - _REORDERED}
             last = number if last is None else max(last, number)
         self._last_seqno = last
+        return messages, lost
+
+    def _batch(self, messages: list[tuple[bytes, EgmFeedback]], refused: int) -> Batch:
+        messages, lost = self._of_session(messages)
         ends = "the controller started a new EGM session" if self._held else ""
         complete = [feedback for _, feedback in messages if len(feedback.joints_deg) >= _AXES]
         angles = [feedback.joints_deg[:_AXES] for feedback in complete]

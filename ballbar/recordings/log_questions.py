@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -94,6 +95,18 @@ def _holder(name: str) -> BallBar:
     return (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
 
 
+def _dialect_for(source: SourceName, log: LogPreview, name: str, *, may_be_own: bool) -> str:
+    """The name of a dialect that fits the log, or OWN. Raises InputError for another."""
+    if may_be_own and name == OWN:
+        return name
+    dialect = _dialect(name)
+    if dialect.source != source:
+        other = f"that dialect is of a {dialect.source} log"
+        raise InputError(f"{other}, and {log.name} of {source}.")
+    _refuse_unfit(dialect, log)
+    return name
+
+
 def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask: Ask) -> str:
     """The dialect of a log; proposed if it is the only one that fits, a new one if none does."""
     dialects = {name: load_dialect(name) for name in dialect_names()}
@@ -108,17 +121,7 @@ def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask:
     table = log.container == "text" and source != "force"
     own = f", or {OWN} to write one from what the file shows" if table else ""
     choices = f"({', '.join(known)}, or a .yaml file{own})"
-
-    def check(name: str) -> str:
-        if table and name == OWN:
-            return name
-        dialect = _dialect(name)
-        if dialect.source != source:
-            other = f"that dialect is of a {dialect.source} log"
-            raise InputError(f"{other}, and {log.name} of {source}.")
-        _refuse_unfit(dialect, log)
-        return name
-
+    check = partial(_dialect_for, source, log, may_be_own=table)
     if fitting:
         meaning = _meaning(known[fitting[0]], log)
         question = f"{log.name} fits the dialect {fitting[0]}: {meaning}. Which dialect? {choices}"
@@ -273,16 +276,13 @@ def _encoders(
     columns: Sequence[str], ballbar: str, answers: Answers, ask: Ask
 ) -> dict[str, dict[str, Any]]:
     """The encoders of recording.yaml: counter column, lines, bits, direction."""
-
-    def parsed(reply: str) -> Mapping[str, tuple[str, int]]:
-        return _parsed_encoders(reply.split(), columns)
-
     if answers.encoder:
         chosen = _parsed_encoders(answers.encoder, columns)
     else:
         proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
         listed = ", ".join(columns)
         question = f"Which column holds which encoder's counter? Columns: {listed}. (b1=COLUMN"
+        parsed = partial(_replied_encoders, columns)
         chosen = answer(None, f"{question} b2=COLUMN:-1 ...)", proposal, parsed, ask)
     nominal = load_ballbar(ballbar)
     question, check = "Lines of the encoders per turn?", whole_number(1, 10_000_000)
@@ -293,6 +293,10 @@ def _encoders(
         name: {"column": column, "lines": lines, "bits": bits, "sign": direction}
         for name, (column, direction) in sorted(chosen.items())
     }
+
+
+def _replied_encoders(columns: Sequence[str], reply: str) -> Mapping[str, tuple[str, int]]:
+    return _parsed_encoders(reply.split(), columns)
 
 
 def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[str, tuple[str, int]]:

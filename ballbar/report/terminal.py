@@ -62,6 +62,12 @@ def _say_stated(out: Console, run: RunData) -> None:
         _say_poses(out, poses)
 
 
+def _counted(poses: TableEstimate) -> str:
+    seats, targets = len(poses.seats), len(poses.targets)
+    seen = f"{seats} seat{'s' * (seats > 1)} and {targets} target{'s' * (targets > 1)}"
+    return f"{poses.table.size} poses, {seen},"
+
+
 def _model(data: RunData) -> list[str]:
     """Numbers of unknowns that were identified and of samples or poses, and names of the rest."""
     result, robot, poses = data.identification, data.identification.robot, data.identification.poses
@@ -77,11 +83,7 @@ def _model(data: RunData) -> list[str]:
         left = [parameter.name for parameter in robot.dropped]
     used = " + ".join(str(r.estimate.samples) for r in data.recordings) + " samples"
     if poses is not None and not data.recordings:
-        seats, targets = len(poses.seats), len(poses.targets)
-        used = (
-            f"{poses.table.size} poses, {seats} seat{'s' * (seats > 1)} and {targets} "
-            f"target{'s' * (targets > 1)},"
-        )
+        used = _counted(poses)
     model = "complete model: " * (result.model == "complete")
     return [
         f"{model}{counted} from {used} in {result.fit.iterations} iterations",

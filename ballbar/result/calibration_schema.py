@@ -166,19 +166,20 @@ class CalibrationFile(Strict):
                 place = ("recordings", k, "parameters")
                 _check_names(place, recording.parameters, belongs_to_recording)
                 _check_complete(place, recording.parameters, expected)
+        self._check_counts(table.joints)
+        if self.covariance is not None:
+            self._check_unknowns(self.covariance, table)
+        return self
+
+    def _check_counts(self, joints: int) -> None:
+        """There is a range, and a mass where any is stated, for each joint."""
         counts: dict[Loc, int] = {("ranges",): len(self.ranges)}
         if self.masses is not None:
             counts["masses", "links"] = len(self.masses.links)
         for loc, count in counts.items():
-            if count not in (0, table.joints):
-                raise wrong_key(
-                    *loc,
-                    message=f"expected one for each of the {table.joints} joints that `parameters` "
-                    f"has, found {count}",
-                )
-        if self.covariance is not None:
-            self._check_unknowns(self.covariance, table)
-        return self
+            if count not in (0, joints):
+                expected = f"one for each of the {joints} joints that `parameters` has"
+                raise wrong_key(*loc, message=f"expected {expected}, found {count}")
 
     def _check_unknowns(self, stated: CovarianceEntry, table: ParameterTable) -> None:
         """The covariance names parameters in the order of the table, then all coefficients."""

@@ -36,7 +36,7 @@ from ident.causes.agreement import (
 )
 from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
-from ident.causes.lengths import single_lengths
+from ident.causes.lengths import Length, single_lengths
 from ident.causes.robot_log import PLURAL
 from ident.estimator.fit import Fit
 from ident.recording_fit import Logs, RecordingFit
@@ -285,17 +285,32 @@ def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
         yield Suspect(cause, evidence, error.remedy, hopeless=hopeless)
 
 
+def _other_rod(cell: Cell, stated: float, path: ToolPath) -> Suspect:
+    return Suspect(
+        "the rod is not as long as stated",
+        f"the tool's path by the robot lies on a sphere of {path.radius * 1e3:.1f} mm radius, "
+        f"{path.rms * 1e3:.1f} mm rms off it, and the file of {cell.ballbar.name} states "
+        f"{stated * 1e3:.1f} mm",
+        "Name the ball-bar that was used, or correct bd3 in its file",
+        hopeless=False,
+    )
+
+
+def _wrong_length(cell: Cell, length: Length) -> str:
+    """What is wrong by how much."""
+    parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
+    what = f"{length.name} of the file of robot {cell.robot.name}"
+    if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":
+        what = f"the length of plate {cell.plate.name} ({length.name})"
+    elif parameter.kind == "theta":
+        joint, size = parameter.row + 1, f"{np.rad2deg(length.change):+.2f} deg"
+        what = f"the zero of joint {joint} in the robot's log or file ({length.name})"
+    return f"{what} is wrong by {size}"
+
+
 def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterator[Suspect]:
-    stated = nominal["bd3"]
-    if abs(path.radius - stated) > max(ROD_ERROR, ROD_SIGMAS * path.radius_sigma):
-        yield Suspect(
-            "the rod is not as long as stated",
-            f"the tool's path by the robot lies on a sphere of {path.radius * 1e3:.1f} mm radius, "
-            f"{path.rms * 1e3:.1f} mm rms off it, and the file of {cell.ballbar.name} states "
-            f"{stated * 1e3:.1f} mm",
-            "Name the ball-bar that was used, or correct bd3 in its file",
-            hopeless=False,
-        )
+    if abs(path.radius - nominal["bd3"]) > max(ROD_ERROR, ROD_SIGMAS * path.radius_sigma):
+        yield _other_rod(cell, nominal["bd3"], path)
     if path.rms <= LENGTH_RMS:
         return
     lengths = single_lengths(nominal, q)
@@ -303,15 +318,8 @@ def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterato
         if abs(length.change) < LENGTH_ERROR:
             continue
         if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms, OFF_SPHERE):
-            parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
-            what = f"{length.name} of the file of robot {cell.robot.name}"
-            if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":
-                what = f"the length of plate {cell.plate.name} ({length.name})"
-            elif parameter.kind == "theta":
-                joint, size = parameter.row + 1, f"{np.rad2deg(length.change):+.2f} deg"
-                what = f"the zero of joint {joint} in the robot's log or file ({length.name})"
             yield Suspect(
-                f"{what} is wrong by {size}",
+                _wrong_length(cell, length),
                 f"so changed, the tool's path is {length.rms * 1e3:.1f} mm rms off a sphere, as "
                 f"stated {path.rms * 1e3:.1f} mm",
                 "Correct the file, or name that of the cell that was recorded",
