@@ -97,6 +97,15 @@ def _encoder(name: str, encoder: EncoderFitting, status: str | None) -> str:
     )
 
 
+def _wanted(header: Header) -> list[str]:
+    """Number and name of each wanted column, with its selector where that is another."""
+    return [
+        f"{position + 1} {header.names[position]}"
+        + (f" (found by {selector})" if header.names[position] != selector else "")
+        for selector, position in zip(header.columns, header.positions, strict=True)
+    ]
+
+
 def _file(source: LogSource, file: str) -> list[str]:
     """How one table would be read."""
     text = read_text(inside(source.folder, file), file)
@@ -104,15 +113,10 @@ def _file(source: LogSource, file: str) -> list[str]:
     where = f"header in line {text.number[header.row - 1]}"
     if header.without_header():
         where = "no header, columns as declared"
-    columns = [  # number and name of each wanted one, with its selector where that is another
-        f"{position + 1} {header.names[position]}"
-        + (f" (found by {selector})" if header.names[position] != selector else "")
-        for selector, position in zip(header.columns, header.positions, strict=True)
-    ]
     lines = [
         f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted "
         f"names are found with it), {where}, {len(header.names)} columns",
-        f"  columns: {', '.join(columns)}",
+        f"  columns: {', '.join(_wanted(header))}",
     ]
     absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:

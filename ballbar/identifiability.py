@@ -226,14 +226,6 @@ def study_lines(result: Study, changes: Influences) -> Iterator[str]:
 def study_data(result: Study, changes: Influences) -> dict[str, object]:
     """All of a study as plain data: null vectors in m and rad, `changes` in mm|mrad."""
     selection = result.selection
-    groups = [
-        {
-            "text": str(group),
-            "members": [list(m) for m in group.members],
-            "vectors": {v.name: dict(v.partners) for v in group.vectors},
-        }
-        for group in result.groups
-    ]
     return {
         "cost": result.cost,
         "encoders": list(result.encoders),
@@ -243,9 +235,17 @@ def study_data(result: Study, changes: Influences) -> dict[str, object]:
         "smallest_singular_value": result.spectrum.smallest_counted,
         "largest_ignored_singular_value": result.spectrum.largest_ignored,
         "zero_jacobian": list(selection.without_effect),
-        "groups": groups,
+        "groups": [_group_data(group) for group in result.groups],
         "selected": list(selection.selected),
         "left_out": _left_out(selection, changes),
+    }
+
+
+def _group_data(group: Group) -> dict[str, object]:
+    return {
+        "text": str(group),
+        "members": [list(m) for m in group.members],
+        "vectors": {v.name: dict(v.partners) for v in group.vectors},
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -121,6 +121,16 @@ def _left_out(log: str, outliers: LogOutliers, channels: Sequence[str]) -> list[
     ]
 
 
+def _ripple(o: JointOrder, values: Mapping[str, float]) -> str:
+    """One joint error with its amplitude; empty where it has not lasted, or is small."""
+    name = harmonic_name(o.joint, o.order)
+    size = np.hypot(values.get(f"{name}_cos", 0.0), values.get(f"{name}_sin", 0.0))
+    if size < LITTLE_RIPPLE:
+        return ""
+    others = f" (or {', '.join(f'{a:g}' for a in o.aliases)})" if o.aliases else ""
+    return f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
+
+
 def joint_error_remark(
     orders: Sequence[JointOrder], corrections: Sequence[CorrectionEstimate]
 ) -> str:
@@ -129,18 +139,7 @@ def joint_error_remark(
     corrections : of the result.
     """
     values = {c.name: c.value for correction in corrections for c in correction.coefficients}
-    parts = []
-    for o in orders:
-        name = harmonic_name(o.joint, o.order)
-        if f"{name}_cos" not in values:
-            continue
-        size = np.hypot(values[f"{name}_cos"], values[f"{name}_sin"])
-        if size < LITTLE_RIPPLE:
-            continue
-        others = f" (or {', '.join(f'{a:g}' for a in o.aliases)})" if o.aliases else ""
-        parts.append(
-            f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
-        )
+    parts = [words for o in orders if (words := _ripple(o, values))]
     if not parts:
         return ""
     return (

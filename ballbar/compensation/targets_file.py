@@ -14,7 +14,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -164,9 +163,9 @@ class CorrectedTable:
     warnings: tuple[str, ...]
 
 
-def _refused(faults: Mapping[str, str]) -> InputError:
-    """The error that names the first faults; faults : by file and line."""
-    lines = [f"{place}: {why}" for place, why in faults.items()]
+def _refused(path: Path, targets: TargetFile, error: TargetError) -> InputError:
+    """The error that names the first faults by file and line."""
+    lines = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
     shown, more = lines[:_FAULTS_SHOWN], len(lines) - _FAULTS_SHOWN
     others = [f"and {more} more targets"] if more > 0 else []
     return InputError("\n".join(["nothing was written.", *shown, *others]))
@@ -179,8 +178,7 @@ def correct_file(path: Path, result: Result) -> CorrectedTable:
     try:
         corrected = corrected_joints(result, targets.q)
     except TargetError as error:
-        places = {f"{path}:{targets.lines[k]}": why for k, why in sorted(error.faults.items())}
-        raise _refused(places) from None
+        raise _refused(path, targets, error) from None
     identified, of_logs = result.calibration.file.corrections, result.calibration.of_logs
     expected = _OF_LOGS if of_logs else _OF_POSES
     missing = [EFFECTS[name] for name in expected if name not in identified]

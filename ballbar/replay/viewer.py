@@ -138,6 +138,15 @@ def web_server(
         server.wait()
 
 
+def _apart(command: list[str]) -> subprocess.Popen[bytes]:
+    """A process that does not write into the caller's terminal.
+
+    It has a session of its own: the Ctrl-C that ends a recording does not close the window too.
+    """
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(command, start_new_session=True, stdout=quiet, stderr=quiet)
+
+
 def live_viewer() -> str:
     """Start a native viewer that waits for data on this machine alone, and return its address.
 
@@ -148,14 +157,7 @@ def live_viewer() -> str:
     _check_screen("Leave out --live.")  # without one the viewer answers first, and ends then
     port = _free_port()
     address = ["--bind", LOOPBACK, "--port", str(port)]
-    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too;
-    # silent, so that it does not write into the caller's terminal.
-    viewer = subprocess.Popen(
-        [_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"],
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    viewer = _apart([_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"])
     try:
         _wait_for(viewer, port, "the viewer")
     except ViewerError as error:

@@ -94,8 +94,9 @@ def _painted(quads: Array, colours: Array, path: Array) -> Markup:
     for fill, members in groupby(range(len(fills)), key=fills.__getitem__):
         outline = "".join(f"{_line(faces[k])}Z" for k in members)
         parts.append(f'<path d="{outline}" fill="{fill}" stroke="{fill}" stroke-width="0.4"/>')
-    curve = _line(page(path))
-    parts.append(f'<path d="{curve}" fill="none" stroke="{BEFORE}" stroke-width="0.6"/>')
+    parts.append(
+        f'<path d="{_line(page(path))}" fill="none" stroke="{BEFORE}" stroke-width="0.6"/>'
+    )
     return figure(parts, 8.0 + tall)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from ballbar.report.tcp_view import TcpView
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD
+from cell.arrays import Array
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text
 from cell.poses import PoseTable
@@ -154,14 +156,15 @@ def _confidence(result: Identification) -> str:
     return f"{sentence} Not determined here and kept at the catalogue's values: {names}."
 
 
+def _rms_of(errors: Sequence[Array], unit: float) -> str:
+    return significant(rms_norm(np.concatenate(errors)) * unit)
+
+
 def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
     result, estimates = data.identification, [fitted.estimate for fitted in data.recordings]
-    position, angle = [], []
-    for residuals in ([e.before for e in estimates], [e.after for e in estimates]):
-        errors = np.concatenate([r.position for r in residuals])
-        position.append(significant(rms_norm(errors) * UM))
-        errors = np.concatenate([r.angle for r in residuals])
-        angle.append(significant(rms_norm(errors) * URAD))
+    both = [e.before for e in estimates], [e.after for e in estimates]
+    position = [_rms_of([r.position for r in residuals], UM) for residuals in both]
+    angle = [_rms_of([r.angle for r in residuals], URAD) for residuals in both]
     sensed = result.robot.cell.ballbar.stroke is not None
     equations = max(estimate.whitened.shape[0] for estimate in estimates)
     equations_text = f"{equations} equation{'s' * (equations > 1)} each"

@@ -198,14 +198,7 @@ class CalibrationFile(Strict):
                         "name once, parameters in the order ra, rd, ralpha, rtheta, rbeta, ba, bd, "
                         f"balpha, then the coefficients in the order of `corrections`. {RESTORE}",
                     )
-        size = TOOL + 4 * table.joints
-        for k, direction in enumerate(stated.masses):
-            if len(direction) != size:
-                raise wrong_key(
-                    *("covariance", "masses", k),
-                    message=f"expected {size} numbers, of the tool and of {table.joints} links, "
-                    f"found {len(direction)}",
-                )
+        _check_masses(stated, table.joints)
 
     @model_serializer(mode="wrap")
     def _with_keys_of_its_recordings(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -267,3 +260,15 @@ def _check_complete(place: Loc, entries: Iterable[str], expected: Sequence[str])
         raise wrong_key(*place, message=f"without {listed}{others}. Add what is missing{remove}")
     if extra:
         raise wrong_key(*place, extra[0], message="no parameter of this mechanism. Remove it")
+
+
+def _check_masses(stated: CovarianceEntry, joints: int) -> None:
+    """A direction of masses is of the tool and of all links."""
+    size = TOOL + 4 * joints
+    for k, direction in enumerate(stated.masses):
+        if len(direction) != size:
+            raise wrong_key(
+                *("covariance", "masses", k),
+                message=f"expected {size} numbers, of the tool and of {joints} links, found "
+                f"{len(direction)}",
+            )

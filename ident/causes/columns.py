@@ -8,6 +8,7 @@ Robot: the mistakes of ident.causes.robot_log. All are judged by ident.causes.ag
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -70,13 +71,18 @@ def encoder_orders(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
         held = dict(zip(declared, order, strict=True))
         if any(joint != column for joint, column in held.items()):
             readings.append(_ordered(held, share, path.rms))
-    if len(motion.encoders) == 2:
-        (i, j), (other,) = motion.gimbals[0], set(GIMBALS.values()) - {*motion.gimbals}
-        for a, b in ((i, j), (j, i)):
-            cause = f"the encoders b{a} and b{b} are those of b{other[0]} and b{other[1]}"
-            share = left([gimbals[a, b, other[0]]])
-            readings.append(ColumnReading(cause, "Name them so in recording.yaml", share, path.rms))
-    return readings
+    return [*readings, *(_other_gimbal(motion, path, gimbals) if len(motion.encoders) == 2 else ())]
+
+
+def _other_gimbal(
+    motion: LoggedMotion, path: ToolPath, gimbals: Mapping[tuple[int, int, int], Gimbal]
+) -> Iterator[ColumnReading]:
+    """Two encoders taken for those of the other gimbal, in both orders."""
+    (i, j), (other,) = motion.gimbals[0], set(GIMBALS.values()) - {*motion.gimbals}
+    for a, b in ((i, j), (j, i)):
+        cause = f"the encoders b{a} and b{b} are those of b{other[0]} and b{other[1]}"
+        share = left([gimbals[a, b, other[0]]])
+        yield ColumnReading(cause, "Name them so in recording.yaml", share, path.rms)
 
 
 def _ordered(held: dict[int, int], share: float, rms: float) -> ColumnReading:
