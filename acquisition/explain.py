@@ -72,10 +72,8 @@ def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
         torques = [f"torques in N m {place[dialect.torques_at]}, where they are logged"]
         return angles + (torques if dialect.torque_columns else [])
     if dialect.source == "ballbar":
-        return [
-            _encoder(name, encoder, dialect.status.get(name))
-            for name, encoder in sorted(encoders.items())
-        ]
+        named = sorted(encoders.items())
+        return [_encoder(name, encoder, dialect.status.get(name)) for name, encoder in named]
     if isinstance(declared, LengthFile):
         zero = f" from {declared.zero_m:g} m on" if declared.zero_m else ""
         return [f"length in {declared.unit}{zero}, column {declared.column} (recording.yaml)"]
