@@ -297,7 +297,7 @@ def _other_rod(cell: Cell, stated: float, path: ToolPath) -> Suspect:
 
 
 def _wrong_length(cell: Cell, length: Length) -> str:
-    """What is wrong by how much."""
+    """The parameter that is wrong, and by how much."""
     parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
     what = f"{length.name} of the file of robot {cell.robot.name}"
     if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":
