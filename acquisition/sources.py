@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from acquisition.flags import Flags
 from acquisition.formats.registry import read_file
 from acquisition.report import FileSummary, Finding
-from acquisition.stamps.order import STAMP, in_order, in_sequence, join
+from acquisition.stamps.arrival import with_source_times
+from acquisition.stamps.order import STAMP, in_order, in_sequence, join, without_strays
 from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
@@ -193,7 +194,11 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     table, form = read_file(inside(source.folder, file), file, source.dialect, source.layout)
     table, time = _with_stamps(source, table)
     table = in_sequence(table, source.dialect.sequence)
-    table = in_order(spread(table, source.declared.quantised))
+    table = spread(table, source.declared.quantised)
+    if source.declared.quantised is None:
+        measured = [name for name in source.layout.required if name in table.columns]
+        table = with_source_times(without_strays(table), measured)
+    table = in_order(table)
     summary = FileSummary(
         file=file,
         source=source.name,
