@@ -148,9 +148,9 @@ def _source(arrival: Array, values: Array) -> _Source | None:
     widest = min(SAMPLE, arrival.size) // 3
     for width in HALVES:
         tried = min(max(ROWS[-1], int(width * rate)), widest)
-        found = _period(*_progress(values[:, part], arrival[part], tried))
-        if found[1] > fit:
-            (period, fit), half = found, tried
+        candidate = _period(*_progress(values[:, part], arrival[part], tried))
+        if candidate[1] > fit:
+            (period, fit), half = candidate, tried
     if not half:
         return None
     count, sure, progress = _counted(
@@ -326,7 +326,7 @@ class _Times(NamedTuple):
 
 
 def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
-    """The times of the rows of one stretch; None where its stamps are to be kept.
+    """The times of the rows of one stretch; None where its stamps stay.
 
     arrival : (N,) [s]. channels : (N,) each.
     """
@@ -387,31 +387,33 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
         return table
     values = [_continuous(table.columns[name]) for name in names]
     cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
-    kept, moved, found = np.ones(stamps.size, dtype=bool), stamps.copy(), list[_Times]()
+    used, moved, stretches = np.ones(stamps.size, dtype=bool), stamps.copy(), list[_Times]()
     for first, stop in pairwise([0, *cuts.tolist(), stamps.size]):
         arrival = (stamps[first:stop] - stamps[first]) * 1e-9
         with np.errstate(all="ignore"):  # of damaged values
             times = _times(arrival, [channel[first:stop] for channel in values])
         if times is not None:
-            kept[first:stop] = False
-            kept[first + times.row] = True
+            used[first:stop] = False
+            used[first + times.row] = True
             moved[first + times.row] = stamps[first] + np.rint(times.time * 1e9).astype(np.int64)
-            found.append(times)
-    if not found:
+            stretches.append(times)
+    if not stretches:
         return table
-    period, sigma = (float(np.median([getattr(t, n) for t in found])) for n in ("period", "sigma"))
+    period, sigma = (
+        float(np.median([getattr(t, n) for t in stretches])) for n in ("period", "sigma")
+    )
     sentence = (
-        f"rows came up to {amount(max(t.latest for t in found))} late, from a source with new "
+        f"rows came up to {amount(max(t.latest for t in stretches))} late, from a source with new "
         f"values every {amount(period)}; each has the time of the source's tick (standard "
         f"deviation {amount(sigma)}). The usual delay, a mean without the longest and the shortest "
         "tenth, is part of the clock offset."
     )
-    count = sum(t.row.size for t in found)
+    count = sum(t.row.size for t in stretches)
     table = table.remarked("stamps of arrival", sentence, count=count)
-    if not kept.all():
+    if not used.all():
         sentence = "the row before again, before the source had new values: held; left out."
-        table = table.remarked("held values", sentence, rows=np.flatnonzero(~kept))
-    return replace(table, columns={**table.columns, STAMP: moved}).take(kept)
+        table = table.remarked("held values", sentence, rows=np.flatnonzero(~used))
+    return replace(table, columns={**table.columns, STAMP: moved}).take(used)
 
 
 def _continuous(column: NDArray[Any]) -> Array:

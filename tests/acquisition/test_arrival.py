@@ -127,7 +127,7 @@ def test_values_that_are_not_renewed_leave_ticks_out() -> None:
 
 
 def test_rows_that_are_lost_move_no_others() -> None:
-    """Single ones, and a hundred at once, beside which some rows have the ticks of their arrival."""
+    """Single ones and a hundred at once, beside which some rows keep the ticks of arrival."""
     t, angles = source()
     kept = np.random.default_rng(6).random(ROWS) > 0.03
     kept[2000:2100] = False
