@@ -138,6 +138,10 @@ class Standing:
         del at
         return np.zeros_like(self.q), np.zeros_like(self.q)
 
+    def carried(self, at: Array) -> Array | None:
+        del at
+        return None
+
     def within(self, at: Array) -> Array:
         return at
 
