@@ -37,16 +37,11 @@ from ident.estimator.model import Evaluation
 from ident.loads.gear_loads import BEARINGS
 from ident.signals.motion import MotionByLog
 from ident.signals.smooth_log import SmoothLog
-from ident.start.followed import (
-    MIN_OVERLAP,
-    SCAN_STEP,
-    likely_offsets,
-    poses_at_rows,
-    tracker_motion,
-)
+from ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows, tracker_motion
 from ident.verdict import SUSPECT, Verdict
 
 CLOSE = 0.75  # row periods of the tracker between a sample of the fit and the row compared
+MIN_OVERLAP = 10.0  # [s] of motion; less validates nothing
 LEAST = 50  # points
 MOST = 3000  # rows that enter a fit beside a ball-bar, evenly taken
 NOT_COMPARED = (
@@ -150,7 +145,9 @@ def check_tracker(
     t, points = log.t[good], log.points[good]
     path, within = _tool_path(identified), CLOSE * smooth.row_period
     velocity = path.speed(np.arange(path.t[0], path.t[-1], SCAN_STEP))[:, :3]
-    starts = (Clock(offset, 0.0) for offset in likely_offsets(smooth, path.t[0], velocity))
+    starts = (
+        Clock(offset, 0.0) for offset in likely_offsets(smooth, path.t[0], velocity, MIN_OVERLAP)
+    )
     fits = [fit for clock in starts if (fit := _refined(t, points, path, clock, within))]
     if not fits:
         return None

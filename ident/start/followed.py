@@ -26,7 +26,8 @@ from ident.start.placements import PoseStartError, placed_fit
 from ident.start.speed_scan import scan_speeds
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
-SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
+SCAN_STEP = 0.02  # [s] of the lags
+MIN_OVERLAP = 5.0  # [s] of motion; points of less cannot tell one motion from another
 LAGS, LAG_SEPARATION = 4, 0.5  # peaks of the scan that are tried, and [s] between them
 TRIED_ROWS = 600  # from which clock, seat and target are found from each of them
 # [m] along each axis, that a robot by its file leaves at the right lag, and never at a wrong one
@@ -125,16 +126,19 @@ def _offsets(smooth: SmoothLog, motion: SmoothLog, geometry: Geometry) -> list[f
     return likely_offsets(smooth, motion.start, np.gradient(flange, SCAN_STEP, axis=0))
 
 
-def likely_offsets(smooth: SmoothLog, start: float, velocity: Array) -> list[float]:
+def likely_offsets(
+    smooth: SmoothLog, start: float, velocity: Array, overlap: float = MIN_OVERLAP
+) -> list[float]:
     """[s] likely clock offsets: those at which the target and the tool are equally fast.
 
     velocity : (K, 3) [m/s] of the tool, every SCAN_STEP from the robot's time `start` [s].
+    overlap : [s] that both have to share.
     """
     t = np.arange(smooth.start, smooth.end, SCAN_STEP)
     seen = np.where(smooth.covers(t)[:, None], smooth.speed(t), 0.0)
     speeds = [np.linalg.norm(v, axis=1) for v in (velocity, seen)]
     a, b = (speed[:, None] / max(rms(speed), np.finfo(float).tiny) for speed in speeds)
-    least = round(MIN_OVERLAP / SCAN_STEP)
+    least = round(overlap / SCAN_STEP)
     if min(len(a), len(b)) < least:
         return []
     scan = scan_speeds(a, b, [(0, 0)], least=least, paired=True)
