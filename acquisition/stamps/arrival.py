@@ -32,6 +32,7 @@ from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.neighbours import Mask, Rows
 
+ARRIVAL = "stamps of arrival"  # the finding
 IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows
 FEWEST = 100  # rows with new values
 HALVES = (0.05, 0.1, 0.2)  # [s] of arrivals on either side that show the speed at first
@@ -409,11 +410,16 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
         "tenth, is part of the clock offset."
     )
     count = sum(t.row.size for t in stretches)
-    table = table.remarked("stamps of arrival", sentence, count=count)
+    table = table.remarked(ARRIVAL, sentence, count=count)
     if not used.all():
         sentence = "the row before again, before the source had new values: held; left out."
         table = table.remarked("held values", sentence, rows=np.flatnonzero(~used))
     return replace(table, columns={**table.columns, STAMP: moved}).take(used)
+
+
+def of_arrival(table: Table) -> bool:
+    """Whether the stamps of a table were of arrival and have been undone."""
+    return any(entry.kind == ARRIVAL for entry in table.findings)
 
 
 def _continuous(column: NDArray[Any]) -> Array:
