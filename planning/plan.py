@@ -49,7 +49,7 @@ from planning.trajectory import Trajectory
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, lissajous
 
-SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
+SECONDS = 90.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
 GENERATIONS = 20  # of one descent
 # Screened candidates that are tried before one, without the force that excludes most of them: those

@@ -61,6 +61,10 @@ class CellSettings(Strict):
     """Centre of the sphere, or seat of the instrument, in the robot's base frame; needed beside a
     path. Still poses have poses.seats.
     """
+    ballbar_set: Literal["at_position", "without_strain"] = "at_position"
+    """Whether the base of a ball-bar stands at ballbar_position_m with its error, or was moved
+    along the rod until nothing strained it at the first pose of the path, as one sets it in a cell.
+    """
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> CellSettings:
@@ -278,11 +282,11 @@ OF_BALLBAR = (
     *(f"errors.{name}" for name in SensorErrors.model_fields if name != "resolver_error"),
     *(f"errors.{name}" for name in SampleErrors.model_fields),
     *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
-    *("errors.bar_friction", "errors.base_compliance", "errors.outliers"),
+    *("errors.bar_friction", "errors.base_compliance", "errors.outliers", "cell.ballbar_set"),
 )
 OF_LENGTH = ("length", *(f"plant.{name}" for name in RodAndWire.model_fields))
 OF_PATH = (
-    *("cell.ballbar", "cell.plate", "cell.ballbar_position_m"),
+    *("cell.ballbar", "cell.plate", "cell.ballbar_position_m", "cell.ballbar_set"),
     *("encoders", "length", "clocks", "logs", "recording"),
     *(f"plant.{name}" for name in ("timestep_s", "servo", "gravity_compensation")),
     *(

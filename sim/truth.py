@@ -25,8 +25,8 @@ from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.errors.sensor_errors import ClockStep, LoggerRestart
 from sim.logging.clocks import RowCounts, WanderCurve
 from sim.logging.load_logs import DrawnLoads, TrackerTruth
-from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple
-from sim.true_robot import TrueArm
+from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple, stated_masses
+from sim.true_robot import TrueArm, TrueMachine
 
 Vector = tuple[float, ...]
 
@@ -87,9 +87,12 @@ class PlantTruth(Strict):
         )
 
 
-def plant_truth(effects: PlantEffects) -> PlantTruth:
+def plant_truth(machine: TrueMachine) -> PlantTruth:
     """The effects of one machine as the truth file states them."""
+    effects = machine.effects
     stiffness, masses = effects.gear_stiffness, effects.masses
+    if masses is None and machine.typical.keys:
+        masses = stated_masses(machine.cell)
     bodies = {}
     if masses is not None:
         rows = zip(masses.names, masses.mass.tolist(), masses.centre.tolist(), strict=True)
@@ -107,6 +110,28 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         base_stiffness_N_per_m=effects.base_stiffness,
         bodies=bodies,
         thermal_growth=effects.growth,
+    )
+
+
+class TypicalTruth(Strict):
+    """What the robot's file does not state, as the simulated machine had it."""
+
+    keys: tuple[str, ...]
+    mass_kg: float  # of base and links together
+    gear_stiffness_N_m_per_rad: Vector
+    servo_kp_N_m_per_rad: dict[str, Vector]
+
+
+def typical_truth(machine: TrueMachine) -> TypicalTruth | None:
+    """What of a machine is typical or drawn about it; None for a robot of a complete file."""
+    robot, keys = machine.cell.robot, machine.typical.keys
+    if not keys:
+        return None
+    return TypicalTruth(
+        keys=keys,
+        mass_kg=sum(link.mass for link in robot.required("links")),
+        gear_stiffness_N_m_per_rad=tuple(robot.required("gears").stiffness.tolist()),
+        servo_kp_N_m_per_rad={n: tuple(g.kp.tolist()) for n, g in robot.required("servo").items()},
     )
 
 
@@ -189,6 +214,17 @@ class Truth(Strict):
     rod_force: ForceRange
     plant: PlantTruth
     logs: LogTruth
+    typical: TypicalTruth | None = None
+
+    @property
+    def typical_words(self) -> str:
+        """Says what of the robot was typical of its size, to follow a sentence; else empty."""
+        if self.typical is None:
+            return ""
+        return (
+            f"; the robot's file states no {', '.join(self.typical.keys)}: a machine of "
+            f"{self.typical.mass_kg:.0f} kg, typical of its size, was simulated"
+        )
 
     @cached_property
     def geometry(self) -> Geometry:
@@ -199,7 +235,8 @@ class Truth(Strict):
     def write(self, path: Path) -> None:
         """Write the truth file, whole or not at all."""
         content = self.model_dump(mode="json", by_alias=True)
-        write_yaml(path, content | {"logs": self.logs.stated()})
+        content |= {"logs": self.logs.stated()}
+        write_yaml(path, {key: value for key, value in content.items() if value is not None})
 
 
 class TruePlace(Strict):
