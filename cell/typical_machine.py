@@ -46,12 +46,13 @@ OF_AXES = {6: (1.0, 1.1, 0.85, 0.13, 0.11, 0.1), 7: (1.0, 1.0, 0.55, 0.55, 0.34,
 WRIST = 3  # axes at the end whose gears are small ones
 DAMPING = (1e-3, 3e-4)  # [s] over stiffness, main axes and wrist: [I], [N]
 LOST_MOTION = (1.35e-4, 2.0e-4)  # [rad] [I], [N]
-# [s, 1] friction over stiffness: Coulomb [rad], viscous [s]: [I], [N]
+# Friction over stiffness: Coulomb [rad], viscous [s]: [I], [N]
 COULOMB, VISCOUS, STATIC = (6e-5, 1.5e-4), (2.7e-5, 1.1e-4), 1.4
-FRICTION_SPREAD, STRIBECK = 0.5, (0.008, 0.017)  # ; [rad/s]
+FRICTION_SPREAD, STRIBECK = 0.5, (0.008, 0.017)  # the second in rad/s
 RATIO = (130.0, 60.0)  # turns of the motor per turn of the output: [I], and of [N] 180 to 110
-# [kg m^2] rotor over stiffness, referred to the output: [I] 22 / 6e5, 0.5 / 6e4; [N] 130 / 2.6e6
-ROTOR, ROTOR_SPREAD = (4e-5, 1.2e-5), 0.5
+# [s^2] rotor, referred to the output, over stiffness: [I] 22 / 6e5 and 0.5 / 6e4, [N] 130 / 2.6e6
+# and 38 / 4e5
+ROTOR, ROTOR_SPREAD = (4.3e-5, 2.7e-5), 0.9
 # Cycles a turn and [rad] of the harmonic errors, the last of the motor: [I], [N]
 HARMONICS = (
     ((1.0, 6e-5), (40.0, 7e-5), (80.0, 2.7e-5), (RATIO[0], 3.5e-5)),

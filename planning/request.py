@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from cell.descriptions import Robot
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
 from cell.load import ballbar_names, load_ballbar, load_robot
 from cell.schema import Positive, Strict
@@ -181,7 +183,8 @@ class PlanLimits(Strict):
     """
     force_N: Positive = 200.0
     """Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad (a third above
-    the thesis's 150 N: notes/parameters, experiment).
+    the thesis's 150 N: notes/parameters, experiment). Where the robot's file states no servo, the
+    default is up to 500, by the length of the arm.
     """
     clearance_m: Positive = 0.03
     """Distance of robot, plate and rod from each other and everything else."""
@@ -204,6 +207,9 @@ OF_BALLBARS = {
 # region of its centre, wider than in the shipped requests, since reach and height of arms differ.
 ROD_SHARE = 0.32
 REGION_SHARES = ((0.3, -0.2, 0.15), (0.8, 0.2, 0.45))
+# Limit of the force [N] over the length [m] of arms whose servo is not known: that of PlanLimits up
+# to an IRB 2400, and for an NJ 220 that of its request (scenarios/plans).
+FORCE_OF_LENGTH = ((1.7, 2.95), (200.0, 500.0))
 
 # Reserves for the motion under soft servo, measured by planning.verify: added to margins, and
 # factors on rates and force.
@@ -304,23 +310,24 @@ def load_request(path: Path, *, overrides: Sequence[str] = ()) -> PlanRequest | 
     keys = ("robot", "ballbar", "instrument", "plate")
     files: dict[str, object] = {key: located(getattr(cell, key)) for key in keys}
     files["ballbar_choices"] = tuple(map(located, cell.ballbar_choices))
-    return request.model_copy(update={"cell": completed(cell.model_copy(update=files))})
+    named = request.model_copy(update={"cell": cell.model_copy(update=files)})
+    return completed(named, load_robot(str(files["robot"])))
 
 
-def completed(cell: PlanCell) -> PlanCell:
-    """The cell with a ball-bar that fits the robot's reach, and a region in front of the robot.
+def completed(request: PlanRequest, robot: Robot) -> PlanRequest:
+    """The request with a ball-bar, a region and a limit of the force that fit the robot's size.
 
-    What it states itself stays. Raises DescriptionError.
+    What the request states itself stays, and so does the limit of a robot whose servo is known.
     """
-    stated = cell.ballbar_position_m or cell.ballbar_region_m
-    if stated and (cell.ballbar or cell.instrument):
-        return cell
-    length = arm_length(load_robot(cell.robot))
+    cell, limits, length = request.cell, request.limits, arm_length(robot)
     chosen: dict[str, object] = {}
     if not (cell.ballbar or cell.instrument):
         bars = {name: load_ballbar(name).length for name in ballbar_names()}
         chosen["ballbar"] = min(bars, key=lambda name: abs(bars[name] - ROD_SHARE * length))
-    if not stated:
+    if not (cell.ballbar_position_m or cell.ballbar_region_m):
         lower, upper = (tuple(length * share for share in corner) for corner in REGION_SHARES)
         chosen["ballbar_region_m"] = Region(lower=lower, upper=upper)
-    return cell.model_copy(update=chosen)
+    if robot.lacks("servo") and "force_N" not in limits.model_fields_set:
+        force = round(float(np.interp(length, *FORCE_OF_LENGTH)))
+        limits = limits.model_copy(update={"force_N": force})
+    return request.model_copy(update={"cell": cell.model_copy(update=chosen), "limits": limits})

@@ -91,7 +91,10 @@ class PathSettings(Strict):
     a recording.
     """
     file: str = ""
-    """Path file for lissajous and push_pull, relative to the scenario."""
+    """Path file for lissajous and push_pull, relative to the scenario. For lissajous without a file
+    `ballbar simulate` and `run` take the first feasible path that they find, and where
+    ballbar_position_m is not stated either, a place for the ball-bar.
+    """
     recording: str = ""
     """Folder of the recording for recorded, relative to the scenario."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)]
@@ -107,7 +110,7 @@ class PathSettings(Strict):
         needed, unused = "file", ["recording"]
         if self.kind == "recorded":
             needed, unused = "recording", ["file", "dwell_s", "stops"]
-        if not getattr(self, needed):
+        if not getattr(self, needed) and self.kind != "lissajous":
             raise ValueError(f"kind {self.kind} needs {needed}")
         for key in unused:
             if getattr(self, key) != PathSettings.model_fields[key].default:
@@ -374,7 +377,8 @@ class SimulationSettings(Strict):
             refuse_keys(self, OF_LENGTH, "cell.instrument")
         if of_length and self.path.kind == "push_pull":
             raise wrong_key("path", "kind", message="push_pull needs a ball-bar with a rigid rod")
-        if self.cell.ballbar_position_m is None:
+        found = self.path.kind == "lissajous" and not self.path.file
+        if self.cell.ballbar_position_m is None and not found:
             raise missing_key("cell", "ballbar_position_m")
         return self
 
