@@ -37,16 +37,7 @@ from sim.plant.mujoco_plant import run_plant
 from sim.settings import SimulationSettings
 from sim.streams import stream
 from sim.true_robot import TrueMachine, true_machine
-from sim.truth import (
-    ClosureError,
-    FirstRows,
-    ForceRange,
-    LogTruth,
-    TrueClock,
-    Truth,
-    plant_truth,
-    typical_truth,
-)
+from sim.truth import ClosureError, FirstRows, ForceRange, LogTruth, TrueClock, Truth, plant_truth
 
 # [rad/s] joint speed up to which a recording begins in a dwell: ten times what its noise leaves
 # after smoothing
@@ -256,7 +247,6 @@ def _truth(
             min_N=float(motion.rod_force.min()), max_N=float(motion.rod_force.max())
         ),
         "plant": plant_truth(machine),
-        "typical": typical_truth(machine),
         "logs": logs,
     }
     return Truth.model_validate(content)

@@ -74,6 +74,8 @@ class PlantTruth(Strict):
     base_stiffness_N_per_m: float | None
     bodies: dict[str, BodyTruth] = Field(default_factory=dict)
     thermal_growth: ThermalGrowth | None = None  # its parameters are those at the start
+    # keys of the robot's file that it lacks; what is typical of its size stood for them
+    typical: tuple[str, ...] = ()
 
     @property
     def masses(self) -> MassDistribution | None:
@@ -110,28 +112,7 @@ def plant_truth(machine: TrueMachine) -> PlantTruth:
         base_stiffness_N_per_m=effects.base_stiffness,
         bodies=bodies,
         thermal_growth=effects.growth,
-    )
-
-
-class TypicalTruth(Strict):
-    """What the robot's file does not state, as the simulated machine had it."""
-
-    keys: tuple[str, ...]
-    mass_kg: float  # of base and links together
-    gear_stiffness_N_m_per_rad: Vector
-    servo_kp_N_m_per_rad: dict[str, Vector]
-
-
-def typical_truth(machine: TrueMachine) -> TypicalTruth | None:
-    """What of a machine is typical or drawn about it; None for a robot of a complete file."""
-    robot, keys = machine.cell.robot, machine.typical.keys
-    if not keys:
-        return None
-    return TypicalTruth(
-        keys=keys,
-        mass_kg=sum(link.mass for link in robot.required("links")),
-        gear_stiffness_N_m_per_rad=tuple(robot.required("gears").stiffness.tolist()),
-        servo_kp_N_m_per_rad={n: tuple(g.kp.tolist()) for n, g in robot.required("servo").items()},
+        typical=machine.typical.keys,
     )
 
 
@@ -214,17 +195,12 @@ class Truth(Strict):
     rod_force: ForceRange
     plant: PlantTruth
     logs: LogTruth
-    typical: TypicalTruth | None = None
 
     @property
     def typical_words(self) -> str:
         """Says what of the robot was typical of its size, to follow a sentence; else empty."""
-        if self.typical is None:
-            return ""
-        return (
-            f"; the robot's file states no {', '.join(self.typical.keys)}: a machine of "
-            f"{self.typical.mass_kg:.0f} kg, typical of its size, was simulated"
-        )
+        lacking = ", ".join(self.plant.typical)
+        return f"; typical of a robot of its size: {lacking}" if lacking else ""
 
     @cached_property
     def geometry(self) -> Geometry:
@@ -241,8 +217,9 @@ class Truth(Strict):
     def write(self, path: Path) -> None:
         """Write the truth file, whole or not at all."""
         content = self.model_dump(mode="json", by_alias=True)
-        content |= {"logs": self.logs.stated()}
-        write_yaml(path, {key: value for key, value in content.items() if value is not None})
+        if not self.plant.typical:
+            content["plant"].pop("typical")
+        write_yaml(path, content | {"logs": self.logs.stated()})
 
 
 class TruePlace(Strict):

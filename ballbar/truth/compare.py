@@ -196,9 +196,7 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
             )
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
-        if (
-            truth.typical is not None
-        ):  # masses and centres are all that counts, and those are stated
+        if plant.typical:  # masses and centres are all that counts, and those are stated
             cell = replace(cell, robot=with_typical(robot)[0])
         loaded = cell if plant.masses is None else plant.masses.on(cell)
         weight = own_weight(mass_model(loaded), geometry, q).gear.T
