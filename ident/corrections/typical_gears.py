@@ -2,8 +2,8 @@
 
 Beside `unit_weights`, which has the sag under the arm's own weight. The rod's tension acts through
 levers that the geometry gives, so only compliances and widths are unknown. Their priors are wide:
-typical values of a robot of this size (cell.typical_machine) give or take SPREAD times as much. The
-flank of the backlash follows the load of the typical masses.
+what is typical of a robot of this size (cell.typical_machine), and how far published robots are from
+it. The flank of the backlash follows the load of the typical masses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from cell.typical_machine import with_typical
 from ident.corrections.base import GEAR, Coefficient, Correction, remade
 from ident.corrections.gear_backlash import gear_backlash
 
-SPREAD = 2.0  # of the typical compliance, of which published robots differ by a factor of two
+# Of the typical compliance: stiffness and mass of published robots vary by a factor of 1.8, one
+# standard deviation. A wider prior leaves the scale of the tension open, and with it the flank of
+# the backlash.
+SPREAD = 0.8
 
 
 @remade
