@@ -6,7 +6,7 @@
 All shipped robots, and three made here from DH rows or a URDF: `light`, a UR3e (3 kg), `heavy`, an
 arm of the class of 210 kg, and `seven`, a KUKA LBR iiwa 7 from its URDF with masses. The request
 names the robot alone. Where its file lacks masses, gears or servo, the true machine is drawn about
-the typical one (`errors.typical_machine`, a seed for each robot), and so are all other errors of
+the typical one (`plant.typical_spread`, a seed for each robot), and so are all other errors of
 the scenario that the plan writes. Writes docs/studies/any_robot.csv.
 """
 

@@ -62,14 +62,14 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
     }
     if plan.lengths is not None:
         return common | length_data(plan.lengths, plan.evaluator.cell.robot)
-    errors = EVERYTHING_ON
+    plant: dict[str, object] = {"servo": request.servo}
     if plan.evaluator.typical.keys:
-        errors = {**errors, "typical_machine": {}}
+        plant["typical_spread"] = 1.0
         common["cell"] = {**cell, "ballbar_set": "without_strain"}
     return {
         **common,
-        "plant": {"servo": request.servo},
-        "errors": errors,
+        "plant": plant,
+        "errors": EVERYTHING_ON,
         "encoders": {
             "fitted": list(sensors.encoders),
             "bits": 12,

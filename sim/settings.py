@@ -145,6 +145,10 @@ class PlantSettings(RodAndWire):
     """A gain set of the robot's file."""
     gravity_compensation: bool = True
     """Whether the servo command carries the robot's nominal weight."""
+    typical_spread: NotNegative = 0.0
+    """Factor on the spread with which masses, gears, servo and rotors that the robot's file does
+    not state are drawn about what is typical of its size (docs/how_to/own_robot.md); for MuJoCo.
+    """
 
 
 class ErrorSettings(CellErrors, PlantErrors, ArmErrors, SensorErrors, SampleErrors):
@@ -291,7 +295,10 @@ OF_LENGTH = ("length", *(f"plant.{name}" for name in RodAndWire.model_fields))
 OF_PATH = (
     *("cell.ballbar", "cell.plate", "cell.ballbar_position_m", "cell.ballbar_set"),
     *("encoders", "length", "clocks", "logs", "recording"),
-    *(f"plant.{name}" for name in ("timestep_s", "servo", "gravity_compensation")),
+    *(
+        f"plant.{name}"
+        for name in ("timestep_s", "servo", "gravity_compensation", "typical_spread")
+    ),
     *(
         f"errors.{name}"
         for part in (CellErrors, PlantErrors, SensorErrors, SampleErrors)

@@ -74,9 +74,9 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
     if dynamic:
         robot, typical = with_typical(cell.robot)
         turns = motor_turns(robot) if typical.keys else None
-        if errors.typical_machine is not None:
+        if typical.keys:
             rng = stream(seed, "typical_machine")
-            robot = typical.drawn(robot, rng, errors.typical_machine.scale)
+            robot = typical.drawn(robot, rng, settings.plant.typical_spread)
         cell = replace(cell, robot=robot)
     if chosen.instrument is not None:
         instrument = load_instrument(chosen.instrument, relative_to=relative_to)

@@ -1,21 +1,20 @@
-"""Gears of a robot whose file states none: what they yield to the rod, and their backlash.
+"""Gears of a robot whose file states none: their compliance and backlash, with wide priors.
 
-Beside `unit_weights`, which has the sag under the arm's own weight. The rod's tension acts through
-levers that the geometry gives, so only compliances and widths are unknown. Their priors are wide:
-what is typical of a robot of this size (cell.typical_machine), and how far published robots are from
-it. The flank of the backlash follows the load of the typical masses.
+Loads are those of typical masses, of the ball-bar and of the rod's tension. What the arm's true
+masses load differently, `unit_weights` has, which stands beside these two: compliance times any
+weight of the arm is in it. The priors are what is typical of a robot of this size, and how far
+published robots are from it (cell.typical_machine).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from cell.descriptions import Cell
 from cell.typical_machine import with_typical
-from ident.corrections.base import GEAR, Coefficient, Correction, remade
+from ident.corrections.base import Correction, remade
 from ident.corrections.gear_backlash import gear_backlash
+from ident.corrections.joint_compliance import gear_compliance
 
 # Of the typical compliance: stiffness and mass of published robots vary by a factor of 1.8, one
 # standard deviation. A wider prior leaves the scale of the tension open, and with it the flank of
@@ -24,25 +23,21 @@ SPREAD = 0.8
 
 
 @remade
-def tension_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
-    """One compliance a gear [rad/(N m)], under the tension alone."""
-    typical = 1.0 / with_typical(cell.robot)[0].required("gears").stiffness
-    return Correction(
-        "tension_compliance",
-        "gears that yield to the rod's tension",
-        tuple(
-            Coefficient(f"yield{i}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i - 1)
-            for i, c in enumerate(typical, start=1)
-        ),
-        lambda state: list(-state.loads.gear_per_newton * state.tension),
-        lambda state: list(-state.loads.gear_per_newton * np.ones_like(state.tension)),
-    )
+def typical_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+    """One compliance a gear [rad/(N m)], under typical loads."""
+    made = _named(gear_compliance(with_typical(cell.robot)[0]), "typical_compliance")
+    wide = tuple(replace(c, sigma=SPREAD * c.mean) for c in made.coefficients)
+    return replace(made, coefficients=wide)
 
 
 @remade
 def typical_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Half the width of each gear's dead band [rad], on the flank of typical loads."""
     typical = replace(cell, robot=with_typical(cell.robot)[0])
-    made = gear_backlash(typical, encoders)
+    return _named(gear_backlash(typical, encoders), "typical_backlash")
+
+
+def _named(made: Correction, name: str) -> Correction:
+    """A correction of that name, whose coefficients have names of their own."""
     coefficients = tuple(replace(c, name=f"typical_{c.name}") for c in made.coefficients)
-    return replace(made, name="typical_backlash", coefficients=coefficients)
+    return replace(made, name=name, coefficients=coefficients)

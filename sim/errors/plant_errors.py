@@ -155,15 +155,6 @@ class UndeclaredLoad(Strict):
     """Standard deviation of each coordinate of its centre about that of the plate. Assumed."""
 
 
-class TypicalMachine(Strict):
-    """What the robot's file does not state of masses, gears, servo and rotors is drawn about the
-    values that are typical of a robot of its size (cell.typical_machine), in MuJoCo.
-    """
-
-    scale: NotNegative = 1.0
-    """Factor on the spreads over published robots."""
-
-
 class ThermalGrowth(Strict):
     """The links a2 and d4 of the robot grow while it warms up during the recording.
     Its true parameters are those at the start.
@@ -198,6 +189,4 @@ class PlantErrors(Strict):
     """Requires masses in the robot's file."""
     payload: UndeclaredLoad | None = None
     """Requires masses in the robot's file."""
-    typical_machine: TypicalMachine | None = None
-    """Without it the robot has the typical values themselves."""
     thermal_growth: ThermalGrowth | None = None

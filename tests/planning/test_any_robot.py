@@ -17,11 +17,9 @@ from cell.strict_yaml import load_model
 from planning.candidate import PathCandidate
 from planning.evaluation import evaluator_of
 from planning.force import Forces, force_model, predicted_forces
-from planning.planned_scenario import EVERYTHING_ON
 from planning.request import PlanRequest, completed, load_request
 from planning.trajectory import trajectories
 from sim.path_files import LissajousFile, lissajous
-from sim.settings import ErrorSettings
 from tests.helpers.drawn_robots import SCENARIOS
 
 
@@ -139,8 +137,3 @@ def test_a_spread_of_nothing_leaves_the_typical_robot_alone() -> None:
     candidate = PathCandidate(lissajous(file), np.array(file.ballbar_position_m))
     predicted = predicted_forces(one, trajectories(unknown, candidate, timing)[0])
     assert np.allclose(predicted.extent, predicted.tension, rtol=1e-9, atol=1e-9)
-
-
-def test_the_typical_machine_is_drawn_only_where_a_file_is_incomplete() -> None:
-    assert "typical_machine" not in EVERYTHING_ON
-    assert ErrorSettings.model_validate({"typical_machine": {}}).typical_machine is not None

@@ -15,13 +15,12 @@ FAULTS = {"amplitude_errors", "slipped_periods", "coupling_slips", "outliers", "
 OTHER_SHAPES = {"cycloid_ripple", "sinusoidal_gear_error"}  # of what transmission_error adds
 # Each recording has its own, so a held-out one would tell little (docs/validation.md).
 OF_A_RECORDING = {"thermal_growth"}
-OF_AN_INCOMPLETE_FILE = {"typical_machine"}
 OF_A_LOGGER = {"quantum"}  # whole ms are those of EGM, whose rows have no jitter
 
 
 def sources(section: type[ErrorSettings | ClockSettings]) -> set[str]:
     left_out = FAULTS | OTHER_SHAPES | OF_A_LOGGER | OF_A_RECORDING
-    left_out |= OF_AN_INCOMPLETE_FILE | set(SampleErrors.model_fields)
+    left_out |= set(SampleErrors.model_fields)
     of_still_poses = {key.removeprefix("errors.") for key in OF_POSES}
     return set(section.model_fields) - left_out - of_still_poses
 

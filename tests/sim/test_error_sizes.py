@@ -593,7 +593,6 @@ def test_no_source_is_without_a_test_of_its_size() -> None:
     measured = {name.replace(",", " ").split()[0].split(".")[0] for name in EVERY}
     still = {key.removeprefix("errors.") for key in OF_POSES}  # tests/sim/test_still_poses.py
     elsewhere = IN_LOGS | set(SampleErrors.model_fields) | still
-    elsewhere |= {"typical_machine"}  # tests/cell/test_typical_machine.py
     for group in (ErrorSettings, ClockSettings, LoadLogs):
         assert set(group.model_fields) <= measured | elsewhere
 
