@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -57,8 +58,9 @@ def simulate_scenario(
     simulation: Simulation | PoseSimulation
     with (
         _simulating(scenario_file, folder, progress, still=scenario.path is None) as files,
-        with_found_path(scenario, files) as whole,
+        tempfile.TemporaryDirectory() as temporary,
     ):
+        whole = with_found_path(scenario, files, Path(temporary) / "path.yaml")
         if whole.path is None:
             simulation = simulate_poses(whole, relative_to=files)
         else:
