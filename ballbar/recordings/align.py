@@ -19,6 +19,14 @@ from ident.log_alignment import LogAlignment, align_logs
 SHOWN = 12  # pairs of channels that are listed
 
 
+def _pair(text: str) -> tuple[str, str]:
+    """Names in log A and in log B of a channel `a=b`, or of one with the same name in both."""
+    a, equals, b = text.partition("=")
+    if not a or (equals and not b):
+        raise InputError(f"channel {text!r}: write a=b, the names in log A and in log B.")
+    return a, b if equals else a
+
+
 def aligned_logs(
     files: tuple[Path, Path],
     *,
@@ -30,12 +38,7 @@ def aligned_logs(
 
     sources, times : as in `read_channels`. channels : of A and of B, as `a=b`, or the name of both.
     """
-    pairs = []
-    for text in channels:
-        a, equals, b = text.partition("=")
-        if not a or (equals and not b):
-            raise InputError(f"channel {text!r}: write a=b, the names in log A and in log B.")
-        pairs.append((a, b if equals else a))
+    pairs = [_pair(text) for text in channels]
     named = [list(side) for side in zip(*pairs, strict=True)] if pairs else [[], []]
     (log_a, of_a), (log_b, of_b) = (
         read_channels(file, source=source, time=time, channels=names)

@@ -124,6 +124,18 @@ def _holder(name: str) -> BallBar | Instrument:
     return instrument if instrument.measured in FOLLOWED else load_telescoping_bar(name)
 
 
+def _dialect_for(source: SourceName, log: LogPreview, name: str, *, may_be_own: bool) -> str:
+    """The name of a dialect that fits the log, or OWN. Raises InputError for another."""
+    if may_be_own and name == OWN:
+        return name
+    dialect = _dialect(name)
+    if dialect.source != source:
+        other = f"that dialect is of a {dialect.source} log"
+        raise InputError(f"{other}, and {log.name} of {source}.")
+    _refuse_unfit(dialect, log)
+    return name
+
+
 def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask: Ask) -> str:
     """The dialect of a log; proposed if it is the only one that fits, a new one if none does."""
     dialects = {name: load_dialect(name) for name in dialect_names()}
@@ -138,17 +150,7 @@ def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask:
     table = log.container == "text" and source != "force"
     own = f", or {OWN} to write one from what the file shows" if table else ""
     choices = f"({', '.join(known)}, or a .yaml file{own})"
-
-    def check(name: str) -> str:
-        if table and name == OWN:
-            return name
-        dialect = _dialect(name)
-        if dialect.source != source:
-            other = f"that dialect is of a {dialect.source} log"
-            raise InputError(f"{other}, and {log.name} of {source}.")
-        _refuse_unfit(dialect, log)
-        return name
-
+    check = partial(_dialect_for, source, log, may_be_own=table)
     if fitting:
         meaning = _meaning(known[fitting[0]], log)
         question = f"{log.name} fits the dialect {fitting[0]}: {meaning}. Which dialect? {choices}"
@@ -306,16 +308,13 @@ def _encoders(
     columns: Sequence[str], ballbar: str, answers: Answers, ask: Ask
 ) -> dict[str, dict[str, Any]]:
     """The encoders of recording.yaml: counter column, lines, bits, direction."""
-
-    def parsed(reply: str) -> Mapping[str, tuple[str, int]]:
-        return _parsed_encoders(reply.split(), columns)
-
     if answers.encoder:
         chosen = _parsed_encoders(answers.encoder, columns)
     else:
         proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
         listed = ", ".join(columns)
         question = f"Which column holds which encoder's counter? Columns: {listed}. (b1=COLUMN"
+        parsed = partial(_replied_encoders, columns)
         chosen = answer(None, f"{question} b2=COLUMN:-1 ...)", proposal, parsed, ask)
     nominal = load_ballbar(ballbar)
     question, check = "Lines of the encoders per turn?", whole_number(1, 10_000_000)
@@ -328,6 +327,10 @@ def _encoders(
     }
 
 
+def _replied_encoders(columns: Sequence[str], reply: str) -> Mapping[str, tuple[str, int]]:
+    return _parsed_encoders(reply.split(), columns)
+
+
 def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[str, tuple[str, int]]:
     """Encoder -> (counter column, direction +1 or -1), from `b1=COLUMN` or `b1=COLUMN:-1`.
 
@@ -335,21 +338,22 @@ def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[st
 
     Raises InputError also for a name that is none of them.
     """
-    encoders: dict[str, tuple[str, int]] = {}
-    for text in texts:
-        name, equals, column = text.partition("=")
-        direction = "1"
-        if column.endswith((":1", ":-1", ":+1")):
-            column, _, direction = column.rpartition(":")
-        if name not in ENCODERS or not equals or not column:
-            raise InputError(
-                f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
-                "direction; encoders are b1 to b5."
-            )
-        if columns and column not in columns:
-            hint = nearest(column, columns, noun="column")
-            raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
-        encoders[name] = (column, int(direction))
-    if not encoders:
+    if not texts:
         raise InputError("no encoder was named: write b1=COLUMN, and so on.")
-    return encoders
+    return dict(_parsed_encoder(text, columns) for text in texts)
+
+
+def _parsed_encoder(text: str, columns: Sequence[str]) -> tuple[str, tuple[str, int]]:
+    name, equals, column = text.partition("=")
+    direction = "1"
+    if column.endswith((":1", ":-1", ":+1")):
+        column, _, direction = column.rpartition(":")
+    if name not in ENCODERS or not equals or not column:
+        raise InputError(
+            f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
+            "direction; encoders are b1 to b5."
+        )
+    if columns and column not in columns:
+        hint = nearest(column, columns, noun="column")
+        raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
+    return name, (column, int(direction))
