@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from statistics import median
 
@@ -25,6 +26,7 @@ from acquisition.recording import read_recording, read_robot
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.import_speed import write_recording as write_long
 from benchmarks.study import STUDIES, write_table
+from cell.clock import Clock
 from cell.load import load_robot
 from cell.recording import SourceFile
 from ident.identify import identify
@@ -59,17 +61,33 @@ def disturb(file: Path, kind: str, rng: np.random.Generator) -> None:
     """Writes the file again with stamps of arrival."""
     head, *lines = file.read_text().splitlines()
     cells = [line.split(",", 1) for line in lines]
-    t = np.array([float(stamp) for stamp, _ in cells])
+    unit = 1e-9 if head.startswith("t_ns") else 1.0
+    t = np.array([float(stamp) for stamp, _ in cells]) * unit
     arrival, row = (in_bursts(t, rng) if "bursts" in kind else t), np.arange(t.size)
     if "repeats" in kind:
         again = np.flatnonzero(rng.random(t.size - 1) < REPEATS / (1.0 - REPEATS))
         late = rng.uniform(0.2, 0.8, again.size) * (arrival[again + 1] - arrival[again])
         row = np.insert(row, again + 1, again)
         arrival = np.insert(arrival, again + 1, arrival[again] + late)
-    written = [
-        f"{a:.6f},{cells[k][1]}" for a, k in zip(arrival.tolist(), row.tolist(), strict=True)
-    ]
+    form = "{:.0f},{}" if unit < 1.0 else "{:.6f},{}"
+    stamps = (arrival / unit).tolist()
+    written = [form.format(a, cells[k][1]) for a, k in zip(stamps, row.tolist(), strict=True)]
     file.write_text("\n".join([head, *written]) + "\n")
+
+
+def first_time(both: Array, clock: Clock) -> float:
+    """[s] clock offset in times by own stamps, of one in times by stamps of arrival.
+
+    both : (K, 2) [s] times of equal joint angles. The line between them goes through the medians
+    of both halves: of the angles of a robot that stands, the time may be that of another row.
+    """
+    half = len(both) // 2
+    (t1, d1), (t2, d2) = (
+        (float(np.median(part[:, 0])), float(np.median(part[:, 1] - part[:, 0])))
+        for part in (both[:half], both[half:])
+    )
+    slope = (d2 - d1) / (t2 - t1)
+    return (clock.offset - d1 + slope * t1) / (1.0 + slope)
 
 
 def robot_rows(robot: str, seed: int) -> list[dict[str, object]]:
@@ -95,12 +113,8 @@ def robot_rows(robot: str, seed: int) -> list[dict[str, object]]:
         error, estimate = compared.tcp.mean, found.recordings[0]
         angles = [q.tobytes() for q in read.robot_log.q]
         times = times or dict(zip(angles, read.robot_log.t.tolist(), strict=True))
-        shift = median(
-            times[q] - t
-            for q, t in zip(angles, read.robot_log.t.tolist(), strict=True)
-            if q in times
-        )
-        off = abs(estimate.clock.offset + shift - simulation.truth.clock.offset_s)
+        both = [(times[q], t) for q, t in zip(angles, read.robot_log.t, strict=True) if q in times]
+        off = abs(first_time(np.array(both), estimate.clock) - simulation.truth.clock.offset_s)
         own = own or error
         log = smooth_log(read.robot_log.t, read.robot_log.q, widest_knot_spacing=0.2, checked=True)
         damaged = sum(f.count for f in read.report.findings if f.kind == "implausible value")
@@ -147,7 +161,8 @@ def main() -> None:
     parser.add_argument("--speed", action="store_true")
     if parser.parse_args().speed:
         return speed()
-    rows = [row for robot, seed in ROBOTS for row in robot_rows(robot, seed)]
+    with ProcessPoolExecutor(2) as pool:
+        rows = [row for some in pool.map(robot_rows, *zip(*ROBOTS, strict=True)) for row in some]
     write_table(STUDIES / "arrival_stamps.csv", rows, ".4g")
     return None
 
