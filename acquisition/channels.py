@@ -36,6 +36,7 @@ from cell.logs import ChannelLog, SourceName
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 POINT = ("x", "y", "z")  # [m]
+WITH_EPOCH = ("filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns", "date")
 _TIME_NAME = re.compile(r"(time|zeit|stamp|timestamp|date|t)([^a-z].*|stamp)?", re.IGNORECASE)
 _UNIT = re.compile(r"[_\[(\s](s|ms|us|ns)[\])]?$", re.IGNORECASE)
 
@@ -100,11 +101,13 @@ def _of_table(
     table, _ = read_table(path, path.name, layout)
     cells = table.columns.pop(column)
     stamps = TimeCells(path.name, column, cells, table.line)
-    ns, findings = stamps_ns(stamps, _form(stamps, time))
+    form = _form(stamps, time)
+    ns, findings = stamps_ns(stamps, form)
     table = replace(table, columns={STAMP: ns, **table.columns})
     table = in_order(in_sequence(replace(table, findings=(*table.findings, *findings)), None))
     values = np.stack([table.columns[name] for name in chosen], axis=1)
-    log = ChannelLog(path.name, _increasing(table), values, tuple(chosen))
+    first = int(table.columns[STAMP][0]) if form in WITH_EPOCH else None
+    log = ChannelLog(path.name, _increasing(table), values, tuple(chosen), first_ns=first)
     return log, tuple(f for f in table.findings if f.kind != "column not used")
 
 
