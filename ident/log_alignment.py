@@ -112,7 +112,7 @@ class _Smoothed:
             spline=BSpline(spline.t, np.ascontiguousarray(spline.c[:, columns]), spline.k),
             points=points,
             as_rate=as_rate,
-            centre=self.centre[columns[:points]],
+            centre=np.zeros(3) if as_rate else self.centre[columns[:points]],
             scale=float(self.scale[columns[0]]),
         )
 
@@ -193,8 +193,8 @@ def _aligned(
     chosen = max(fits, key=lambda fit: fit.evidence)
     _refuse_rivals(chosen, fits)
     repairs = [remark for part in smoothed for remark in _repairs(part)]
-    late = np.hypot(*(max(part.late for part in smoothed if part.log is log) for log in (a, b)))
-    return _result(chosen, related, sides, float(late), (*remarks, *repairs))
+    of_a, of_b = (max(part.late for part in smoothed if part.log is log) for log in (a, b))
+    return _result(chosen, related, sides, float(np.hypot(of_a, of_b)), (*remarks, *repairs))
 
 
 def _sides(
@@ -426,7 +426,7 @@ def _pair(group: Group, sides: tuple[Side, Side], fit: GroupFit) -> ChannelPair:
 
 
 def _undetermined(fit: GroupFit) -> tuple[str, ...]:
-    """Directions of a map in which the motion turns, or reaches, less than MOVES times its noise."""
+    """Directions of a map in which the motion reaches less than MOVES times its noise."""
     own, count = fit.map.unknowns, len(fit.residual)
     words = {"turn": "the rotation about", "hand": "the rotation of the body frame about"}
     words |= {"lever": "the lever arm, and the shift with it, along"}

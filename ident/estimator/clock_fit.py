@@ -46,9 +46,12 @@ MAX_STEP = 0.2  # [s] of one iteration; a fast motion is straight for less
 STRAY = 1.0  # [s] a clock that leaves its start by more has no minimum there
 CLOCK_PRIOR = 1.0, 1e-3  # [s], [1] keeps the steps finite where a window says nothing
 MOST_SAMPLES = 200_000
+# Iterations after which measured and predicted speeds that correlate by less are of other instants.
+TRIED, HOPELESS = 5, 0.3
 AVERAGED = 0.3  # [s] of speeds that are compared: noise of the positions does not hide the motion
 # [s] of the sandwich; the largest inflation counts, for a minute holds few blocks of the longest.
 BLOCKS = 0.5, 1.0, 3.0
+LEAST = 0.25  # of the variance of white residuals; those of rates from a quaternion are less
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +208,7 @@ def _converged(
     """
     half = max(abs(float(each[k]) - middle) for each in t for k in (0, -1))
     start = clock.robot_time(middle)
-    for _ in range(ITERATIONS):
+    for tried in range(ITERATIONS):
         groups = [
             _group(pair, clock, each, middle, m)
             for pair, each, m in zip(pairs, t, maps, strict=True)
@@ -220,7 +223,9 @@ def _converged(
         clock = Clock(clock.robot_time(middle) + float(step[0]) - (1.0 + skew) * middle, skew)
         if most < CONVERGED:
             break
-        if abs(clock.robot_time(middle) - start) > STRAY:
+        related = [_correlation(group.measured[0], group.predicted[0]) for group in groups]
+        strays = abs(clock.robot_time(middle) - start) > STRAY
+        if strays or (tried == TRIED and max(related) < HOPELESS):
             return None
     return clock, maps
 
@@ -303,11 +308,11 @@ def _correlation(a: Array, b: Array) -> float:
 
 
 def _inflated(covariance: Array, scores: Array, t: Array) -> Array:
-    """A covariance (P, P) whose variances are no less than those that blocks of time show.
+    """A covariance (P, P) with the variances that blocks of time show.
 
     scores : (P, N) at instants t (N,) [s].
     """
-    factor = np.ones(len(covariance))
+    factor = np.full(len(covariance), LEAST)
     for block in BLOCKS:
         number = np.floor((t - t.min()) / block).astype(np.intp)
         sums = np.stack([np.bincount(number, row) for row in scores])
