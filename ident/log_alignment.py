@@ -366,30 +366,32 @@ def _result(
     remarks: tuple[str, ...],
 ) -> LogAlignment:
     """The alignment; late : [s] standard deviation of the age of held values."""
-    covariance = fit.covariance + np.diag([late**2, 0.0])
+    at_middle = fit.covariance + np.diag([late**2, 0.0])
+    to_first = np.array([[1.0, -fit.middle], [0.0, 1.0]])  # row of B
+    covariance = to_first @ at_middle @ to_first.T
     sigma = np.sqrt(np.diag(covariance))
-    to_middle = np.array([1.0, fit.middle])
     return LogAlignment(
         clock=fit.clock,
         offset_sigma=float(sigma[0]),
         skew_sigma=float(sigma[1]),
         correlation=float(covariance[0, 1] / (sigma[0] * sigma[1])),
         middle=fit.middle,
-        middle_sigma=float(np.sqrt(to_middle @ covariance @ to_middle)),
+        middle_sigma=float(np.sqrt(at_middle[0, 0])),
         overlap=fit.overlap,
-        samples=fit.samples,
+        samples=sum(group.t.size for group in fit.groups),
         inflation=fit.inflation,
         pairs=tuple(
-            _pair(group, pair, own)
+            _pair(group, pair, own, fit.covariance)
             for group, pair, own in zip(groups, sides, fit.groups, strict=True)
         ),
         remarks=remarks,
     )
 
 
-def _pair(group: Group, sides: tuple[Side, Side], fit: GroupFit) -> ChannelPair:
+def _pair(group: Group, sides: tuple[Side, Side], fit: GroupFit, of_clock: Array) -> ChannelPair:
     """The map of a group in the units of the logs."""
     (a, b), m = sides, fit.map
+    covariance, white = fit.covariances(of_clock)
     own, gain, d = m.unknowns, m.gain * a.scale / b.scale, m.zero.size
     matrix = np.eye(d) if m.turn is None else m.turn.as_matrix()
     arm = a.scale if fit.a.turn is not None else b.scale
@@ -404,7 +406,7 @@ def _pair(group: Group, sides: tuple[Side, Side], fit: GroupFit) -> ChannelPair:
         change[own["zero"], own["gain"]] = -centre[:, None] / m.gain
         if m.turn is not None:
             change[own["zero"], own["turn"]] = skew(centre[None])[0]
-    sigma = np.sqrt(np.diag(change @ fit.covariance @ change.T))
+    sigma = np.sqrt(np.diag(change @ covariance @ change.T))
     unit = np.array([a.scale if d and k == 0 else 1.0 for k in range(len(m.parts))])
     correlation = fit.correlation
     if d == 1:
@@ -421,20 +423,20 @@ def _pair(group: Group, sides: tuple[Side, Side], fit: GroupFit) -> ChannelPair:
         lever=None if m.lever is None else m.lever * arm,
         hand=None if m.hand is None else m.hand.as_quat(canonical=True),
         sigma={name: sigma[part] for name, part in own.items()},
-        undetermined=_undetermined(fit),
+        undetermined=_undetermined(fit, white),
     )
 
 
-def _undetermined(fit: GroupFit) -> tuple[str, ...]:
+def _undetermined(fit: GroupFit, white: Array) -> tuple[str, ...]:
     """Directions of a map in which the motion reaches less than MOVES times its noise."""
-    own, count = fit.map.unknowns, len(fit.residual)
+    own, count = fit.map.unknowns, fit.t.size
     words = {"turn": "the rotation about", "hand": "the rotation of the body frame about"}
     words |= {"lever": "the lever arm, and the shift with it, along"}
     # An arm is shown by how far the body turns, against the noise of its rotation.
     limits = {"lever": fit.rms[0] / (MOVES * fit.rms[-1]) if fit.map.hand is not None else 1.0}
     free = []
     for name in words.keys() & own.keys():
-        values, vectors = np.linalg.eigh(count * fit.white[own[name], own[name]])
+        values, vectors = np.linalg.eigh(count * white[own[name], own[name]])
         for axis in vectors.T[np.sqrt(values) > limits.get(name, 1.0 / MOVES)]:
             x, y, z = axis * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
             free.append(f"{words[name]} ({x:.2f}, {y:.2f}, {z:.2f})")

@@ -25,17 +25,8 @@ from scipy.ndimage import uniform_filter1d
 
 from cell.arrays import Array
 from cell.clock import Clock
-from ident.estimator.channel_map import (
-    EXACT,
-    ChannelMap,
-    Linearised,
-    Trace,
-    fitted,
-    linearised,
-    normal_of,
-    trace,
-    weights,
-)
+from ident.estimator import channel_map as maps
+from ident.estimator.channel_map import ChannelMap, Trace
 from ident.estimator.sample_times import MARGIN
 from ident.signals.smooth_log import SmoothLog
 
@@ -67,24 +58,66 @@ class Side:
 
     def trace(self, t: Array) -> Trace:
         """The channels at times t (N,) [s]."""
-        smooth = self.smooth
-        at = np.clip(t, smooth.start, smooth.end)
-        return trace(self.spline, at, points=self.points, as_rate=self.as_rate)
+        at = np.clip(t, self.smooth.start, self.smooth.end)
+        return maps.trace(self.spline, at, points=self.points, as_rate=self.as_rate)
 
 
 @dataclass(frozen=True, eq=False)
 class GroupFit:
-    """A group of channels at the aligned instants, and its map."""
+    """A group of channels at one clock with its best map, which the clock's columns are free of."""
 
-    map: ChannelMap
-    covariance: Array  # (P, P) of the map's unknowns, the clock's and autocorrelation included
-    white: Array  # (P, P) the same of residuals without autocorrelation and a known clock
+    t: Array  # (N,) [s] on the clock of B
     a: Trace
     b: Trace
-    residual: Array  # (N, m)
-    rms: Array  # (parts,) of the residual, no less than what exact channels leave
-    spread: Array  # (parts,) rms of A's values about their mean
-    correlation: Array  # (parts,) of the measured and the predicted speed, or of their means
+    map: ChannelMap
+    at: maps.Linearised
+    root: Array  # (m,) of the weights
+    measured: (
+        Array  # (2, N, m) whitened change of A with the clock at the middle [1/s] and the skew
+    )
+    predicted: Array  # (2, N, m) the same by B's speeds
+    along: Array  # (P, 2) change of the map with the clock
+
+    @property
+    def columns(self) -> Array:
+        """(2, N, m) mean of both."""
+        return 0.5 * (self.measured + self.predicted)
+
+    @property
+    def scores(self) -> Array:
+        """(2, N) gradient of half the cost of each instant."""
+        return np.asarray(np.einsum("pnm,nm->pn", self.columns, self.at.residual * self.root))
+
+    @property
+    def rms(self) -> Array:
+        """(parts,) of the residual, no less than what exact channels leave."""
+        return np.array([1.0 / self.root[part][0] for part in self.map.parts])
+
+    @property
+    def spread(self) -> Array:
+        """(parts,) rms of A's values about their mean."""
+        values = [self.a.point - self.a.point.mean(axis=0)] if self.map.zero.size else []
+        if self.map.hand is not None and self.a.turn is not None:
+            values.append((self.a.turn.mean().inv() * self.a.turn).as_rotvec())
+        return np.array([float(np.sqrt((value**2).mean())) for value in values])
+
+    @property
+    def correlation(self) -> Array:
+        """(parts,) of the measured and the predicted speed, or of their moving means."""
+        samples = max(1, round(AVERAGED / float(np.median(np.diff(self.t)))))
+        rates = np.stack((self.at.measured_rate, self.at.predicted_rate))
+        speeds = rates, uniform_filter1d(rates, samples, axis=1)
+        return np.array([max(_correlation(*x[:, :, p]) for x in speeds) for p in self.map.parts])
+
+    def covariances(self, of_clock: Array) -> tuple[Array, Array]:
+        """(P, P) of the map with what autocorrelation and the clock add, and of white residuals.
+
+        of_clock : (2, 2) of the clock at the middle [s] and the skew.
+        """
+        columns = self.at.columns * self.root[:, None]
+        white = np.asarray(np.linalg.inv(maps.normal_of(self.map, columns)), dtype=np.float64)
+        scores = np.einsum("nmp,nm->pn", columns, self.at.residual * self.root)
+        return _inflated(white, scores, self.t) + self.along @ of_clock @ self.along.T, white
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +125,10 @@ class ClockFit:
     """The clock that a start leads to, and the maps of all groups."""
 
     clock: Clock
-    covariance: Array  # (2, 2) of offset [s] and skew, inflated
+    covariance: Array  # (2, 2) of offset at the middle [s] and skew, inflated
     middle: float  # [s] on the clock of B, of the overlap
     inflation: float  # of the clock's sigma for autocorrelated residuals
     overlap: float  # [s]
-    samples: int
     groups: tuple[GroupFit, ...]
 
     @property
@@ -120,30 +152,9 @@ class ClockFit:
         return float(self.overlap * sum(gains))
 
 
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """A group at one clock, whitened, with the map projected out of the clock's columns."""
-
-    t: Array  # (N,) [s] on the clock of B
-    map: ChannelMap
-    at: Linearised
-    root: Array  # (m,) of the weights
-    measured: Array  # (2, N, m) change of A with the clock at the middle [1/s] and the skew
-    predicted: Array  # (2, N, m) the same by B's speeds
-    gain: Array  # (P, 2) change of the map with the clock
-
-    @property
-    def columns(self) -> Array:
-        """(2, N, m) mean of both."""
-        return 0.5 * (self.measured + self.predicted)
-
-    @property
-    def scores(self) -> Array:
-        """(2, N) gradient of half the cost of each instant."""
-        return np.asarray(np.einsum("pnm,nm->pn", self.columns, self.at.residual * self.root))
-
-
 Pairs = Sequence[tuple[Side, Side]]
+Maps = Sequence[ChannelMap | None]
+_PRIOR = np.diag(1.0 / np.array(CLOCK_PRIOR) ** 2)
 
 
 def fit_clock(pairs: Pairs, offset: float) -> ClockFit | None:
@@ -152,7 +163,7 @@ def fit_clock(pairs: Pairs, offset: float) -> ClockFit | None:
     pairs : each group's side of log A and of log B.
     """
     clock, window, whole = Clock(offset, 0.0), FIRST_WINDOW, False
-    maps: list[ChannelMap | None] = [None] * len(pairs)
+    starts: Maps = [None] * len(pairs)
     while True:
         t = [_instants(a.smooth, b.smooth, clock) for a, b in pairs]
         if any(each.size < 4 or each[-1] - each[0] < SHORTEST for each in t):
@@ -161,11 +172,11 @@ def fit_clock(pairs: Pairs, offset: float) -> ClockFit | None:
         middle = 0.5 * float(first + last)
         part = t if whole else [each[np.abs(each - middle) <= 0.5 * window] for each in t]
         if all(each.size >= 4 for each in part):
-            if (refined := _converged(pairs, clock, part, middle, maps)) is None:
+            if (refined := _converged(pairs, clock, part, middle, starts)) is None:
                 return None
-            clock, maps = refined
+            clock, starts = refined
         if whole:
-            return _result(pairs, clock, t, middle, maps)
+            return _result(pairs, clock, t, middle, starts)
         whole = window >= last - first
         window *= GROWTH
 
@@ -183,37 +194,33 @@ def _instants(a: SmoothLog, b: SmoothLog, clock: Clock) -> Array:
 
 def _group(
     pair: tuple[Side, Side], clock: Clock, t: Array, middle: float, m: ChannelMap | None
-) -> _Group:
+) -> GroupFit:
     """One group at one clock with its best map; m : a map to start from."""
     a, b = pair[0].trace(clock.robot_time(t)), pair[1].trace(t)
-    m = fitted(m, a, b)
-    at = linearised(m, a, b)
-    root = np.sqrt(weights(m, at.residual))
+    m = maps.fitted(m, a, b)
+    at = maps.linearised(m, a, b)
+    root = np.sqrt(maps.weights(m, at.residual))
     columns = at.columns * root[:, None]
     flat = columns.reshape(-1, columns.shape[2])
     rates = np.stack((at.measured_rate, at.predicted_rate)) * root
-    clocks = np.stack((rates, rates * (t - middle)[:, None]), axis=1)  # (2, 2, N, m)
-    along = np.linalg.solve(normal_of(m, columns), flat.T @ clocks.reshape(4, -1).T)  # (P, 4)
-    clocks = clocks - (flat @ along).T.reshape(clocks.shape)
+    clocks = np.stack((rates, rates * (t - middle)[:, None]), axis=1).reshape(4, -1).T
+    along = np.linalg.solve(maps.normal_of(m, columns), flat.T @ clocks)  # (P, 4)
+    measured, predicted = (clocks - flat @ along).T.reshape(2, 2, *at.residual.shape)
     change = -0.5 * (along[:, :2] + along[:, 2:])
-    return _Group(t, m, at, root, clocks[0], clocks[1], change)
+    return GroupFit(t, a, b, m, at, root, measured, predicted, change)
 
 
 def _converged(
-    pairs: Pairs, clock: Clock, t: Sequence[Array], middle: float, maps: list[ChannelMap | None]
-) -> tuple[Clock, list[ChannelMap | None]] | None:
+    pairs: Pairs, clock: Clock, t: Sequence[Array], middle: float, starts: Maps
+) -> tuple[Clock, Maps] | None:
     """The clock of least squares at instants t of each group (Gauss-Newton), and the maps.
 
     None where it strays from its start.
     """
-    half = max(abs(float(each[k]) - middle) for each in t for k in (0, -1))
-    start = clock.robot_time(middle)
+    half, first = max(abs(float(x[k]) - middle) for x in t for k in (0, -1)), clock
     for tried in range(ITERATIONS):
-        groups = [
-            _group(pair, clock, each, middle, m)
-            for pair, each, m in zip(pairs, t, maps, strict=True)
-        ]
-        maps = [group.map for group in groups]
+        groups = [_group(*each) for each in _each(pairs, clock, t, middle, starts)]
+        starts = [group.map for group in groups]
         columns = [group.columns.reshape(2, -1) for group in groups]
         normal = sum(each @ each.T for each in columns) + _PRIOR
         step = -np.linalg.solve(normal, sum(group.scores.sum(axis=1) for group in groups))
@@ -223,83 +230,34 @@ def _converged(
         clock = Clock(clock.robot_time(middle) + float(step[0]) - (1.0 + skew) * middle, skew)
         if most < CONVERGED:
             break
-        related = [_correlation(group.measured[0], group.predicted[0]) for group in groups]
-        strays = abs(clock.robot_time(middle) - start) > STRAY
-        if strays or (tried == TRIED and max(related) < HOPELESS):
+        related = max(_correlation(group.measured[0], group.predicted[0]) for group in groups)
+        strays = abs(clock.robot_time(middle) - first.robot_time(middle)) > STRAY
+        if strays or (tried == TRIED and related < HOPELESS):
             return None
-    return clock, maps
-
-
-_PRIOR = np.diag(1.0 / np.array(CLOCK_PRIOR) ** 2)
+    return clock, starts
 
 
 def _result(
-    pairs: Pairs, clock: Clock, t: Sequence[Array], middle: float, maps: list[ChannelMap | None]
+    pairs: Pairs, clock: Clock, t: Sequence[Array], middle: float, starts: Maps
 ) -> ClockFit:
-    """The fit at a clock, with the autocorrelation-robust covariances."""
-    groups = [
-        _group(pair, clock, each, middle, m) for pair, each, m in zip(pairs, t, maps, strict=True)
-    ]
-    product = sum(
-        np.einsum("pnm,qnm->pq", group.measured, group.predicted, optimize=True) for group in groups
-    )
-    curvature = _positive(0.5 * (product + product.T)) + _PRIOR
+    """The fit at a clock, with the autocorrelation-robust covariance."""
+    groups = [_group(*each) for each in _each(pairs, clock, t, middle, starts)]
+    products = [np.einsum("pnm,qnm->pq", g.measured, g.predicted, optimize=True) for g in groups]
+    values, vectors = np.linalg.eigh(sum(products) + sum(products).T)
+    curvature = (0.5 * vectors * np.maximum(values, 0.0)) @ vectors.T + _PRIOR
     white = np.asarray(np.linalg.inv(curvature), dtype=np.float64)
     scores = np.concatenate([group.scores for group in groups], axis=1)
     covariance = _inflated(white, scores, np.concatenate(t))
-    # From the clock at the middle to that at the first row of B.
-    to_first = np.array([[1.0, -middle], [0.0, 1.0]])
-    return ClockFit(
-        clock=clock,
-        covariance=to_first @ covariance @ to_first.T,
-        middle=middle,
-        inflation=float(np.sqrt(covariance[0, 0] / white[0, 0])),
-        overlap=max(float(each[-1] - each[0]) for each in t),
-        samples=sum(each.size for each in t),
-        groups=tuple(
-            _group_fit(pair, group, clock, covariance)
-            for pair, group in zip(pairs, groups, strict=True)
-        ),
-    )
+    inflation = float(np.sqrt(covariance[0, 0] / white[0, 0]))
+    overlap = max(float(each[-1] - each[0]) for each in t)
+    return ClockFit(clock, covariance, middle, inflation, overlap, tuple(groups))
 
 
-def _positive(matrix: Array) -> Array:
-    """A symmetric matrix without its negative part."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def _group_fit(pair: tuple[Side, Side], group: _Group, clock: Clock, of_clock: Array) -> GroupFit:
-    """A group's result; of_clock : (2, 2) covariance of the clock at the middle and the skew."""
-    a, b, at, m = (
-        pair[0].trace(clock.robot_time(group.t)),
-        pair[1].trace(group.t),
-        group.at,
-        group.map,
-    )
-    columns = at.columns * group.root[:, None]
-    white = np.asarray(np.linalg.inv(normal_of(m, columns)), dtype=np.float64)
-    scores = np.einsum("nmp,nm->pn", columns, at.residual * group.root)
-    covariance = _inflated(white, scores, group.t) + group.gain @ of_clock @ group.gain.T
-    parts, values = m.parts, []
-    if m.zero.size:
-        values.append(a.point - a.point.mean(axis=0))
-    if m.hand is not None and a.turn is not None:
-        values.append((a.turn.mean().inv() * a.turn).as_rotvec())
-    samples = max(1, round(AVERAGED / float(np.median(np.diff(group.t)))))
-    rates = np.stack((at.measured_rate, at.predicted_rate))
-    speeds = rates, uniform_filter1d(rates, samples, axis=1)
-    return GroupFit(
-        map=m,
-        covariance=covariance,
-        white=white,
-        a=a,
-        b=b,
-        residual=at.residual,
-        rms=np.array([max(EXACT, float(np.sqrt((at.residual[:, p] ** 2).mean()))) for p in parts]),
-        spread=np.array([float(np.sqrt((value**2).mean())) for value in values]),
-        correlation=np.array([max(_correlation(*x[:, :, p]) for x in speeds) for p in parts]),
-    )
+def _each(
+    pairs: Pairs, clock: Clock, t: Sequence[Array], middle: float, starts: Maps
+) -> list[tuple[tuple[Side, Side], Clock, Array, float, ChannelMap | None]]:
+    """The arguments of `_group` for each group."""
+    return [(p, clock, own, middle, m) for p, own, m in zip(pairs, t, starts, strict=True)]
 
 
 def _correlation(a: Array, b: Array) -> float:
