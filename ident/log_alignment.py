@@ -28,8 +28,8 @@ from cell.held_values import fresh_rows
 from cell.logs import ChannelLog, segment_starts
 from cell.number_text import duration_text, significant_text
 from ident.channel_groups import UNIT, Group, Names, checked_groups, groups_by_name
-from ident.estimator.channel_map import skew
-from ident.estimator.clock_fit import AVERAGED, ClockFit, GroupFit, Side, fit_clock
+from ident.channel_pair import MOVES, ChannelPair, channel_pair
+from ident.estimator.clock_fit import AVERAGED, ClockFit, Side, fit_clock
 from ident.signals.smooth_log import SmoothLog, smooth_log
 from ident.start.lag_scan import best_lags, subsample
 from ident.start.speed_scan import Columns, likely_pairs, scan_speeds, speed_correlation
@@ -38,8 +38,6 @@ WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual as
 SCAN_STEP = 0.02  # [s] of the lags
 MIN_OVERLAP = 5.0  # [s] less cannot tell one motion from another
 LAGS, LAG_SEPARATION = 8, 0.5  # peaks of the scan that are refined, and [s] between them
-# Times its noise: a channel with less spread stands still, a direction that turns less is unknown.
-MOVES = 3.0
 WINDOW = 60.0  # [s] in which pairs of channels are looked for
 RELATED = 0.8  # speed correlation from which two channels are taken for one motion
 # A second lag whose residuals are at most so many times those of the best one, over so much of its
@@ -49,28 +47,6 @@ RIVAL_RESIDUAL, RIVAL_OVERLAP, SAME = 2.0, 0.5, 0.05  # [1], [1], [s]
 
 class AlignmentError(FailureError):
     """Two logs cannot be brought to one clock, and why."""
-
-
-@dataclass(frozen=True, eq=False)
-class ChannelPair:
-    """A group of channels of both logs that hold one motion, and the map between them.
-
-    Single channels: `a = gain b + zero`. Points: `a + R_a lever = gain R b + zero`. Rotations:
-    `R_a hand = R R_b` (ident.estimator.channel_map). Quaternions are (x, y, z, w).
-    """
-
-    a: str  # names, with commas between them
-    b: str
-    correlation: tuple[float, ...]  # of single channels' values; of the speeds of points, rotations
-    residual: tuple[float, ...]  # [unit of a; rad] rms of a component of points, of rotations
-    residual_share: tuple[float, ...]  # of the rms of a about its mean
-    gain: float  # [unit of a per unit of b]
-    zero: Array  # (d,) [unit of a]
-    turn: Array | None  # (4,) quaternion of R, that turns vectors of b into those of a
-    lever: Array | None  # (3,) [unit of a] in the body frame of a; [unit of b] if only b turns
-    hand: Array | None  # (4,) quaternion
-    sigma: dict[str, Array]  # of each constant; of rotations (3,) [rad] about the axes of a
-    undetermined: tuple[str, ...]  # what of the map the motion does not show
 
 
 @dataclass(frozen=True)
@@ -102,19 +78,15 @@ class _Smoothed:
     late: float  # [s] standard deviation of the age of held values when they are read
     remarks: tuple[str, ...]
 
-    def side(self, names: Names, *, as_rate: bool) -> Side:
-        """A group of these channels."""
-        columns = [self.names.index(name) for name in names]
-        points = len(names) if len(names) < 4 else len(names) - 4
+    def side(self, group: Group, k: int) -> Side:
+        """Side k of a group of these channels."""
+        columns = [self.names.index(name) for name in group[k]]
+        points = len(columns) - 4 if len(columns) > 3 else len(columns)
+        rate = len(columns) == 4 and len(group[1 - k]) == 3
         spline = self.smooth.spline
-        return Side(
-            smooth=self.smooth,
-            spline=BSpline(spline.t, np.ascontiguousarray(spline.c[:, columns]), spline.k),
-            points=points,
-            as_rate=as_rate,
-            centre=np.zeros(3) if as_rate else self.centre[columns[:points]],
-            scale=float(self.scale[columns[0]]),
-        )
+        own = BSpline(spline.t, np.ascontiguousarray(spline.c[:, columns]), spline.k)
+        centre = np.zeros(3) if rate else self.centre[columns[:points]]
+        return Side(self.smooth, own, points, rate, centre, float(self.scale[columns[0]]))
 
 
 def align_logs(
@@ -209,25 +181,15 @@ def _sides(
                 f"two clocks needs {MIN_OVERLAP:g} s in common. Log a longer run with both."
             )
         single = tuple(dict.fromkeys(group[k][0] for group in groups if len(group[k]) == 1))
-        own = {names: _smoothed(log, names, vector=False) for names in ([single] if single else [])}
-        for names in (group[k] for group in groups if len(group[k]) > 1):
-            own[names] = _smoothed(log, names, vector=True)
-        moving = [not _still(part) for part in own.values()]
-        if not any(moving):
+        own = {names: _smoothed(log, names, vector=False) for names in {single} - {()}}
+        own |= {g[k]: _smoothed(log, g[k], vector=True) for g in groups if len(g[k]) > 1}
+        if all(_still(part) for part in own.values()):
             raise LogError(
                 f"{log.name}: nothing moves in {', '.join(n for names in own for n in names)}, so "
                 "its clock cannot be compared with another. Log both while the machine moves."
             )
         parts += own.values()
-        rates = [{len(group[0]), len(group[1])} == {3, 4} for group in groups]
-        sides.append(
-            [
-                own[single if len(group[k]) == 1 else group[k]].side(
-                    group[k], as_rate=rate and len(group[k]) == 4
-                )
-                for group, rate in zip(groups, rates, strict=True)
-            ]
-        )
+        sides.append([own[g[k] if len(g[k]) > 1 else single].side(g, k) for g in groups])
     return list(zip(*sides, strict=True)), parts
 
 
@@ -290,27 +252,21 @@ def _speeds(
     Of points their speed, of rotations the angular rate, both of poses; about their mean, over
     their rms, 0 in gaps.
     """
-    grids = [np.arange(log.t[0], log.t[-1], SCAN_STEP) for log in (a, b)]
-    stacks: list[list[Array]] = [[], []]
-    known: tuple[dict[tuple[Names, str], Columns], ...] = ({}, {})
+    stacks: tuple[list[Array], ...] = ([], [])
+    known: tuple[dict[tuple[Names, str], tuple[int, ...]], ...] = ({}, {})
     columns = list[list[tuple[Columns, Columns]]]()
     for group, pair in zip(groups, sides, strict=True):
         lengths = {len(names) for names in group}
-        whats = ["speed"] if lengths <= {1, 3, 7} else []
-        whats += ["rate"] if lengths <= {4, 7} else []
-        compared = list[tuple[Columns, ...]]()
+        whats = ["speed"] * (4 not in lengths) + ["rate"] * (lengths <= {4, 7})
         for what in whats or ["point"]:
-            for side, names, grid, stack, columns_of in zip(
-                pair, group, grids, stacks, known, strict=True
-            ):
-                if (names, what) not in columns_of:
-                    speed = getattr(side.trace(grid), what)
-                    count = sum(x.shape[1] for x in stack)
-                    width = speed.shape[1]
-                    columns_of[names, what] = tuple(range(count, count + width))
-                    stack.append(_normalised(speed, side.smooth.covers(grid)))
-            compared.append(tuple(at[names, what] for at, names in zip(known, group, strict=True)))
-        columns.append([(i, j) for i, j in compared])
+            for k, log in enumerate((a, b)):
+                if (group[k], what) not in known[k]:
+                    t = np.arange(log.t[0], log.t[-1], SCAN_STEP)
+                    speed = getattr(pair[k].trace(t), what)
+                    first = sum(x.shape[1] for x in stacks[k])
+                    known[k][group[k], what] = tuple(range(first, first + speed.shape[1]))
+                    stacks[k].append(_normalised(speed, pair[k].smooth.covers(t)))
+        columns.append([(known[0][group[0], w], known[1][group[1], w]) for w in whats or ["point"]])
     left, right = (np.concatenate(stack, axis=1) for stack in stacks)
     return (left, right), columns
 
@@ -381,63 +337,8 @@ def _result(
         samples=sum(group.t.size for group in fit.groups),
         inflation=fit.inflation,
         pairs=tuple(
-            _pair(group, pair, own, fit.covariance)
+            channel_pair(group, pair, own, fit.covariance)
             for group, pair, own in zip(groups, sides, fit.groups, strict=True)
         ),
         remarks=remarks,
     )
-
-
-def _pair(group: Group, sides: tuple[Side, Side], fit: GroupFit, of_clock: Array) -> ChannelPair:
-    """The map of a group in the units of the logs."""
-    (a, b), m = sides, fit.map
-    covariance, white = fit.covariances(of_clock)
-    own, gain, d = m.unknowns, m.gain * a.scale / b.scale, m.zero.size
-    matrix = np.eye(d) if m.turn is None else m.turn.as_matrix()
-    arm = a.scale if fit.a.turn is not None else b.scale
-    units = {"gain": a.scale / b.scale, "zero": a.scale, "lever": arm}
-    change = np.diag(
-        np.concatenate([np.full(p.stop - p.start, units.get(k, 1.0)) for k, p in own.items()])
-    )
-    zero = a.scale * m.zero + a.centre
-    if d:  # the shift belongs to the origin of B, not to its centre
-        centre = gain * matrix @ b.centre
-        zero = zero - centre
-        change[own["zero"], own["gain"]] = -centre[:, None] / m.gain
-        if m.turn is not None:
-            change[own["zero"], own["turn"]] = skew(centre[None])[0]
-    sigma = np.sqrt(np.diag(change @ covariance @ change.T))
-    unit = np.array([a.scale if d and k == 0 else 1.0 for k in range(len(m.parts))])
-    correlation = fit.correlation
-    if d == 1:
-        correlation = np.corrcoef(fit.a.point[:, 0], fit.b.point[:, 0])[:1, 1]
-    return ChannelPair(
-        a=",".join(group[0]),
-        b=",".join(group[1]),
-        correlation=tuple(map(float, correlation)),
-        residual=tuple(map(float, fit.rms * unit)),
-        residual_share=tuple(map(float, fit.rms / fit.spread)),
-        gain=gain,
-        zero=zero,
-        turn=None if m.turn is None else m.turn.as_quat(canonical=True),
-        lever=None if m.lever is None else m.lever * arm,
-        hand=None if m.hand is None else m.hand.as_quat(canonical=True),
-        sigma={name: sigma[part] for name, part in own.items()},
-        undetermined=_undetermined(fit, white),
-    )
-
-
-def _undetermined(fit: GroupFit, white: Array) -> tuple[str, ...]:
-    """Directions of a map in which the motion reaches less than MOVES times its noise."""
-    own, count = fit.map.unknowns, fit.t.size
-    words = {"turn": "the rotation about", "hand": "the rotation of the body frame about"}
-    words |= {"lever": "the lever arm, and the shift with it, along"}
-    # An arm is shown by how far the body turns, against the noise of its rotation.
-    limits = {"lever": fit.rms[0] / (MOVES * fit.rms[-1]) if fit.map.hand is not None else 1.0}
-    free = []
-    for name in words.keys() & own.keys():
-        values, vectors = np.linalg.eigh(count * white[own[name], own[name]])
-        for axis in vectors.T[np.sqrt(values) > limits.get(name, 1.0 / MOVES)]:
-            x, y, z = axis * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
-            free.append(f"{words[name]} ({x:.2f}, {y:.2f}, {z:.2f})")
-    return tuple(sorted(free))

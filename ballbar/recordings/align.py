@@ -16,12 +16,12 @@ from cell.errors import InputError
 from cell.logs import ChannelLog, SourceName
 from cell.number_text import clock_offset_text, clock_skew_text, significant_text
 from ident.channel_groups import Group
-from ident.log_alignment import ChannelPair, LogAlignment, align_logs
+from ident.channel_pair import ChannelPair
+from ident.log_alignment import LogAlignment, align_logs
 
 SHOWN = 12  # pairs of channels that are listed
 NO: Group = ((), ())
 STILL = "the motion turns the body, or reaches, too little"
-WORDS = {"turn": "rotation", "zero": "shift"}  # in --json
 
 
 def aligned_logs(
@@ -104,7 +104,7 @@ def align_lines(
     vectors = [pair for pair in alignment.pairs if len(pair.zero) != 1]
     if vectors:
         lines.append(
-            "VECTORS AND ROTATIONS  p_A + R_A lever = gain R p_B + shift, R_A hand = R R_B"
+            "VECTORS, ROTATIONS  p_A + R_A lever = gain turn p_B + zero, R_A hand = turn R_B"
         )
     for pair in vectors:
         lines += [f"  {pair.a} = {pair.b}", *(f"    {line}" for line in _map_lines(pair))]
@@ -115,29 +115,18 @@ def align_lines(
 def _map_lines(pair: ChannelPair) -> list[str]:
     """Lines of text about the map of a vector, a rotation or a pose."""
     lines = []
-    parts = (["points"] if pair.zero.size else []) + (
-        ["rotations"] if pair.hand is not None else []
-    )
-    for k, part in enumerate(parts):
-        size = pair.residual[k] * (1e3 if part == "rotations" else 1.0)
+    both = [("points", 1.0, "")] * bool(pair.zero.size) + [("rotations", 1e3, " mrad")]
+    for k, (part, factor, unit) in enumerate(both[: len(pair.residual)]):
         lines.append(
             f"{part}: correlation of the speeds {pair.correlation[k]:+.4f}, residual "
-            f"{significant_text(size)}{' mrad' if part == 'rotations' else ''} rms "
+            f"{significant_text(pair.residual[k] * factor)}{unit} rms "
             f"({significant_text(pair.residual_share[k], 2)} of the rms)"
         )
-    gain = np.array([pair.gain]) if pair.zero.size else None
-    for name, values, key in (
-        ("R", pair.turn, "turn"),
-        ("gain", gain, "gain"),
-        ("shift", pair.zero if pair.zero.size else None, "zero"),
-        ("lever", pair.lever, "lever"),
-        ("hand", pair.hand, "hand"),
-    ):
-        if values is None:
-            continue
-        turn, sigma = key in ("turn", "hand"), pair.sigma[key]
+    for name, values in pair.constants().items():
+        turn = values.size == 4
         numbers = ", ".join(f"{value:+.5g}" for value in values)
-        stated = ", ".join(significant_text(s * (1e3 if turn else 1.0), 2) for s in sigma)
+        sigmas = pair.sigma[name] * (1e3 if turn else 1.0)
+        stated = ", ".join(significant_text(sigma, 2) for sigma in sigmas)
         unit = " mrad about the axes of A" if turn else ""
         lines.append(f"{name} {'x, y, z, w = ' if turn else ''}{numbers} (sigma {stated}{unit})")
     return [*lines, *(f"{what} is not determined: {STILL}" for what in pair.undetermined)]
@@ -195,17 +184,8 @@ def align_data(
                 "speed_correlation": list(pair.correlation),
                 "residual_rms": list(pair.residual),
                 "residual_share": list(pair.residual_share),
-                "gain": pair.gain if pair.zero.size else None,
-                "shift": pair.zero.tolist(),
-                **{
-                    name: None if values is None else values.tolist()
-                    for name, values in (
-                        ("rotation_xyzw", pair.turn),
-                        ("lever", pair.lever),
-                        ("hand_xyzw", pair.hand),
-                    )
-                },
-                "sigma": {WORDS.get(k, k): v.tolist() for k, v in pair.sigma.items()},
+                **{name: values.tolist() for name, values in pair.constants().items()},
+                "sigma": {name: values.tolist() for name, values in pair.sigma.items()},
                 "undetermined": list(pair.undetermined),
             }
             for pair in alignment.pairs
