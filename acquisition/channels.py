@@ -3,7 +3,12 @@
 A plain table has one column of time stamps, the first one whose name says time (`time`, `t_ms`,
 `Zeit [s]`, `timestamp`), or else its first column. Every other column of numbers is a channel. The
 stamps' form shows if they count from an epoch, their unit if the column's name ends in it (`_ms`,
-`[us]`); otherwise it is declared, never guessed.
+`[us]`); otherwise it is declared, never guessed. Two columns of whole seconds and of nanoseconds
+(`sec`, `nanosec`), where the rows fill them, are the device's own stamps and go before a column of
+arrival.
+
+Of a table that holds several signals, each in rows of its own, the rows are read that fill the
+channels.
 """
 
 from __future__ import annotations
@@ -15,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
 from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds
@@ -29,7 +35,15 @@ from acquisition.table.text import (
     read_text,
     split_fields,
 )
-from acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
+from acquisition.times import (
+    TIME_FORMS,
+    TimeCells,
+    checked_form,
+    form_shown,
+    popped_stamps,
+    stamps_ns,
+    two_columns,
+)
 from cell.dialect import TimeForm
 from cell.errors import InputError, LogError
 from cell.logs import ChannelLog, SourceName
@@ -37,6 +51,7 @@ from cell.logs import ChannelLog, SourceName
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 POINT = ("x", "y", "z")  # [m]
 WITH_EPOCH = ("filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns", "date")
+SINCE_2001 = 10**18  # [ns] seconds and nanoseconds of a larger sum count from 1970
 _TIME_NAME = re.compile(r"(time|zeit|stamp|timestamp|date|t)([^a-z].*|stamp)?", re.IGNORECASE)
 _UNIT = re.compile(r"[_\[(\s](s|ms|us|ns)[\])]?$", re.IGNORECASE)
 
@@ -96,19 +111,40 @@ def _of_table(
         names = [f"#{k + 1}" for k in range(len(names))]
     column = next((name for name in names if _TIME_NAME.fullmatch(name)), names[0])
     chosen = _columns(path, text, names, column, channels)
-    required: dict[str, Kind] = {column: "text", **dict.fromkeys(chosen, "float")}
-    layout = Layout(separators=tuple(SEPARATORS), required=required, headerless=unnamed)
+    both = _own_stamps(text, names, chosen)
+    required: dict[str, Kind] = dict.fromkeys(both, "float") if both else {column: "text"}
+    layout = Layout(
+        separators=tuple(SEPARATORS),
+        required=required | dict.fromkeys(chosen, "float"),
+        headerless=unnamed,
+        signal=tuple(chosen),
+    )
     table, _ = read_table(path, path.name, layout)
-    cells = table.columns.pop(column)
-    stamps = TimeCells(path.name, column, cells, table.line)
-    form = _form(stamps, time)
+    stamps = popped_stamps(table.columns, both or (column,), path.name, table.line)
+    form = "ns" if both else _form(stamps, time)
     ns, findings = stamps_ns(stamps, form)
     table = replace(table, columns={STAMP: ns, **table.columns})
-    table = in_order(in_sequence(replace(table, findings=(*table.findings, *findings)), None))
+    table = in_sequence(replace(table, findings=(*table.findings, *findings)), None)
+    refuse_two_publishers(table, chosen, "")
+    table = in_order(table)
     values = np.stack([table.columns[name] for name in chosen], axis=1)
-    first = int(table.columns[STAMP][0]) if form in WITH_EPOCH else None
-    log = ChannelLog(path.name, _increasing(table), values, tuple(chosen), first_ns=first)
+    first = int(table.columns[STAMP][0])
+    known = form in WITH_EPOCH or bool(both and first > SINCE_2001)
+    log = ChannelLog(
+        path.name, _increasing(table), values, tuple(chosen), first_ns=first if known else None
+    )
     return log, tuple(f for f in table.findings if f.kind != "column not used")
+
+
+def _own_stamps(text: LogText, names: list[str], channels: Sequence[str]) -> tuple[str, ...]:
+    """Columns of seconds and nanoseconds that the first row of the channels fills, if any."""
+    both, separator = two_columns(names) or (), likely_separator(text)
+    wanted = [names.index(name) for name in channels]
+    for line in text.lines if both else ():
+        cells = split_fields(line, separator)
+        if len(cells) == len(names) and all(is_number(cells[k]) for k in wanted):
+            return both if all(is_number(cells[names.index(name)]) for name in both) else ()
+    return ()
 
 
 def _columns(
@@ -122,12 +158,19 @@ def _columns(
     if channels:
         return list(dict.fromkeys(channels))
     separator = likely_separator(text)
-    rows = [split_fields(text.lines[k], separator) for k in (len(text.lines) // 2, -1)]
+    shown = (text.lines[len(text.lines) // 2], *text.lines[-2:])
+    rows = [split_fields(line, separator) for line in shown]
+    stamps = (time, *(two_columns(names) or ()))
     numbers = [
         name
         for k, name in enumerate(names)
-        if name and name != time and all(k < len(row) and is_number(row[k]) for row in rows)
+        if name and name not in stamps and all(k < len(row) and is_number(row[k]) for row in rows)
     ]
+    several = all(any(map(is_number, row)) for row in rows) and len(names) > 2
+    if not numbers and several:
+        what = f"no column has values in every row: several signals. Columns: {', '.join(names)}."
+        remedy = "Name the channels of one signal, such as `--channel x=pv_x`."
+        raise LogError.at(path.name, what, remedy)
     if not numbers:
         raise LogError(
             f"{path.name}: no column of numbers beside the time stamps in {time!r}; the columns "

@@ -9,9 +9,10 @@ import numpy as np
 
 from acquisition.sources import Fitted, LogSource, inside, log_source, time_form
 from acquisition.table.header import Header, read_header
-from acquisition.table.rows import PlainRows, plain_rows
+from acquisition.table.rows import PlainRows
+from acquisition.table.table import signal_rows
 from acquisition.table.text import SEPARATORS, read_text
-from acquisition.times import TimeCells, stamps_ns, words
+from acquisition.times import popped_stamps, stamps_ns, words
 from cell.logs import SourceName
 from cell.recording import EncoderFitting, LengthFile, SourceFile, TrackerFile, load_recording_file
 
@@ -76,8 +77,10 @@ def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
         zero = f" from {declared.zero_m:g} m on" if declared.zero_m else ""
         return [f"length in {declared.unit}{zero}, column {declared.column} (recording.yaml)"]
     if isinstance(declared, TrackerFile):
-        accuracy = f"accuracy {declared.accuracy_m * 1e6:g} um"
-        return [f"points of an LED in {declared.unit} (recording.yaml), {accuracy}; empty: hidden"]
+        stated = declared.accuracy_m
+        accuracy = "of the instrument" if stated is None else f"{stated * 1e6:g} um"
+        what = f"points of a target in {declared.unit} (recording.yaml), accuracy {accuracy}"
+        return [f"{what}; empty: hidden"]
     return ["forces in N, torques in N m: what the flange feels, in its own frame"]
 
 
@@ -111,7 +114,7 @@ def _file(source: LogSource, file: str) -> list[str]:
     absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:
         lines.append(f"  not there, and not needed: {', '.join(absent)}")
-    rows = plain_rows(text, header, source.layout)
+    rows = signal_rows(text, header, source.layout)
     if source.dialect.time.column in header.columns:
         lines.append(f"  time: {_time(source, rows, header)}")
     return lines
@@ -120,10 +123,10 @@ def _file(source: LogSource, file: str) -> list[str]:
 def _time(source: LogSource, rows: PlainRows, header: Header) -> str:
     """Form of the time stamps, by the first, the middle and the last row."""
     dialect, shown = source.dialect, [0, len(rows.plain) // 2, -1]
-    column = dialect.time.column
-    position = dict(zip(header.columns, header.positions, strict=True))[column]
-    cells = [rows.plain[k].split(rows.separator)[position].strip() for k in shown]
-    stamps = TimeCells(rows.file, column, cells, rows.number[shown])
+    position = dict(zip(header.columns, header.positions, strict=True))
+    split = [rows.plain[k].split(rows.separator) for k in shown]
+    columns = {c: [cells[position[c]].strip() for cells in split] for c in dialect.time.columns}
+    stamps = popped_stamps(columns, dialect.time.columns, rows.file, rows.number[shown])
     form = time_form(source, stamps)
     why = "the stamps show it" if dialect.time.forms else "the dialect declares it"
     if source.declared.time:

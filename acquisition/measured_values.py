@@ -85,7 +85,7 @@ class ValueConversion:
 def rotation(convention: str, raw: Array, angle: float) -> Rotation:
     """Rotations of raw columns (N, 3) in units of `angle` [rad], or of quaternions (N, 4).
 
-    convention : as in cell.pose_file.Rotation.
+    convention : as in cell.file_units.Rotation.
     """
     match convention:
         case "quat_wxyz":

@@ -24,15 +24,17 @@ from cell.foreign_files import repeated
 from cell.load import load_instrument, load_robot
 from cell.pose_file import PosesFile, known_distances, load_poses_file, pose_file_path
 from cell.poses import PoseGroup, PoseTable
+from cell.recording import RecordingFile
 
 
 @dataclass(frozen=True, eq=False)
 class PoseImport:
-    """Still poses, read."""
+    """Poses, read."""
 
-    description: PosesFile
+    description: PosesFile | RecordingFile
     table: PoseTable
     report: ImportReport
+    file: Path  # that describes them
 
 
 def read_poses(path: Path) -> PoseTable:
@@ -80,7 +82,7 @@ def import_poses(path: Path) -> PoseImport:
         # Each once: a file that several tables read has them in each.
         findings=tuple(dict.fromkeys(entry for poses in files for entry in poses.findings)),
     )
-    return PoseImport(description, table, report)
+    return PoseImport(description, table, report, file)
 
 
 def _groups(poses: FilePoses, start: int) -> Iterator[PoseGroup]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -38,12 +39,13 @@ from acquisition.faults.robot_angles import (
 )
 from acquisition.fit_rows import choose_rows, cut_rows, fit_rows, rows_in_time
 from acquisition.flags import RowFlag, usable
+from acquisition.measured_values import rotation
 from acquisition.report import ImportReport
 from acquisition.sources import Fitted, ImportLog, LogRows, log_source, read_files, refuse_few
 from acquisition.stamps.order import seconds
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
-from cell.file_units import METRES
+from cell.file_units import METRES, RADIANS
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
@@ -51,6 +53,7 @@ from cell.recording import LengthFile, RecordingFile, SourceFile, TrackerFile, l
 from cell.rigid_fit import nominal_frames
 from cell.selectors import require
 
+LED_ACCURACY = 9.0e-5  # [m] along each axis (thesis sec. 5.3: Nikon K600)
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
 # Factor between the extents of an LED's path and of the flange's; units differ by more, and an LED
 # is no further from the flange than the flange moves
@@ -68,7 +71,14 @@ class Recording:
     report: ImportReport
     rows: dict[SourceName, LogRows] = field(default_factory=dict)
     length_log: LengthLog | None = None  # of an instrument whose rod or wire is sensed
-    tracker_log: TrackerLog | None = None  # none without an optical tracker
+    tracker_log: TrackerLog | None = None  # none where nothing follows a target
+
+
+def require_folder(folder: Path) -> None:
+    """Raises DescriptionError where there is no folder that could be a recording."""
+    if not folder.is_dir():
+        what = "no such folder. A recording is a folder with recording.yaml and the device files."
+        raise DescriptionError.at(folder, what, "Check the name.")
 
 
 def read_recording(folder: Path) -> Recording:
@@ -77,9 +87,7 @@ def read_recording(folder: Path) -> Recording:
     Raises DescriptionError if recording.yaml is wrong or contradicts itself, LogError if a device
     file cannot be trusted.
     """
-    if not folder.is_dir():
-        what = "no such folder. A recording is a folder with recording.yaml and the device files."
-        raise DescriptionError.at(folder, what, "Check the name.")
+    require_folder(folder)
     description = load_recording_file(folder)
     _check_encoders(folder, description)
     robot = load_robot(description.robot, relative_to=folder)
@@ -96,7 +104,7 @@ def read_recording(folder: Path) -> Recording:
     if sources.force is not None:
         force_log, imported["force"] = read_force(folder, sources.force)
     if sources.tracker is not None:
-        tracker_log, imported["tracker"] = _read_tracker(folder, sources.tracker, robot, robot_log)
+        tracker_log, imported["tracker"] = _read_tracker(folder, description, robot, robot_log)
     report = ImportReport(
         files=tuple(file for log in imported.values() for file in log.files),
         findings=tuple(finding for log in imported.values() for finding in log.findings),
@@ -219,25 +227,61 @@ def read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]
 
 
 def _read_tracker(
-    folder: Path, declared: TrackerFile, robot: Robot, robot_log: RobotLog
+    folder: Path, description: RecordingFile, robot: Robot, robot_log: RobotLog
 ) -> tuple[TrackerLog, ImportLog]:
-    """The log of an optical tracker. Raises LogError if the tool cannot move that far."""
+    """The log of what follows a target. Raises LogError if the tool cannot move that far."""
+    declared = description.sources.tracker
+    assert declared is not None  # the caller's condition
+    kind, stated = _target_of(folder, description, declared)
     read = read_files(log_source(folder, "tracker", declared))
     table = read.joined()
     points = np.stack([table.columns[name] for name in read.source.dialect.point], axis=1)
     points *= METRES[declared.unit]
     hidden = (points == 0.0).all(axis=1)
     if hidden.any():
-        sentence = "no point, or zeros: the LED was hidden; row left out."
-        kind, flag = "hidden LED", RowFlag.INVALID
-        table = table.remarked(kind, sentence, rows=hidden, flag=flag)
+        sentence = "no point, or zeros: the target was hidden; row left out."
+        name, flag = "hidden target", RowFlag.INVALID
+        table = table.remarked(name, sentence, rows=hidden, flag=flag)
         refuse_few(table, int(np.count_nonzero(~hidden)))
     rows = fit_rows(read, table, points, ["x", "y", "z"])
+    values = rows.values
+    if turns := declared.rotation:
+        raw = np.stack([rows.table.columns[name] for name in turns.columns], axis=1)
+        rotated = rotation(turns.form, raw, RADIANS[turns.unit])
+        values = np.hstack((values, rotated.as_rotvec()))
     flange = nominal_frames(robot, robot_log.q[:: 1 + robot_log.t.size // EXTENT_ROWS]).tip.T
-    seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (rows.values, flange))
+    seen, travel = (float(np.linalg.norm(p.std(axis=0))) for p in (values[:, :3], flange))
     if not travel / SIMILAR_EXTENT < seen < travel * SIMILAR_EXTENT:
         what = f"the points spread over {seen:.3g} m rms, the flange over {travel:.3g} m."
         remedy = f"Are they in {declared.unit}? Correct unit of sources.tracker in recording.yaml."
         raise LogError.at(rows.table.location(0), what, remedy)
-    log = TrackerLog(rows.t, rows.values, declared.accuracy_m, rows.segment)
-    return log, rows.imported
+    sigma = np.full(values.shape, LED_ACCURACY) if stated is None else stated.sigma(values)
+    if declared.accuracy_m is not None:
+        sigma[:, :3] = declared.accuracy_m
+    if declared.accuracy_rad is not None:
+        sigma[:, 3:] = declared.accuracy_rad
+    return TrackerLog(rows.t, values, sigma, kind, rows.segment), rows.imported
+
+
+def _target_of(
+    folder: Path, description: RecordingFile, declared: TrackerFile
+) -> tuple[Literal["point", "pose"], Instrument | None]:
+    """Quantity that is measured of the target, and the instrument; None beside a ball-bar.
+
+    Raises DescriptionError where the instrument and the columns of the orientation do not fit.
+    """
+    kind: Literal["point", "pose"] = "point" if declared.rotation is None else "pose"
+    where = f"{folder / 'recording.yaml'}: sources.tracker"
+    if not description.followed:
+        if kind == "pose" and declared.accuracy_rad is None:
+            what = "the accuracy of the orientation is not stated."
+            raise DescriptionError.at(where, what, "Give accuracy_rad.")
+        return kind, None
+    instrument = load_instrument(description.instrument or "", relative_to=folder)
+    if instrument.measured != kind:
+        what = f"instrument {instrument.name} measures a {instrument.measured}, and the columns "
+        what += f"hold a {kind}."
+        remedy = "Give `rotation` with a pose, and no other key than the point's without; "
+        remedy += "instruments that follow a target are tracker_point and tracker_pose."
+        raise DescriptionError.at(where, what, remedy)
+    return kind, instrument

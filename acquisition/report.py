@@ -55,6 +55,7 @@ REMEDIES = {
     "one: leave out the rows on one side.",
     "repeated pose": "Measure other poses; repeated ones tell of noise only.",
     "rotations off the nominal robot": "State the convention of the rotations in poses.yaml.",
+    "rows of other signals": "Nothing: each signal of the table is read by its own columns.",
     "scaled channel": "Nothing, if it is in the declared unit; else record it unscaled.",
     "scaling unknown": "Check that no channel was scaled in the Scope.",
     "stale process data": "Nothing, if they are few. Else synchronise the encoders with the bus.",

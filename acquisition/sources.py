@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.flags import Flags
 from acquisition.formats.registry import read_file
 from acquisition.report import FileSummary, Finding
@@ -17,13 +18,13 @@ from acquisition.stamps.order import STAMP, in_order, in_sequence, join
 from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
-from acquisition.times import TimeCells, checked_form, form_shown, stamps_ns, words
+from acquisition.times import TimeCells, checked_form, form_shown, popped_stamps, stamps_ns, words
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError, UnfinishedLogError
 from cell.foreign_files import repeated
 from cell.logs import SourceName
 from cell.neighbours import Mask
-from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile
+from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, TrackerFile
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix
 # nothing.
@@ -92,6 +93,8 @@ def layout_of(source: SourceFile, dialect: Dialect, encoders: Fitted | None = No
     time, fitted = dialect.time, encoders or {}
     required: dict[str, Kind] = {}
     optional: dict[str, Kind] = dict.fromkeys(dialect.torque_columns, "float")
+    turns = source.rotation if isinstance(source, TrackerFile) else None
+    target_turns = turns.columns if turns else ()
     match dialect.source:
         case "robot":
             required = dict.fromkeys(dialect.angles, "float")
@@ -103,26 +106,30 @@ def layout_of(source: SourceFile, dialect: Dialect, encoders: Fitted | None = No
             required = {source.column: "float"}
         case "force":
             required = dict.fromkeys(dialect.wrench, "float")
-        case "tracker":
-            required = dict.fromkeys(dialect.point, "float")
-    if time.column in required:
+        case "tracker" if isinstance(source, TrackerFile):
+            required = dict.fromkeys((*dialect.point, *target_turns), "float")
+    signal, stamped = tuple(required), time.columns
+    if twice := [name for name in stamped if name in required]:
         raise DescriptionError(
-            f"column {time.column} holds the time stamps; it cannot be an encoder's too. "
+            f"column {twice[0]} holds the time stamps; it cannot be an encoder's too. "
             "Name another one for the encoder."
         )
     if dialect.sequence is not None:
         optional[dialect.sequence] = "integer"
     stamps: Kind = "text" if time.type is None else "decimal" if time.type == "float" else "integer"
+    if time.nanoseconds is not None:  # whole numbers, which some loggers write as 1720702091.0
+        stamps = "float"
     return Layout(
         separators=dialect.separators,
-        required={time.column: stamps, **required},
+        required={**dict.fromkeys(stamped, stamps), **required},
         optional=optional,
         together=dialect.torque_columns,
         instead={time.column: time.halves} if time.halves else {},
         names=source.columns,
         headerless=dialect.headerless,
         decimal=dialect.decimal,
-        all_empty=dialect.point,  # a hidden LED has no coordinates
+        all_empty=(*dialect.point, *target_turns),  # a hidden target has no coordinates
+        signal=signal,
         damaged_rows=source.damaged_rows,
     )
 
@@ -193,6 +200,9 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     table, form = read_file(inside(source.folder, file), file, source.dialect, source.layout)
     table, time = _with_stamps(source, table)
     table = in_sequence(table, source.dialect.sequence)
+    angles = {"robot": source.dialect.angle_unit, "ballbar": "counts"}
+    unit = getattr(source.declared, "unit", angles.get(source.name, ""))
+    refuse_two_publishers(table, source.layout.signal, unit)
     table = in_order(spread(table, source.declared.quantised))
     summary = FileSummary(
         file=file,
@@ -218,13 +228,13 @@ def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
                 what = f"column {name}: {half[outside[0]]} is no half of a 64-bit time."
                 raise LogError.at(table.location(outside[0]), what, "Log both halves as UDINT.")
             cells |= half << (32 * k)
+        stamps = TimeCells(table.files[0], column, cells, table.line)
     else:
-        column, cells = time.column, columns.pop(time.column)
-    stamps = TimeCells(table.files[0], column, cells, table.line)
+        stamps = popped_stamps(columns, time.columns, table.files[0], table.line)
     form = time_form(source, stamps)
     columns[STAMP], findings = stamps_ns(stamps, form)
     table = replace(table, columns=columns, findings=(*table.findings, *findings))
-    return table, f"{column} in {words(form)}"
+    return table, f"{stamps.column} in {words(form)}"
 
 
 def time_form(source: LogSource, stamps: TimeCells) -> TimeForm:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any, get_args
 
@@ -49,6 +49,12 @@ _IEC = re.compile(
 )
 FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
+_SECONDS = re.compile(r"(?<![A-Za-z])(secs?|seconds)$")
+_NANOSECONDS = {
+    "sec": ("nanosec", "nsec"),
+    "secs": ("nsecs", "nanosecs"),
+    "seconds": ("nanoseconds",),
+}
 _REMEDY = "Correct the cell, or declare the form of the stamps in recording.yaml under `time`."
 _WRAP = 2**32
 _MOST_NS = 9.2e18  # of 64 bits
@@ -184,6 +190,41 @@ def unwrapped(ns: Stamps, tick: int) -> Stamps:
     span = _WRAP * tick
     back = np.diff(ns, prepend=ns[:1])
     return np.asarray(ns + span * np.cumsum(back < -(span // 2)))
+
+
+def two_columns(names: Sequence[str]) -> tuple[str, str] | None:
+    """Names of whole seconds and of the nanoseconds beside them; None where there are not two.
+
+    ROS flattens the stamp that a device gave its message to `sec` and `nanosec`.
+    """
+    pairs = (
+        (name, name[: ending.start(1)] + nano)
+        for name in names
+        if (ending := _SECONDS.search(name))
+        for nano in _NANOSECONDS[ending[1]]
+    )
+    return next((pair for pair in pairs if pair[1] in names), None)
+
+
+def popped_stamps(
+    columns: dict[str, Any], names: Sequence[str], file: str, line: NDArray[np.int64]
+) -> TimeCells:
+    """The stamps of one column, or in ns of whole seconds and nanoseconds, taken out of `columns`.
+
+    line : (N,) of the rows. Raises LogError for two numbers that are no such stamp.
+    """
+    cells = [columns.pop(name) for name in names]
+    stamps = TimeCells(file, " and ".join(names), cells[0], line)
+    if len(cells) == 1:
+        return stamps
+    whole, nano = (np.asarray(cell, dtype=np.float64) for cell in cells)  # exact to 9e15
+    wrong = (np.rint(whole) != whole) | (np.abs(whole) * 1e9 > _MOST_NS)
+    wrong |= (np.rint(nano) != nano) | (nano < 0) | (nano >= 1e9)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        what = f"and {nano[row]} are no whole seconds with nanoseconds below 1e9."
+        raise _wrong(stamps, row, what)
+    return replace(stamps, cells=whole.astype(np.int64) * 10**9 + nano.astype(np.int64))
 
 
 def _is_iec(cell: str) -> bool:

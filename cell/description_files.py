@@ -170,7 +170,7 @@ class RobotFile(Strict):
     """Lower corner of the box of axis angles over which the TCP error is stated."""
     accuracy_upper_deg: Axes | None = Field(None, description="Upper corner of that box.")
     rotor_inertia_kg_m2: NotNegativeAxes | None = None
-    """Of the motors, at the motor."""
+    """Inertia of each rotor, at the motor."""
     gears: GearsFile | None = None
     servo: dict[str, ServoFile] | None = Field(None, description="Gain sets by their names.")
     links: dict[str, LinkFile] | None = None
@@ -178,9 +178,9 @@ class RobotFile(Strict):
     frame.
     """
     log_dialect: str = "abb-motor"
-    """Of its controller's logs, as the simulator writes them."""
+    """Dialect of the controller's logs, in which the simulator writes them."""
     program_language: ProgramLanguage | None = None
-    """Of its controller: plans write a program in it, and none without it."""
+    """Language of the controller, in which plans write a program; without it they write none."""
     gravity_m_per_s2: Vector3 = (0.0, 0.0, -9.81)
     """In the base frame, along x, y, z; standard gravity, rounded."""
 

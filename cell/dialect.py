@@ -50,12 +50,19 @@ class TimeColumn(Strict):
     forms: tuple[TimeForm, ...] = ()
     # Low and high 32 bits, read where `column` is absent.
     halves: tuple[Selector, Selector] | None = None
+    # Nanoseconds beside whole seconds in `column`; the form is that of both together, in ns.
+    nanoseconds: Selector | None = None
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         if bool(self.forms) == (self.unit is not None):
             raise ValueError("give either unit, or forms to tell apart")
         return self
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of a stamp."""
+        return (self.column, *((self.nanoseconds,) if self.nanoseconds else ()))
 
     @property
     def possible(self) -> tuple[TimeForm, ...]:
@@ -79,13 +86,13 @@ class Dialect(Strict):
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
     source: SourceName
-    """What is logged."""
+    """The device that is logged."""
     container: Container = "text"
     """Form of the file."""
     separators: tuple[Separator, ...] = ()
-    """Of the columns of a text."""
+    """Separators of the columns of a text."""
     decimal: Literal["either", "point", "comma"] = "either"
-    """Of numbers that are no integers."""
+    """Decimal sign of numbers that are no integers."""
     time: TimeColumn
     # Columns that count on from 1 are those of six axes and stand for as many as the robot has.
     motors: tuple[Selector, ...] = ()
@@ -95,7 +102,7 @@ class Dialect(Strict):
     joints: tuple[Selector, ...] = ()
     """Robot: in place of motors, the angles of the DH model."""
     angle_unit: AngleUnit = "rad"
-    """Of these angles."""
+    """Unit of these angles."""
     torques: tuple[Selector, ...] = ()
     """Robot: what each motor exerts [N m], positive along its angle; all or none."""
     torques_at: Literal["motors", "axes"] = "motors"
@@ -175,7 +182,7 @@ class Dialect(Strict):
     def headerless(self) -> bool:
         """Whether all columns that it names are counted, so that no header is needed."""
         columns = () if self.source in ("ballbar", "length") else (*self.angles, *self.wrench)
-        return by_position((self.time.column, *columns, *self.point))
+        return by_position((*self.time.columns, *columns, *self.point))
 
 
 def dialect_names() -> list[str]:

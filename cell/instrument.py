@@ -62,7 +62,7 @@ class InstrumentFile(Strict):
     """Joints from the floor to the tool."""
     distance: DistanceFile | None = None
     mass_kg: NotNegative = 0.0
-    """Of a rod from seat to target, which carries half of its weight."""
+    """Mass of a rod from seat to target; the target carries half of its weight."""
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:
@@ -119,7 +119,7 @@ class Instrument:
     upper: float
     sigma_length: float  # [m] of the sensed length, or play of a socket
     sigma_zero: float  # [m] of the sensed length's zero; 0: calibrated
-    sigma_direction: float  # [rad] of the sensed angles that point at the target
+    sigma_direction: float  # [rad] of the angles that point at the target, the largest of theirs
     sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
     distance: tuple[float, float] | None  # [m] between two seats, and its sigma
     mass: float  # [kg] of a rod from seat to target

@@ -98,19 +98,25 @@ class ForceLog:
 
 @dataclass(frozen=True, eq=False)
 class TrackerLog:
-    """Positions of an LED on the tool, on the clock and in the frame of an optical tracker.
+    """Points or poses of a target on the tool, on the clock and in the frame of what follows it.
 
     Raises ValueError as RobotLog does.
     """
 
     t: Array  # (N,) [s] from the first row, strictly increasing
-    points: Array  # (N, 3) [m] tracker's frame
-    accuracy: float  # [m] along each axis, as stated for the tracker
+    values: Array  # (N, M) [m, rad] position, and of a pose a rotation vector; tracker's frame
+    sigma: Array  # (N, M) [m, rad] as stated for the tracker
+    measured: Literal["point", "pose"] = "point"
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
 
     def __post_init__(self) -> None:
         _protect(self)
-        _check("tracker log", self, self.points, 3)
+        _check("tracker log", self, self.values, 3 if self.measured == "point" else 6)
+
+    @property
+    def points(self) -> Array:
+        """(N, 3) [m] position of the target."""
+        return self.values[:, :3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +154,7 @@ def segment_starts(segment: NDArray[np.uint16] | None) -> tuple[int, ...]:
 
 def _protect(log: Any) -> None:
     """Replace the arrays of a log by write-protected copies."""
-    series = ("t", "q", "torque", "angles", "length", "wrench", "points", "values")
+    series = ("t", "q", "torque", "angles", "length", "wrench", "values", "sigma")
     dtypes: dict[str, type[np.generic]] = dict.fromkeys(series, np.float64)
     for name, dtype in {**dtypes, "segment": np.uint16, "flags": np.uint32}.items():
         values = getattr(log, name, None)

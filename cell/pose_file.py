@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
-from cell.file_units import AngleUnit, LengthUnit
+from cell.file_units import AngleUnit, LengthUnit, Rotation
 from cell.instrument import Instrument
 from cell.poses import KnownDistance
 from cell.schema import Positive, Strict
@@ -22,15 +22,6 @@ from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
-# Angles turned about moving axes (XYZ) or fixed ones (xyz), as scipy's Rotation.from_euler has it.
-Rotation = Annotated[
-    str,
-    Field(
-        pattern=r"^(rotvec|quat_wxyz|quat_xyzw"
-        r"|XYZ|XZY|YXZ|YZX|ZXY|ZYX|XYX|XZX|YXY|YZY|ZXZ|ZYZ"
-        r"|xyz|xzy|yxz|yzx|zxy|zyx|xyx|xzx|yxy|yzy|zxz|zyz)$"
-    ),
-]
 
 
 class NamedColumn(Strict):
@@ -63,12 +54,12 @@ class ValueColumns(Strict):
     columns: tuple[Column, ...] = Field(min_length=1, max_length=7)
     """A difference is written as "x_t - x_dif"."""
     unit: LengthUnit | None = Field(default=None)
-    """Of lengths; as for joints."""
+    """Unit of lengths; unnecessary where the header states one, as for joints."""
     angle_unit: AngleUnit | None = Field(default=None)
-    """Of rotations, azimuth and elevation."""
+    """Unit of rotations, azimuth and elevation."""
     rotation: Rotation | None = Field(default=None)
-    """Of the last columns of a pose: angles about moving axes (`XYZ`) or fixed ones (`xyz`), in the
-    order of scipy's `Rotation.from_euler`; `rotvec`; `quat_wxyz`; `quat_xyzw`.
+    """Form of the last columns of a pose: angles about moving axes (`XYZ`) or fixed ones (`xyz`),
+    in the order of scipy's `Rotation.from_euler`; `rotvec`; `quat_wxyz`; `quat_xyzw`.
     """
     spherical: Literal["elevation", "zenith"] | None = Field(default=None)
     """The first three columns are azimuth, elevation above the horizontal (or angle from the
@@ -89,9 +80,9 @@ class Sigma(Strict):
     columns: tuple[Column, ...] = Field(default=())
     """One for each of the values, in their units."""
     length_m: Positive | None = Field(default=None)
-    """Of lengths and positions."""
+    """Standard deviation of lengths and positions."""
     rotation_rad: Positive | None = Field(default=None)
-    """Of the rotation of a pose, about each axis."""
+    """Standard deviation of the rotation of a pose, about each axis."""
 
     @model_validator(mode="after")
     def _either(self) -> Self:
@@ -108,7 +99,7 @@ class ReferencePoints(Strict):
     values. A point was not read where a field is empty.
     """
     sigma_m: Positive | None = Field(default=None)
-    """Of each coordinate; else that of the instrument."""
+    """Standard deviation of each coordinate; default that of the instrument."""
 
     @model_validator(mode="after")
     def _points(self) -> Self:
@@ -128,8 +119,8 @@ class PoseTime(Strict):
     column: Column
     """Name in the header, or number from 1."""
     form: str | None = Field(default=None)
-    """Of the stamps where they do not show it: `s`, `ms`, `unix-s`, ... Dates, and digits such as
-    20200714163904, show it.
+    """Form of the stamps where they do not show it: `s`, `ms`, `unix-s`, ... Dates, and digits such
+    as 20200714163904, show it.
     """
 
 
@@ -139,12 +130,12 @@ class PoseTableFile(Strict):
     files: tuple[str, ...] = Field(min_length=1)
     """Paths from the folder of poses.yaml; .gz, .bz2 and .xz too."""
     sheet: str | None = Field(default=None)
-    """Of a workbook; else its first sheet."""
+    """Sheet of a workbook; default the first."""
     joints: JointColumns
     values: ValueColumns | None = Field(default=None)
     """None for a socket."""
     sigma: Sigma | None = Field(default=None)
-    """Else that of the instrument."""
+    """Default: that of the instrument."""
     instrument: str | None = Field(default=None)
     """Another instrument than that of the other tables."""
     seat: str | NamedColumn = Field(default="seat")

@@ -1,22 +1,61 @@
-"""Still poses: joint angles at which the robot stood, and what an instrument measured there.
+"""Poses: joint angles of the robot, and what an instrument measured there.
 
-A table of poses has no clock. Its groups are what one placement of the instrument (seat) measured
-of one ball or reflector on the flange (target); seats and targets may occur in several groups.
+A table of still poses has no clock. Of a robot that moved while the instrument followed its target,
+the joint angles are a function of time, and the instrument has a clock of its own. Groups are what
+one placement of the instrument (seat) measured of one ball or reflector on the flange (target);
+seats and targets may occur in several groups.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array, read_only
+from cell.clock import Clock
 from cell.descriptions import Robot
 from cell.instruments import kind_named
 from cell.instruments.base import Kind
 
 Measured = str  # name of a kind of instrument
+
+
+class JointMotion(Protocol):
+    """Motion of the robot's joints while an instrument followed its target (ident.signals.motion).
+
+    Times (N,) [s] are those of the robot's clock, angles those of the DH convention.
+    """
+
+    @property
+    def name(self) -> str:
+        """Whose clock it is: that of the recording."""
+
+    @property
+    def clock(self) -> Clock:
+        """The instrument's clock against the robot's, about."""
+
+    def angles(self, at: Array) -> Array:
+        """(N, J) [rad]"""
+
+    def speed(self, at: Array) -> Array:
+        """(N, J) [rad/s]"""
+
+    def arm(self, at: Array) -> tuple[Array, Array]:
+        """Speed (N, J) [rad/s] and acceleration (N, J) [rad/s^2] of the arm as a rigid body."""
+
+    def within(self, at: Array) -> Array:
+        """The times, kept inside the robot's log."""
+
+    def noise(self, spacing: float) -> tuple[Array, float]:
+        """Standard deviation of the angles (J,) [rad] and of the stamps [s] of rows `spacing` [s]
+        apart, as if they were independent.
+        """
+
+    def by(self, clock: Clock) -> JointMotion:
+        """The motion with another clock of the instrument."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +74,10 @@ class PoseGroup:
     sigma: Array  # (N, M) [m, rad] declared standard deviation; (N, 3) [m] of a socket's play
     rows: NDArray[np.intp]  # (N,) line of each pose in its file, from 1
     file: str  # that file's name
-    time: Array | None = None  # (N,) [s] since the table's first pose
+    # (N,) [s] since the table's first pose; of a robot that moved on the instrument's clock
+    time: Array | None = None
     temperature: Array | None = None  # (N,) [deg C]
+    motion: JointMotion | None = None  # None: the robot stood still; else `q` is by its clock
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -54,6 +95,21 @@ class PoseGroup:
     def kind(self) -> Kind:
         """The kind of instrument that measured."""
         return kind_named(self.measured)
+
+    def by(self, clock: Clock) -> PoseGroup:
+        """The poses of a robot that moved, by another clock of the instrument."""
+        assert self.motion is not None  # the caller's condition
+        q = self.q + self.motion.angles(self.at(clock)) - self.motion.angles(self.at())
+        return replace(self, q=q, motion=self.motion.by(clock))
+
+    def at(self, clock: Clock | None = None) -> Array:
+        """(N,) [s] robot time of the poses of a robot that moved, kept inside its log.
+
+        clock : of the instrument; that of `q` where it is not given.
+        """
+        assert self.motion is not None  # the caller's condition
+        assert self.time is not None
+        return self.motion.within((clock or self.motion.clock).robot_time(self.time))
 
     def part(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> PoseGroup:
         """The group of some of its poses."""
@@ -76,7 +132,7 @@ class KnownDistance:
 
 @dataclass(frozen=True, eq=False)
 class PoseTable:
-    """The still poses of one robot."""
+    """The poses of one robot."""
 
     name: str
     robot: Robot
@@ -100,6 +156,17 @@ class PoseTable:
     @property
     def targets(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(group.target for group in self.groups))
+
+    @property
+    def what(self) -> str:
+        """Name of such poses, in the plural."""
+        kinds = {group.motion is None for group in self.groups}
+        return "poses" if len(kinds) > 1 else "still poses" if kinds == {True} else "followed poses"
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """(N,) whether the robot moved at each pose."""
+        return np.concatenate([np.full(g.size, g.motion is not None) for g in self.groups])
 
     def part(self, chosen: NDArray[np.bool_]) -> PoseTable:
         """The table of some of its poses; chosen : (N,) over all groups in their order."""

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
-from cell.file_units import LogLengthUnit
+from cell.file_units import AngleUnit, LogLengthUnit, Rotation
 from cell.schema import EncoderLines, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
@@ -44,18 +44,45 @@ class SourceFile(Strict):
 class LengthFile(SourceFile):
     """The device files of a sensor of one length, and the column that holds it."""
 
-    column: str = Field(description="Of the length.")
-    unit: LogLengthUnit = Field("mm", description="Of that column.")
+    column: str = Field(description="Column of the length.")
+    unit: LogLengthUnit = Field("mm", description="Unit of that column.")
     zero_m: float = 0.0
     """Length where the column is zero, as the instrument declares it."""
 
 
-class TrackerFile(SourceFile):
-    """The device files of an optical tracker that follows an LED on the tool."""
+class RotationColumns(Strict):
+    """The columns in which a log holds the orientation of its target."""
 
-    unit: LogLengthUnit = Field("mm", description="Of the coordinates.")
-    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = 9.0e-5
-    """Standard deviation along each axis (thesis sec. 5.3: Nikon K600)."""
+    columns: Annotated[tuple[str, ...], Field(min_length=3, max_length=4)]
+    """Three angles, a rotation vector, or a quaternion."""
+    form: Rotation
+    """Form of the rotation, as `values.rotation` of poses.yaml has it: `quat_wxyz`, `quat_xyzw`,
+    `rotvec`, or angles in the order of scipy's `Rotation.from_euler`.
+    """
+    unit: AngleUnit = Field("rad", description="Unit of angles.")
+
+    @model_validator(mode="after")
+    def _count(self) -> Self:
+        if len(self.columns) != 3 + self.form.startswith("quat"):
+            message = f"{len(self.columns)} columns do not hold a rotation of the form {self.form}"
+            raise wrong_key("columns", message=message)
+        return self
+
+
+class TrackerFile(SourceFile):
+    """The device files of a tracker that follows a target on the tool: a reflector, an LED, or a
+    body of markers whose orientation is measured too.
+    """
+
+    unit: LogLengthUnit = Field("mm", description="Unit of the coordinates.")
+    rotation: RotationColumns | None = None
+    """Orientation of the target in the tracker's frame, where it is measured."""
+    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = None
+    """Standard deviation along each axis; by default that of `instrument`, beside a ball-bar 90 um
+    (thesis sec. 5.3: Nikon K600).
+    """
+    accuracy_rad: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
+    """Standard deviation of the orientation about each axis; by default that of `instrument`."""
 
 
 class Sources(Strict):
@@ -65,7 +92,7 @@ class Sources(Strict):
     ballbar: SourceFile | None = None  # none for a ball-bar without encoders
     length: LengthFile | None = None  # of an instrument whose rod or wire is sensed
     force: SourceFile | None = None  # six-axis sensor at the flange, on a clock of its own
-    tracker: TrackerFile | None = None  # validates the result, takes no part in the fit
+    tracker: TrackerFile | None = None  # by itself, or beside a ball-bar or a length
 
     @property
     def every(self) -> tuple[SourceFile, ...]:
@@ -77,8 +104,8 @@ class Sources(Strict):
 class EncoderFitting(Strict):
     """One ball-bar encoder: counter column, resolution and declared direction."""
 
-    column: str = Field(description="Of the counter.")
-    lines: EncoderLines = Field(description="Per turn.")
+    column: str = Field(description="Column of the counter.")
+    lines: EncoderLines = Field(description="Lines per turn.")
     bits: Annotated[int, Field(ge=8, le=13)]
     """Interpolation of one line (EL5021 object 8001:11)."""
     sign: Literal[-1, 1] = Field(1, description="Declared direction.")
@@ -92,31 +119,40 @@ class RecordingFile(Strict):
     robot: str = Field(description="A file of cell/robots, or a path relative to this file.")
     ballbar: str | None = Field(None, description="A file of cell/instruments, or a path.")
     instrument: str | None = None
-    """A file of cell/instruments, or a path: what measured the length, in place of a ball-bar."""
+    """A file of cell/instruments, or a path: what measured the length, or followed the target, in
+    place of a ball-bar.
+    """
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     sources: Sources
     encoders: dict[EncoderName, EncoderFitting] = Field(
         default_factory=dict, description="The ball-bar's, b1 to b5."
     )
     temperature_C: Annotated[float, Field(ge=-50.0, le=100.0)] | None = None
-    """Of the air about robot and ball-bar; kept with the result."""
-    notes: str = Field("", description="Whatever else is to be remembered.")
+    """Temperature of the air about robot and ball-bar; kept with the result."""
+    notes: str = Field("", description="Anything else that is to be remembered.")
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> Self:
         if (self.ballbar is None) == (self.instrument is None):
             message = "expected either ballbar or instrument: what stood between floor and tool"
             raise wrong_key("ballbar", message=message)
-        of_length = self.sources.length is not None
-        if of_length != (self.instrument is not None):
-            message = "expected sources.length of an instrument that measures a length alone"
+        of_length, other = self.sources.length is not None, self.instrument is not None
+        if (of_length and not other) or (other and not of_length and not self.followed):
+            message = "expected sources.length of an instrument that measures a length alone, or "
+            message += "sources.tracker of one that follows a target"
             raise wrong_key("sources", message=message)
-        if of_length and (self.sources.ballbar is not None or self.encoders):
-            message = "an instrument that measures a length has no encoders; leave out " + (
+        if other and (self.sources.ballbar is not None or self.encoders):
+            message = "an instrument in place of a ball-bar has no encoders; leave out " + (
                 "encoders" if self.encoders else "sources.ballbar"
             )
             raise wrong_key("encoders" if self.encoders else "sources", message=message)
         return self
+
+    @property
+    def followed(self) -> bool:
+        """Whether a tracker alone measured: nothing held the tool."""
+        sources = self.sources
+        return bool(self.instrument) and sources.length is None and sources.tracker is not None
 
     @property
     def measured_by(self) -> str:

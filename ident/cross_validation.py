@@ -86,7 +86,7 @@ class CrossValidation:
 def cross_validated(fit: Fit) -> CrossValidation:
     """Errors of every pose with its region, or its place, left out of the fit: the worse."""
     table = fit.model.poses
-    validations = [with_folds(fit, REGIONS, pose_regions(table.q))]
+    validations = [with_folds(fit, REGIONS, pose_regions(table))]
     places = places_of(fit)
     if len(set(places.values())) > 1:
         fold = np.concatenate([np.full(g.size, places[g.seat]) for g in table.groups])
@@ -212,7 +212,7 @@ def robust_covariance(fit: Fit) -> Array:
     Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space.
     """
     equations, layout = fit.linear, fit.model.unknowns
-    blocks = pose_regions(fit.model.poses.q, BLOCKS)
+    blocks = pose_regions(fit.model.poses, BLOCKS)
     scores = np.concatenate(
         [
             np.einsum("pen,en->pn", jacobian, residual)

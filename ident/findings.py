@@ -115,10 +115,10 @@ def last_moves(groups: Sequence[PoseGroup]) -> list[Array]:
     """(N, J) [rad] of every group: how far the robot moved since it last stood elsewhere.
 
     Several targets at one pose, rows with the same angles, have the same move. Zero where the row
-    before is missing.
+    before is missing, and of a robot that was followed: what it lags is its clock's.
     """
     moves = [np.zeros_like(group.q) for group in groups]
-    for file in dict.fromkeys(group.file for group in groups):
+    for file in dict.fromkeys(group.file for group in groups if group.motion is None):
         rows = sorted(
             (int(row), k, i)
             for k, group in enumerate(groups)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.clock import Clock
 from cell.placement import Placement
 from cell.poses import PoseTable
 from cell.statistics import chi_square_quantile
@@ -93,6 +94,15 @@ class TableEstimate:
             for name, part in parts.items()
         }
 
+    @cached_property
+    def clocks(self) -> dict[str, tuple[Clock, Array]]:
+        """Clock of each instrument that followed the robot, and its sigma (2,) [s], [1]."""
+        layout, sigma = self.fit.model.unknowns, np.sqrt(np.diag(self.fit.covariance))
+        return {
+            name: (layout.instrument_clock(self.fit.x, name), sigma[part])
+            for name, part in layout.placed.clocks.items()
+        }
+
     @property
     def errors(self) -> tuple[Array, ...]:
         """(N,) [m] distance of each measurement from the model, by group."""
@@ -140,7 +150,7 @@ class TableEstimate:
         """How well the robot explains the poses."""
         mean, high = (f"{v * 1e3:.3f} mm" for v in (self.residual.mean(), self.residual.max()))
         lost = f", {self.ignored} of them too far off to count" * (self.ignored > 0)
-        poses = f"{self.residual.size} still poses of {self.table.name}"
+        poses = f"{self.residual.size} {self.table.what} of {self.table.name}"
         return f"{poses}{lost}: mean error {mean}, largest {high}"
 
     @property

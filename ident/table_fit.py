@@ -28,7 +28,7 @@ from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
 from ident.estimator.observations import rounding_noise
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
-from ident.estimator.regions import distinct_poses, pose_regions
+from ident.estimator.regions import pose_regions, poses_of
 from ident.estimator.robust_fit import fit_robustly, stacked
 from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ident.findings import Findings, findings_of
@@ -142,8 +142,8 @@ def linearised(fit: Fit) -> LinearModel:
         angles=(model.poses.q @ robot.joint_to_gear).T[:, ::step],
         prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
         prior_normal=prior,
-        regions=pose_regions(model.poses.q)[::step],
-        groups=distinct_poses(model.poses.q)[::step],
+        regions=pose_regions(model.poses)[::step],
+        groups=poses_of(model.poses)[::step],
     )
 
 

@@ -100,14 +100,13 @@ def _scale(estimate: TableEstimate) -> Iterator[str]:
 def _repeated(estimate: TableEstimate) -> Iterator[str]:
     """At another seat or target, a pose tells something new."""
     table = estimate.table
-    pairs = dict.fromkeys((g.seat, g.target) for g in table.groups)
-    angles = [
-        np.concatenate([g.q for g in table.groups if (g.seat, g.target) == pair]) for pair in pairs
-    ]
+    still = [g for g in table.groups if g.motion is None]
+    pairs = dict.fromkeys((g.seat, g.target) for g in still)
+    angles = [np.concatenate([g.q for g in still if (g.seat, g.target) == pair]) for pair in pairs]
     distinct = sum(int(distinct_poses(q).max()) + 1 for q in angles)
-    if distinct < DISTINCT * table.size:
+    if distinct < DISTINCT * (rows := sum(g.size for g in still)):
         yield (
-            f"the {table.size} rows are {distinct} poses, measured repeatedly; repeats tell of "
+            f"the {rows} rows are {distinct} poses, measured repeatedly; repeats tell of "
             "noise, not of other poses"
         )
 

@@ -149,7 +149,7 @@ def check_tracker(
         identified=best,
         nominal=_fitted(t[rows], points[rows], _tool_path(nominal), best.clock),
         noise=float(np.linalg.norm(smooth.noise)),
-        accuracy=log.accuracy,
+        accuracy=float(log.sigma[:, :3].max()),
         tcp_sigma=tcp_sigma,
     )
 

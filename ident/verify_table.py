@@ -50,7 +50,8 @@ CERTAINTY = 150
 UNSEEN = 1e-3  # [m] of the target over the workspace: a larger change has to show
 NEARLY = 1.5  # of the limit, below which what a cause leaves is as of an unchanged robot
 WORST = 12  # poses, those with the largest errors, each of which may be a bad one
-FREE = 0.5  # [m, rad] sigma of the priors of what is not held
+FREE = 1e-5  # [m, rad, s] least sigma of the priors of what is not held
+ENOUGH = 500  # poses of a robot that was followed, evenly taken
 
 
 def verify(
@@ -67,7 +68,7 @@ def verify(
     beyond = arm.out_of_range(table.q)
     if not inside.any():
         raise InputError(f"{table.name}: all poses are {range_sentence(beyond)}")
-    part = table.part(inside)
+    part = _evenly(table.part(inside))
     declared = max(float(group.sigma[:, :3].max()) for group in part.groups)
     start = _Held(arm, dict(targets), max(arm.discrepancy, declared), _points(part))
     if start.freedom < LEAST_FREEDOM:
@@ -161,7 +162,8 @@ class _Held:
         """How many belong to the seats and to new targets."""
         framed = {group.seat for group in self.table.groups if group.kind.seat_turns}
         new = set(self.table.targets) - self.known.keys()
-        return 3 * (len(self.table.seats) + len(framed) + len(new))
+        clocks = {group.motion.name for group in self.table.groups if group.motion is not None}
+        return 3 * (len(self.table.seats) + len(framed) + len(new)) + 2 * len(clocks)
 
     @property
     def freedom(self) -> int:
@@ -281,6 +283,15 @@ class _Held:
             if size * levers[axis - 1] > UNSEEN:
                 out[axis] = size
         return out
+
+
+def _evenly(table: PoseTable) -> PoseTable:
+    """The table with so many poses of each followed group that their errors are their own."""
+    groups = (
+        g if g.motion is None else g.part(np.arange(0, g.size, -(-g.size // ENOUGH)))
+        for g in table.groups
+    )
+    return replace(table, groups=tuple(groups))
 
 
 def _scaled(point: Evaluation) -> Array:

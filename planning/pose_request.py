@@ -31,7 +31,7 @@ class SeatEntry(Strict):
     """One placement of the instrument, or one socket."""
 
     name: Name = "seat"
-    """As `seat` of poses.yaml."""
+    """Name of the seat in poses.yaml."""
     position_m: Vector3
     """In the robot's base frame, to a few millimetres."""
     axis: Vector3 | None = None
@@ -46,7 +46,7 @@ class TargetEntry(Strict):
     """One ball or reflector on the flange."""
 
     name: Name = "target"
-    """As `target` of poses.yaml."""
+    """Name of the target in poses.yaml."""
     position_m: Vector3
     """In the frame of the flange."""
     axis: Vector3 | None = None

@@ -16,7 +16,6 @@ from cell.arrays import Array
 from cell.dialect import Dialect, load_dialect
 from cell.files import beside, write_whole, write_yaml
 from cell.instrument import Instrument
-from cell.recording import TrackerFile
 from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
@@ -219,7 +218,7 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
             "dialect": "tracker-points",
             "time": "s",
             "unit": "mm",
-            "accuracy_m": tracker.noise_m or TrackerFile.model_fields["accuracy_m"].default,
+            **({"accuracy_m": tracker.noise_m} if tracker.noise_m else {}),
         }
     return {
         "schema": "ballbar-recording/1",

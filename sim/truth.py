@@ -196,6 +196,12 @@ class Truth(Strict):
         table = table_of_names(self.parameters)
         return Geometry(np.array([self.parameters[name] for name in table.names]), table)
 
+    @property
+    def plant_sizes(self) -> dict[str, float]:
+        """Largest closure error [m] and force in the rod [N], by the keys of limits on them."""
+        force = max(-self.rod_force.min_N, self.rod_force.max_N)
+        return {"loop_closure_um": self.closure.position_m, "rod_force_N": force}
+
     def write(self, path: Path) -> None:
         """Write the truth file, whole or not at all."""
         content = self.model_dump(mode="json", by_alias=True)
@@ -283,6 +289,11 @@ class PoseTruth(Strict):
             ),
             weights=np.array(self.unit_weights_rad_per_m),
         )
+
+    @property
+    def plant_sizes(self) -> dict[str, float]:
+        """None: no loop is closed."""
+        return {}
 
     def write(self, path: Path) -> None:
         """Write the truth file, whole or not at all."""

@@ -57,6 +57,9 @@ class Layout:
     headerless: bool = False  # all columns are selected by number
     decimal: Literal["either", "point", "comma"] = "either"
     all_empty: tuple[str, ...] = ()  # columns read as 0 in rows where all of them are empty
+    # Columns of the signal that is read: a row that fills none of them, and columns that nothing
+    # here names, is of another signal of the table.
+    signal: tuple[str, ...] = ()
     remedies: Remedies = RECORDING
     damaged_rows: int = 0  # rows with cells that are no number, up to which they are left out
 

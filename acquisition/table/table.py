@@ -23,10 +23,11 @@ from acquisition.table.fast_path import FINE, clean_columns
 from acquisition.table.header import Header, Kind, Layout, read_header
 from acquisition.table.rows import PlainRows, plain_rows
 from acquisition.table.text import SEPARATORS, Content, LogText, open_filled, split_fields, text_of
-from cell.errors import LogError
+from cell.errors import LogError, UnfinishedLogError
 
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _NUMBER = {"integer": re.compile(r"[+-]?[0-9]+"), "float": _FLOAT, "decimal": _FLOAT}
+_EMPTY = ("", "nan")  # a cell without a value
 _DTYPE = {"integer": np.int64, "float": np.float64, "decimal": np.float64}
 
 
@@ -135,7 +136,7 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
 def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
     """The wanted columns of a table, line by line; raises as `read_table`."""
     header = read_header(text, layout)
-    rows = _with_zeros(plain_rows(text, header, layout), header, layout.all_empty)
+    rows = _with_zeros(signal_rows(text, header, layout), header, layout.all_empty)
     if layout.damaged_rows:
         rows = _without_damaged(rows, header, layout.damaged_rows)
     glued = text.number[header.row - 1] if header.glued else -1
@@ -152,15 +153,56 @@ def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
     return table, Form(text.encoding, SEPARATORS[header.separator], rows.decimal, rows_read)
 
 
+def signal_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
+    """The complete rows of a text below its header, without those of other signals.
+
+    Raises as `plain_rows` does, and UnfinishedLogError if there are none.
+    """
+    rows = plain_rows(text, header, layout)
+    if not layout.signal:
+        return rows
+    positions = _positions(header, layout.signal)
+    others = [k for k in range(rows.width) if k not in header.positions]
+
+    def of_others(line: str) -> bool:
+        first = line.split(rows.separator, positions[0] + 1)[positions[0]]
+        if first.strip().lower() not in _EMPTY:
+            return False
+        cells = line.split(rows.separator)
+        return not _any_filled(cells, positions) and _any_filled(cells, others)
+
+    left_out = np.fromiter(map(of_others, rows.plain), dtype=bool, count=len(rows.plain))
+    if left_out.all():
+        what = f"no row has a value in {', '.join(header.names[k] for k in positions)}."
+        remedy = "Name the columns of the signal, or record it too."
+        raise UnfinishedLogError.at(rows.file, what, remedy)
+    if not left_out.any():
+        return rows
+    sentence = f"they fill none of {', '.join(header.names[k] for k in positions)}; left out."
+    lines = rows.number[left_out]
+    return rows.take(np.flatnonzero(~left_out)).remarked(
+        "rows of other signals", sentence, lines=lines
+    )
+
+
+def _positions(header: Header, columns: tuple[str, ...]) -> list[int]:
+    """Field numbers, from 0, of wanted columns."""
+    return [header.positions[list(header.columns).index(name)] for name in columns]
+
+
+def _any_filled(cells: list[str], positions: list[int]) -> bool:
+    return any(cells[k].strip().lower() not in _EMPTY for k in positions)
+
+
 def _with_zeros(rows: PlainRows, header: Header, columns: tuple[str, ...]) -> PlainRows:
     """The rows with zeros in `columns` where all of them are empty."""
     if not columns:
         return rows
-    positions = [header.positions[list(header.columns).index(name)] for name in columns]
+    positions = _positions(header, columns)
 
     def filled(line: str) -> str:
         cells = line.split(rows.separator)
-        if any(cells[k].strip().lower() not in ("", "nan") for k in positions):
+        if _any_filled(cells, positions):
             return line
         for k in positions:
             cells[k] = "0"

@@ -61,8 +61,8 @@ class Claim(Strict):
     source: str
     expected: Word | Expected = Field(description="One word is the verdict with both sets.")
     finding: str = Field("", description="Our result and its reason, where the claim differs.")
-    checks: Annotated[list[Check], Field(min_length=1, description="What the sentence says.")]
-    guards: list[Check] = Field([], description="What `finding` says, with the core set.")
+    checks: Annotated[list[Check], Field(min_length=1, description="Checks of the sentence.")]
+    guards: list[Check] = Field([], description="Checks of `finding`, with the core set.")
     ml: list[Measure] = Field(
         [], description="Results of cost ml, with the clock as parameter, on the same errors."
     )
@@ -165,7 +165,7 @@ class ClaimFile(Strict):
     title: Line
     place: str
     """Place in the thesis, `sec. 3.5, Fig. 3.2`; its numbers order the files."""
-    about: str = Field("", description="What is simulated, in one or two sentences.")
+    about: str = Field("", description="The simulation in one or two sentences.")
     sweep: str | None = Field(None, description="Sweep file, relative to this file.")
     quick: Quick = Quick()
     identifiability: str | None = None

@@ -113,12 +113,12 @@ def identify(
 
 def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
     """The folder of the result, held for the files that such recordings leave."""
+    from ballbar.recordings.followed import gives_poses
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
     from cell.files import claimed_folder
-    from cell.pose_file import pose_file_path
 
-    still = all(pose_file_path(recording).is_file() for recording in recordings)
-    return claimed_folder(folder, POSE_OUTPUTS if still else OUTPUTS, "the result")
+    poses = all(gives_poses(recording) for recording in recordings)
+    return claimed_folder(folder, POSE_OUTPUTS if poses else OUTPUTS, "the result")
 
 
 def _beside(recording: Path) -> Path:

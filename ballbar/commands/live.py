@@ -98,9 +98,9 @@ def watch(
     """Identify a recording while it is being written, by any logger.
 
     Every second the files are read, the latest rows are compared with what the earlier ones
-    predict, and the robot is identified again. Nothing is written. Ends with Ctrl-C, or when the
-    duration is over and no more rows come. Exits with 1 if an alarm stands at the end, or the
-    accuracy is not reached.
+    predict, and the robot is identified again. Nothing is written. The folder must exist; its files
+    may come later. Ends with Ctrl-C, or when the duration is over and no more rows come. Exits with
+    1 if an alarm stands at the end, or the accuracy is not reached.
 
     Example: `ballbar watch runs/monday --accuracy 0.05`, in a second terminal while the recording
     is written

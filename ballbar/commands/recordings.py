@@ -19,9 +19,7 @@ from cell.foreign_text import printable
 from cell.logs import SourceName
 
 if TYPE_CHECKING:
-    from acquisition.alignment import CoarseAlignment
-    from acquisition.pose_tables import PoseImport
-    from acquisition.recording import Recording
+    from ballbar.recordings.check import CheckedPoses, CheckedRecording
 
 commands = typer.Typer()
 
@@ -62,25 +60,26 @@ def new(
             "poses with --poses."
         )
     options.refuse_others(poses=bool(poses))
-    from ballbar.recordings.check import check_data, check_lines
+    from ballbar.recordings.check import CheckedPoses, CheckedRecording
     from ballbar.recordings.new import new_poses, new_recording
 
     ask = partial(_ask, take_proposals=yes, as_json=as_json)
     name = escape(str(folder))
-    read: Recording | PoseImport
+    checked: CheckedRecording | CheckedPoses
     if robot_log is not None and ballbar_log is not None:
-        read = new_recording(folder, robot_log, ballbar_log, options, ask)
+        checked = CheckedRecording(new_recording(folder, robot_log, ballbar_log, options, ask))
         made = {"recording": str(folder)}
         closing = [f"Made {name}. Look at recording.yaml in it, then: ballbar check {name}"]
     else:
         read, text = new_poses(folder, poses or (), options, ask)
+        checked = CheckedPoses(read)
         made = {"poses_file": str(folder / "poses.yaml")}
         written = [f"  {escape(line)}" for line in text.splitlines()]
         closing = [f"Wrote {name}/poses.yaml:", *written]
         closing.append(f"Look at it, then: ballbar check {name}")
     if as_json:
-        say_json({**made, **check_data(read)})
-    _say_page(check_lines(read))
+        say_json({**made, **checked.data()})
+    _say_page(checked.lines())
     for line in closing:
         out.print(line)
 
@@ -121,18 +120,18 @@ def check(
         encoders.
     --strict : Exit with 1 if anything was repaired or left out.
     """
-    from ballbar.recordings.check import check_data, check_lines, holds_poses, repairs
+    from ballbar.recordings.check import holds_poses, repairs
 
     poses = holds_poses(recording)
     if explain_reading and not as_json:
         for line in _reasons(recording, poses=poses):
             out.print(escape(line))
         out.print()
-    read, alignment = _read(recording, poses=poses)
+    checked = _checked(recording, poses=poses)
     if as_json:
-        say_json(check_data(read, alignment))
-    _say_page(check_lines(read, alignment))
-    if strict and (repaired := len(repairs(read.report))):
+        say_json(checked.data())
+    _say_page(checked.lines())
+    if strict and (repaired := len(repairs(checked.read.report))):
         err.print(
             f"[red]not as logged:[/] {repaired} kinds of repairs were needed, and --strict "
             "allows none"
@@ -149,19 +148,20 @@ def _reasons(path: Path, *, poses: bool) -> list[str]:
     return explain_poses(load_poses_file(pose_file_path(path))) if poses else explain_lines(path)
 
 
-def _read(path: Path, *, poses: bool) -> tuple[Recording | PoseImport, CoarseAlignment | None]:
+def _checked(path: Path, *, poses: bool) -> CheckedRecording | CheckedPoses:
     """A recording and the coarse offset of its clocks, or still poses."""
     from acquisition.pose_tables import import_poses
+    from ballbar.recordings.check import CheckedPoses, CheckedRecording
     from ballbar.recordings.read_with_causes import aligned, read_with_causes
 
     with progress_bar() as progress:
         if poses:
             progress("reading the poses")
-            return import_poses(path), None
+            return CheckedPoses(import_poses(path))
         progress("reading the recording")
         recording = read_with_causes(path)
         progress("aligning the logs")
-        return recording, aligned(recording, path)
+        return CheckedRecording(recording, aligned(recording, path))
 
 
 @command(commands)

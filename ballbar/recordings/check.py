@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,53 +41,66 @@ def holds_poses(path: Path) -> bool:
     return poses
 
 
-def check_lines(
-    read: Recording | PoseImport, alignment: CoarseAlignment | None = None
-) -> list[str]:
-    """Lines of text: files, repairs and warnings; logs and clocks, or poses and axis ranges."""
-    lines = report_lines(read.report)
-    if isinstance(read, PoseImport):
-        return [*lines, *_pose_lines(read)]
-    lines += ["LOGS", *(f"  {line}" for line in _log_lines(read))]
-    if alignment is not None:
-        offset = f"{alignment.offset_s:+.2f} s over {alignment.overlap_s:.0f} s of overlap"
-        if alignment.runner_up_offset_s is not None:
-            share = alignment.runner_up_score / alignment.score
-            second = f"{alignment.runner_up_offset_s:+.2f} s with {share:.0%} of the score"
-            offset += f"; next best {second}"
-        lines += ["CLOCKS", f"  coarse clock offset: {offset}"]
-    return lines
+@dataclass(frozen=True, eq=False)
+class CheckedRecording:
+    """A recording, and the coarse offset of its clocks where it has two."""
+
+    read: Recording
+    alignment: CoarseAlignment | None = None
+
+    def lines(self) -> list[str]:
+        """Lines of text: files, repairs and warnings; logs and clocks."""
+        lines = [*report_lines(self.read.report), "LOGS"]
+        lines += (f"  {line}" for line in _log_lines(self.read))
+        if (alignment := self.alignment) is not None:
+            offset = f"{alignment.offset_s:+.2f} s over {alignment.overlap_s:.0f} s of overlap"
+            if alignment.runner_up_offset_s is not None:
+                share = alignment.runner_up_score / alignment.score
+                second = f"{alignment.runner_up_offset_s:+.2f} s with {share:.0%} of the score"
+                offset += f"; next best {second}"
+            lines += ["CLOCKS", f"  coarse clock offset: {offset}"]
+        return lines
+
+    def data(self) -> dict[str, Any]:
+        """The import report, logs and coarse clock offset as plain data for JSON."""
+        data = self.read.report.to_dict()
+        data["logs"] = {
+            name: {
+                "rows": int(t.size),
+                "duration_s": float(t[-1]),
+                "median_period_s": float(np.median(np.diff(t))),
+                "segments": len(starts) + 1,
+                "rests_s": [[round(float(t[i]), 6) for i in dwell] for dwell in dwells],
+            }
+            for name, t, starts, dwells in _logs(self.read)
+        }
+        if self.alignment is not None:
+            data["coarse_clock"] = {
+                "offset_s": self.alignment.offset_s,
+                "overlap_s": self.alignment.overlap_s,
+                "runner_up_offset_s": self.alignment.runner_up_offset_s,
+            }
+        return data
 
 
-def check_data(
-    read: Recording | PoseImport, alignment: CoarseAlignment | None = None
-) -> dict[str, Any]:
-    """The import report with what was read and the coarse clock offset, as plain data for JSON."""
-    data = read.report.to_dict()
-    if isinstance(read, PoseImport):
-        return data | {"poses": _pose_data(read)}
-    data["logs"] = {
-        name: {
-            "rows": int(t.size),
-            "duration_s": float(t[-1]),
-            "median_period_s": float(np.median(np.diff(t))),
-            "segments": len(starts) + 1,
-            "rests_s": [[round(float(t[i]), 6) for i in dwell] for dwell in dwells],
-        }
-        for name, t, starts, dwells in _logs(read)
-    }
-    if alignment is not None:
-        data["coarse_clock"] = {
-            "offset_s": alignment.offset_s,
-            "overlap_s": alignment.overlap_s,
-            "runner_up_offset_s": alignment.runner_up_offset_s,
-        }
-    return data
+@dataclass(frozen=True, eq=False)
+class CheckedPoses:
+    """Still poses."""
+
+    read: PoseImport
+
+    def lines(self) -> list[str]:
+        """Lines of text: files, repairs and warnings; poses and axis ranges."""
+        return [*report_lines(self.read.report), *_pose_lines(self.read)]
+
+    def data(self) -> dict[str, Any]:
+        """The import report, groups, known distances and axis ranges as plain data for JSON."""
+        return self.read.report.to_dict() | {"poses": _pose_data(self.read)}
 
 
 def import_reports(recordings: Mapping[str, Recording]) -> str:
     """The import reports of recordings by name, as JSON text of schema `ballbar-import/1`."""
-    reports = {name: check_data(recording) for name, recording in recordings.items()}
+    reports = {name: CheckedRecording(recording).data() for name, recording in recordings.items()}
     data = {"schema": "ballbar-import/1", "recordings": reports}
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
@@ -139,7 +153,7 @@ def _log_lines(recording: Recording) -> list[str]:
         elif name not in ("force", "length", "tracker"):
             line += "; no dwell"
         lines.append(line)
-    if bar is None and recording.length_log is None:
+    if bar is None and recording.length_log is None and not recording.description.followed:
         lines.append("no encoders: the ball-bar's length is the only measurement")
     return lines
 
@@ -207,7 +221,7 @@ def _pose_data(read: PoseImport) -> dict[str, Any]:
     axes = joints_to_axes(table.robot, table.q)
     return {
         "robot": table.robot.name,
-        "instrument": read.description.instrument,
+        "instrument": read.description.instrument or "",
         "poses": table.size,
         "seats": list(table.seats),
         "targets": list(table.targets),

@@ -23,7 +23,7 @@ from ballbar.report.parameters import (
     parameters_at_prior,
 )
 from ballbar.report.recording import overview
-from ballbar.report.section import MACHINE, Section, section
+from ballbar.report.section import MACHINE, Section, machine_row, section
 from ballbar.result.compare import z_rms
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM
@@ -65,49 +65,63 @@ _KINDS = {
 }
 
 
+def held_out_section(run: RunData) -> list[Section]:
+    """How the held-out recordings are explained."""
+    outcomes = [validation.outcome for validation in run.validations]
+    links = {"held-out": "Held-out"}
+    return (
+        [section("held_out.html", links, machine_row(run), held_out=outcomes)] if outcomes else []
+    )
+
+
 def machine_section(run: RunData) -> Section:
-    """Held-out recordings, parameters, corrections, fit, and an overview of the recordings."""
-    robot, moving = run.identification.robot, bool(run.recordings)
-    # parameters of still poses differ from the true ones by what their gauge holds too
-    comparison = run.comparison if moving else None
+    """Parameters and corrections of the robot."""
+    robot, comparison = run.identification.robot, run.comparison
+    if comparison is not None and not comparison.deviations:
+        comparison = None  # of still poses: their gauge, too, parts them from the true ones
     covariance, corrections = robot.covariance, correction_tables(robot)
     groups = correlated_groups(covariance.values, covariance.names)
-    links = {
-        "held-out": "Held-out" if run.validations else "",
-        "parameters": "Parameters",
-        "corrections": "Corrections" if corrections else "",
-        "fit": "Fit" if moving else "",
-        "recordings": "Recordings" if run.several else "",
-    }
     return section(
         "machine.html",
-        links,
-        MACHINE if moving else "",
+        {"parameters": "Parameters", "corrections": "Corrections" if corrections else ""},
+        machine_row(run),
         result=run.identification,
-        moving=moving,
         against_truth=comparison is not None,
         several=run.several,
-        held_out=[validation.outcome for validation in run.validations],
         groups=parameter_groups(robot, comparison),
         z_rms=z_rms(run.identification, comparison) if comparison else None,
         left_at_nominal=left_at_nominal(robot),
-        not_requested=not_requested(robot) if moving else [],
+        not_requested=not_requested(robot),
         correlated=[", ".join(names) for names in groups],
         correlations=correlation_map(covariance, groups),
         corrections=corrections,
         weights=any(c.name == "unit_weights" for c in robot.corrections),
         at_prior=parameters_at_prior(robot),
         coefficients_at_prior=[(c.name, coefficient_text(c)) for c in coefficients_at_prior(robot)],
-        overviews={fitted.name: overview(fitted) for fitted in run.recordings},
     )
+
+
+def fit_section(run: RunData) -> list[Section]:
+    """The fit, and an overview of the recordings."""
+    if not run.recordings:
+        return []
+    return [
+        section(
+            "fit.html",
+            {"fit": "Fit", "recordings": "Recordings" if run.several else ""},
+            machine_row(run),
+            result=run.identification,
+            several=run.several,
+            corrections=bool(run.identification.robot.corrections),
+            overviews={fitted.name: overview(fitted) for fitted in run.recordings},
+        )
+    ]
 
 
 def held_out_imports(run: RunData) -> list[Section]:
     """How the held-out recordings were read."""
-    if not run.recordings or not run.validations:
-        return []
     imports = [(v.outcome.name, v.recording.report) for v in run.validations]
-    return [section("held_out_imports.html", {}, MACHINE, imports=imports)]
+    return [section("held_out_imports.html", {}, MACHINE, imports=imports)] if imports else []
 
 
 @dataclass(frozen=True)

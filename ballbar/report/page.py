@@ -16,13 +16,15 @@ from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from ballbar.report.machine import (
     advised_steps,
     diagnosis_section,
+    fit_section,
     held_out_imports,
+    held_out_section,
     machine_section,
 )
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
 from ballbar.report.provenance import provenance_section
 from ballbar.report.recording import recording_sections
-from ballbar.report.section import MACHINE, Section, section, template
+from ballbar.report.section import Section, machine_row, section, template
 from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
 from ballbar.result.run_data import RunData
@@ -47,7 +49,9 @@ def render_report(run: RunData, *, command: str, written: datetime) -> str:
         *error_section(run),
         tcp_section(run, view),
         *diagnosis_section(run, steps),
+        *held_out_section(run),
         machine_section(run),
+        *fit_section(run),
         *joint_error_section(run),
         *place_sections(run),
         *recording_sections(run),
@@ -67,9 +71,8 @@ def _limits(run: RunData, scale: float) -> Section:
     return section(
         "limits.html",
         {"limits": "How to read"},
-        MACHINE if run.recordings else "",
+        machine_row(run),
         result=run.identification,
-        moving=bool(run.recordings),
         against_truth=run.comparison is not None,
         scale=scale,
     )

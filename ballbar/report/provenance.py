@@ -16,7 +16,6 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from acquisition.recording import Recording
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.run_data import RunData
-from cell.pose_file import pose_file_path
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "jinja2")
 _SIMULATOR = "mujoco-core"
@@ -58,10 +57,9 @@ def _inputs(data: RunData) -> list[InputFile]:
         for file in input_files(recording, folder):
             several = len(data.read) > 1
             files.append(replace(file, name=f"{name}/{file.name}") if several else file)
-    tables = [(name, folder) for name, folder, _ in data.tables]
-    tables += [(outcome.name, folder) for folder, _, outcome in data.held_out_tables]
-    for name, folder in tables:
-        path = pose_file_path(folder)
+    tables = [(name, content.file) for name, _, content in data.tables]
+    tables += [(outcome.name, content.file) for _, content, outcome in data.held_out_tables]
+    for name, path in tables:
         file = hashed(path.parent, path.name)
         files.append(replace(file, name=f"{name}/{file.name}"))
     return files

@@ -14,6 +14,7 @@ from markupsafe import Markup, escape
 
 from ballbar.report.numbers import capitalised, significant
 from ballbar.report.recording_figures import norms_over_time
+from ballbar.result.run_data import RunData
 from cell.foreign_text import markdown
 
 MACHINE = "Machine"  # row of the navigation
@@ -32,6 +33,11 @@ def section(template_name: str, links: dict[str, str], row: str = "", **content:
     """The section of a template; links : words by anchor, empty ones left out."""
     html = Markup(template(template_name).render(**content))
     return Section(html, tuple((k, v) for k, v in links.items() if v), row)
+
+
+def machine_row(run: RunData) -> str:
+    """Row of what recordings have in common; a page of still poses has a single row."""
+    return MACHINE if run.recordings else ""
 
 
 def template(name: str) -> Template:

@@ -103,7 +103,7 @@ def _heading(run: RunData) -> str:
 
 def _table_subtitle(table: PoseTable) -> str:
     kinds = listed(sorted({group.kind.noun for group in table.groups}))
-    return f"{table.robot.title}; {table.size} still poses, {kinds}."
+    return f"{table.robot.title}; {table.size} {table.what}, {kinds}."
 
 
 def _in_short(tcp: TcpView, result: Identification) -> str:

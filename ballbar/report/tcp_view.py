@@ -11,7 +11,7 @@ from ballbar.figure_style import AFTER, BEFORE
 from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import significant
-from ballbar.report.section import MACHINE, Section, section
+from ballbar.report.section import Section, machine_row, section
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
@@ -74,7 +74,7 @@ def tcp_section(run: RunData, view: TcpView) -> Section:
     return section(
         "tcp.html",
         {"tcp": "TCP error"},
-        MACHINE if run.recordings else "",
+        machine_row(run),
         heading=f"TCP error over the {'workspace' if run.recordings else 'fitted ranges'}",
         intro=_intro(run, view),
         against_truth=view.against_truth,

@@ -46,7 +46,7 @@ def marks_of(model: type[BaseModel]) -> Iterator[tuple[str, Of]]:
 
 
 class ClockEntry(Strict):
-    """t_robot = offset_s + (1 + skew) * t_ballbar."""
+    """t_robot = offset_s + (1 + skew) * t_instrument; the offset holds a constant latency."""
 
     offset_s: float
     offset_sigma_s: float
@@ -152,6 +152,7 @@ class GroupEntry(Strict):
     target: str
     poses: int
     position_rms_m: float  # distance of measurement and model
+    clock: ClockEntry | None = None  # of an instrument that followed a moving robot
 
 
 class OrderEntry(Strict):

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition.pose_tables import PoseImport, import_poses
+from acquisition.pose_tables import PoseImport
 from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
-from ballbar.recordings.check import holds_poses
+from ballbar.recordings.followed import gives_poses, poses_of
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
 from ballbar.result.run_data import FittedRecording, RunData, Validation
@@ -50,13 +50,13 @@ def identify_files(
     Raises as `identify_recordings`, and InputError for logs that are to be tried on still poses,
     and for an option that is not of what is fitted.
     """
-    if logs := [path for path in paths if not holds_poses(path)]:
+    if logs := [path for path in paths if not gives_poses(path)]:
         if joint_errors != "auto":
             what = "is a recording, and joint errors are chosen for still poses alone."
             raise InputError.at(logs[0], what, "Leave --joint-errors out.")
         return identify_recordings(paths, validate, settings=settings, listener=listener)
     if stated := settings.stated:
-        what = f"holds still poses, and these settings are of recordings: {', '.join(stated)}."
+        what = f"gives poses, and these settings are of a ball-bar's logs: {', '.join(stated)}."
         raise InputError.at(paths[0], what, "Leave them out.")
     options = FitOptions(joint_errors="none" if joint_errors == "none" else "auto")
     if joint_errors not in ("auto", "none"):
@@ -76,13 +76,13 @@ def identify_recordings(
     Raises InputError for bad files, for recordings that do not belong together and for settings
     that contradict them; StartError when the logs of a recording do not fit together.
     """
-    if still := [folder for folder in validate if holds_poses(folder)]:
+    if still := [folder for folder in validate if gives_poses(folder)]:
         raise InputError(
             f"{still[0]}: is a table of still poses. A robot that was identified from recordings "
             "is tried on recordings; name the table among those that are fitted."
         )
     called = dict(zip([*folders, *validate], distinct_names([*folders, *validate]), strict=True))
-    tables = [folder for folder in folders if holds_poses(folder)]
+    tables = [folder for folder in folders if gives_poses(folder)]
     folders = [folder for folder in folders if folder not in tables]
     inputs = [*folders, *validate]
     names = [called[folder] for folder in inputs]
@@ -128,7 +128,7 @@ def _identify_poses(
     folders: Sequence[Path], validate: Sequence[Path], options: FitOptions, listener: Listener
 ) -> RunData:
     inputs = [*folders, *validate]
-    if logs := [folder for folder in inputs if not holds_poses(folder)]:
+    if logs := [folder for folder in inputs if not gives_poses(folder)]:
         raise InputError(
             f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
             "is tried on still poses; name the recording among those that are fitted."
@@ -159,7 +159,7 @@ def read_tables(
 
     Raises InputError for bad files, and where they are of unlike robots.
     """
-    read = [import_poses(folder) for folder in folders]
+    read = [poses_of(folder) for folder in folders]
     for folder, content in zip(folders, read, strict=True):
         first = read[0].table.robot
         if content.table.robot.title != first.title:

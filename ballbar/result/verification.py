@@ -10,15 +10,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from acquisition.pose_tables import import_poses
 from acquisition.report import ImportReport, finding_line
-from ballbar.recordings.check import holds_poses
+from ballbar.recordings.followed import description_of, gives_poses, poses_of
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
 from cell.errors import InputError
-from cell.pose_file import load_poses_file, pose_file_path
 from ident.machine_at_rest import arm_at_rest, table_at_rest
 from ident.options import SILENT, Listener
 from ident.start.automatic import StartError
@@ -45,7 +43,7 @@ def verify_folder(
     """
     calibration = Calibration.load(result)
     try:
-        if holds_poses(folder):
+        if gives_poses(folder):
             outcome, remarks = _verify_poses(calibration, folder)
         else:
             outcome, remarks = _verify_recording(calibration, folder, listener)
@@ -57,9 +55,9 @@ def verify_folder(
 
 def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification, tuple[str, ...]]:
     """The still poses of a folder; a machine that recordings identified is held at rest."""
-    path = pose_file_path(folder)
-    _check_same(calibration, path.parent, {"robot": load_poses_file(path).robot})
-    read = import_poses(path)
+    file, description = description_of(folder)
+    _check_same(calibration, file.parent, {"robot": description.robot})
+    read = poses_of(folder)
     table, targets = read.table, calibration.targets
     if calibration.of_logs:
         machine = calibration.machine(calibration.cell())

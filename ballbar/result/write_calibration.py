@@ -41,9 +41,9 @@ from ballbar.result.recording_entries import (
 )
 from ballbar.result.run_data import FittedRecording, RunData
 from cell.arrays import Array
+from cell.clock import Clock
 from cell.errors import InputError
 from cell.files import copied_description, write_yaml
-from cell.pose_file import pose_file_path
 from cell.rotation import rotvec_from_matrix
 from cell.schema import Strict
 from cell.statistics import rms
@@ -117,7 +117,7 @@ def _of_still_poses(data: RunData) -> dict[str, Any]:
     assert poses is not None, "without recordings there are still poses"
     return {
         "robot": description.robot,
-        "instrument": description.instrument,
+        "instrument": description.instrument or "",
         "parameters": _parameters([p.name for p in arm_parameters(robot.robot)], robot),
         "orders": tuple(
             _entry(
@@ -217,17 +217,31 @@ def _placements(estimates: dict[str, PlacementEstimate]) -> dict[str, PlacementE
 
 
 def _groups(poses: TableEstimate) -> list[GroupEntry]:
+    clocks = {
+        name: _clock(clock, (float(sigma[0]), float(sigma[1])))
+        for name, (clock, sigma) in poses.clocks.items()
+    }
     return [
         _entry(
-            GroupEntry, group, poses=group.size, position_rms_m=float(np.sqrt((error**2).mean()))
+            GroupEntry,
+            group,
+            poses=group.size,
+            position_rms_m=float(np.sqrt((error**2).mean())),
+            clock=None if group.motion is None else clocks[group.motion.name],
         )
         for group, error in zip(poses.table.groups, poses.errors, strict=True)
     ]
 
 
+def _clock(clock: Clock | None, sigma: tuple[float, float]) -> ClockEntry | None:
+    if clock is None:
+        return None
+    return _entry(ClockEntry, clock, offset_sigma_s=sigma[0], skew_sigma=sigma[1])
+
+
 def _recording(fitted: FittedRecording) -> RecordingEntry:
     estimate = fitted.estimate
-    clock, after = estimate.clock, estimate.after
+    after = estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
     names_of_recording = [
         name for name in estimate.geometry.table.names if belongs_to_recording(name)
@@ -238,14 +252,7 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
         RecordingEntry,
         estimate,
         encoder_directions=dict(zip(names, directions, strict=True)),
-        clock=None
-        if clock is None
-        else _entry(
-            ClockEntry,
-            clock,
-            offset_sigma_s=estimate.clock_sigma[0],
-            skew_sigma=estimate.clock_sigma[1],
-        ),
+        clock=_clock(estimate.clock, estimate.clock_sigma),
         parameters=_parameters(names_of_recording, estimate),
         noise=NoiseEntry.model_construct(
             joint_rad=tuple(estimate.noise.joint.tolist()),
@@ -275,7 +282,7 @@ def write_calibration(path: Path, run: RunData) -> None:
     if run.recordings:
         recorded, described = run.recordings[0].folder, ["robot", "instrument", "plate"]
     else:
-        recorded = pose_file_path(run.tables[0][1]).parent
+        recorded = run.tables[0][2].file.parent
     copied = {
         key: copied_description(path.parent, key, recorded / name)
         for key in described

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import singledispatch
 from pathlib import Path
 
 import numpy as np
@@ -38,16 +39,18 @@ def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
     Raises InputError where the truth is of something else than the result, or has not its target,
     and where its file fails.
     """
-    truth = load_truth(truth_file)
-    if isinstance(truth, PoseTruth) and not model.of_logs:
-        return _poses_against_truth(model, truth)
-    if isinstance(truth, PoseTruth) or not model.of_logs:
-        of_logs, still = "recordings", "still poses"
-        of_result, of_truth = (of_logs, still) if model.of_logs else (still, of_logs)
-        raise InputError(
-            f"{truth_file}: is the truth of {of_truth}, and {model.path} is of {of_result}. Name "
-            "the truth file of what the result was identified from."
-        )
+    return _of_result(load_truth(truth_file), model, truth_file)
+
+
+@singledispatch
+def _of_result(truth: Truth | PoseTruth, model: Calibration, file: Path) -> Comparison:
+    raise NotImplementedError(truth, model, file)
+
+
+@_of_result.register
+def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
+    if not model.of_logs:
+        raise _other_truth(file, "recordings", model, "still poses")
     clock = model.file.logs[0].clock
     return compare_with_truth(
         model.identified_robot(),
@@ -55,6 +58,30 @@ def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
         truth,
         model.file.identified,
         (clock.offset_s, clock.skew) if clock else None,
+    )
+
+
+@_of_result.register
+def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
+    if model.of_logs:
+        raise _other_truth(file, "still poses", model, "recordings")
+    name = next(iter(model.targets))
+    if name not in truth.targets:
+        raise InputError(
+            f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
+            "truth file of this table."
+        )
+    robot = model.identified_robot(name)
+    q = poses_within(robot.lower, robot.upper)
+    actual = truth.arm(robot.robot).target(q, truth.targets[name].position)
+    compared = target_comparison(model, robot, q, actual, _true_values(truth, robot.robot))
+    return replace(compared, target=name, predicted=(model.cross_validated,))
+
+
+def _other_truth(file: Path, of_truth: str, model: Calibration, of_result: str) -> InputError:
+    return InputError(
+        f"{file}: is the truth of {of_truth}, and {model.path} is of {of_result}. Name the truth "
+        "file of what the result was identified from."
     )
 
 
@@ -79,9 +106,24 @@ def identification_against_truth(
     result: Identification, truth: Truth | PoseTruth, recording: int = 0
 ) -> Comparison:
     """The result against the truth that its poses, or one of its recordings, are simulated from."""
-    if isinstance(truth, PoseTruth):
-        assert result.poses is not None, "tables of still poses were identified"
-        return poses_against_truth(result.poses, truth)
+    return _of_identification(truth, result, recording)
+
+
+@singledispatch
+def _of_identification(
+    truth: Truth | PoseTruth, result: Identification, recording: int
+) -> Comparison:
+    raise NotImplementedError(truth, result, recording)
+
+
+@_of_identification.register
+def _(truth: PoseTruth, result: Identification, _: int) -> Comparison:
+    assert result.poses is not None, "tables of still poses were identified"
+    return poses_against_truth(result.poses, truth)
+
+
+@_of_identification.register
+def _(truth: Truth, result: Identification, recording: int) -> Comparison:
     estimate = result.recordings[recording]
     clock = (estimate.clock.offset, estimate.clock.skew) if estimate.clock else None
     model = replace(result.robot.identified, geometry=estimate.geometry)
@@ -114,20 +156,6 @@ def reference_of(truth: Truth) -> Geometry:
         if truth.directions.get(f"b{joint}") == -1:
             geometry = mirrored(geometry, joint)
     return geometry
-
-
-def _poses_against_truth(result: Calibration, truth: PoseTruth) -> Comparison:
-    name = next(iter(result.targets))
-    if name not in truth.targets:
-        raise InputError(
-            f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
-            "truth file of this table."
-        )
-    model = result.identified_robot(name)
-    q = poses_within(model.lower, model.upper)
-    actual = truth.arm(model.robot).target(q, truth.targets[name].position)
-    compared = target_comparison(result, model, q, actual, _true_values(truth, model.robot))
-    return replace(compared, target=name, predicted=(result.cross_validated,))
 
 
 def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:

@@ -48,16 +48,13 @@ def _counted_or_measured(value: float) -> str:
 
 def plant_limits(truth: Truth | PoseTruth, accept: AcceptSettings) -> tuple[Limit, ...]:
     """The limits of what was simulated: they need no identification. Still poses have none."""
-    if isinstance(truth, PoseTruth):
-        return ()
-    force = max(-truth.rod_force.min_N, truth.rod_force.max_N)
-    measured: Measured = {
-        "loop_closure_um": (
-            "loop closure of the plant, largest",
-            truth.closure.position_m * UM,
-            "um",
-        ),
-        "rod_force_N": ("force in the rod, largest", force, "N"),
+    measured = {
+        key: (what, truth.plant_sizes[key] * scale, unit)
+        for key, what, scale, unit in (
+            ("loop_closure_um", "loop closure of the plant, largest", UM, "um"),
+            ("rod_force_N", "force in the rod, largest", 1.0, "N"),
+        )
+        if key in truth.plant_sizes
     }
     return _stated(measured, accept)
 

@@ -9,6 +9,7 @@ import time
 from multiprocessing import get_context
 from pathlib import Path
 
+from acquisition.recording import require_folder
 from ballbar.watch.show import Show
 from ballbar.watch.state import WatchState
 from ballbar.watch.watch import Watch
@@ -30,7 +31,10 @@ def watch(
     """Watches a recording until `stop` is set, or its duration [s] is over; gives the last state.
 
     accuracy : [m] TCP error (rms) that is asked for.
+
+    Raises DescriptionError for a folder that is not there.
     """
+    require_folder(folder)
     # a process for the fits that take long, which yields to recorder and alarms; terminated at the
     # end, since the result of an unfinished fit is of no use
     with one_thread_each(), get_context("spawn").Pool(1, _yields_to_others) as pool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Sequence
 from functools import cache
 from typing import cast
 
@@ -14,10 +15,29 @@ _NO_KINDS = {"base"}  # modules of this folder
 
 @cache
 def kinds() -> dict[str, Kind]:
-    """Every kind of instrument by its name."""
+    """Every kind of instrument by its name.
+
+    Raises ValueError for a chain that two of them have, for a chain tells the kind.
+    """
     modules = sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name not in _NO_KINDS)
-    every_kind = (importlib.import_module(f"{__name__}.{name}").KIND for name in modules)
-    return {kind.name: cast(Kind, kind) for kind in every_kind}
+    every_kind = [
+        cast(Kind, importlib.import_module(f"{__name__}.{name}").KIND) for name in modules
+    ]
+    refuse_shared_chains(every_kind)
+    return {kind.name: kind for kind in every_kind}
+
+
+def refuse_shared_chains(every_kind: Sequence[Kind]) -> None:
+    """Raises ValueError for a chain of two kinds, or of one that turns without a sensed ball."""
+    owners: dict[tuple[str, ...], Kind] = {}
+    for kind in every_kind:
+        for chain in kind.chains:
+            if (owner := owners.setdefault(chain, kind)) is not kind:
+                what = f"chain {' '.join(chain)} is that of {owner.name} and of {kind.name}"
+                raise ValueError(f"{what}; take it out of one of them")
+            if kind.target_turns and chain[-1] != "ball*":
+                what = f"kind {kind.name} measures turns, and its chain ends in {chain[-1]}"
+                raise ValueError(f"{what}; let it end in ball*, whose sigma_rad is that of turns")
 
 
 def kind_named(name: str) -> Kind:

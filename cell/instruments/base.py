@@ -170,9 +170,11 @@ def seat_axes(seat: Placement, count: int) -> Array:
 
 
 def position_in_seat(stand: TrueStand, noise: Array, instrument: Instrument) -> Array:
-    """(3, N) [m] measured position by a length and two angles; arguments as of `Kind.measure`."""
+    """(3, N) [m] measured position by a length and two angles, or by three lengths; arguments as of
+    `Kind.measure`.
+    """
     sight = stand.rod / stand.distance
-    sideways = instrument.sigma_direction * stand.distance
+    sideways = _across_sigma(stand.distance, instrument)
     first, second = across(sight)
     along = instrument.sigma_length * noise[0]
     return np.asarray(stand.rod + along * sight + sideways * (noise[1] * first + noise[2] * second))
@@ -180,9 +182,19 @@ def position_in_seat(stand: TrueStand, noise: Array, instrument: Instrument) -> 
 
 def position_sigma(values: Array, instrument: Instrument) -> Array:
     """(N, 3) [m] standard deviation of positions (N, 3 or more), equal along the three axes."""
-    sideways = instrument.sigma_direction * np.linalg.norm(values[:, :3], axis=1)
+    sideways = _across_sigma(np.linalg.norm(values[:, :3], axis=1), instrument)
     each = np.sqrt((instrument.sigma_length**2 + 2.0 * sideways**2) / 3.0)
     return np.repeat(each[:, None], 3, axis=1)
+
+
+def _across_sigma(distance: Array, instrument: Instrument) -> Array:
+    """(N,) [m] standard deviation across the line of sight at distances (N,) [m].
+
+    Three sensed slides have no sensed direction: their errors are equal along every axis.
+    """
+    if instrument.sigma_direction == 0.0:
+        return np.full(distance.shape, instrument.sigma_length)
+    return np.asarray(instrument.sigma_direction * distance)
 
 
 def turned(stand: TrueStand, noise: Array, instrument: Instrument) -> Array:

@@ -165,6 +165,7 @@ def _placed(build: _Builder, still: PlacedPoses) -> Placed:
         tuple(dict.fromkeys(getattr(g, kind) for g in groups)) for kind in ("seat", "target")
     )
     last_row, flange = bare_flange(still.table.robot)
+    motions = {g.motion.name: g.motion for g in groups if g.motion is not None}
     return Placed(
         seats={s: placement(f"seat {s}", turns=s in framed) for s in seat_names},
         targets={t: placement(f"target {t}", turns=t in whole) for t in target_names},
@@ -172,6 +173,14 @@ def _placed(build: _Builder, still: PlacedPoses) -> Placed:
         target_starts={name: still.targets[name] for name in target_names},
         last_row=last_row,
         flange=flange,
+        clocks={
+            name: build.block(
+                (f"clock {name}.offset", f"clock {name}.skew"),
+                (motion.clock.offset, motion.clock.skew),
+                CLOCK_PRIOR,
+            )
+            for name, motion in motions.items()
+        },
     )
 
 

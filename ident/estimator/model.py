@@ -31,12 +31,11 @@ from ident.corrections.base import (
 )
 from ident.estimator.closure import Closure, parameter_jacobian
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.observations import Observations, StillPoses
+from ident.estimator.observations import Observations, StillPoses, observed
 from ident.estimator.samples import ArmMotion, Samples
 from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import Whitening, covariance, whitening
-from ident.loads.at_rest import state_at_rest
 from ident.loads.gear_loads import Loads, MassModel, link_masses, loads, no_loads
 
 # A smaller change of the geometry [m, rad] or of the clock [s] moves the loads by less than a
@@ -138,7 +137,7 @@ class Evaluation:
     @cached_property
     def channel_speed(self) -> Array:
         """(J, N) [rad/s] speed of the robot's channels."""
-        speed = self.recording.joint_speed(self.robot_time)
+        speed = self.samples.joint_speed(self.robot_time)
         return (speed @ self.gearing.to_gear).T
 
     @cached_property
@@ -195,7 +194,7 @@ class Model:
         """Everything that was observed."""
         groups = () if self.table is None else self.table.groups
         noise = np.broadcast_to(self.angle_noise, len(self.gearing.to_joint))
-        return (*self.recordings, *(StillPoses(group, noise) for group in groups))
+        return (*self.recordings, *(observed(group, noise) for group in groups))
 
     @property
     def poses(self) -> PoseTable:
@@ -217,20 +216,15 @@ class Model:
 
     @cached_property
     def resting(self) -> dict[int, tuple[State, Regressors]]:
-        """State and regressors of every part at rest.
+        """State and regressors of every part without ball-bar.
 
         By the nominal robot at the angles as given: what the fit changes would not be seen.
         """
-        out = {}
+        out, gears = {}, self.gearing
         for k, part in enumerate(self.parts):
             if isinstance(part, StillPoses):
-                q = part.joint_angles(np.zeros(0))
-                state = state_at_rest(
-                    self.masses,
-                    self.unknowns.fixed,
-                    q,
-                    self.gearing.to_gear,
-                    self.gearing.transition,
+                state = part.state(
+                    self.masses, self.unknowns.fixed, gears.to_gear, gears.transition
                 )
                 out[k] = state, self._regressors(state, None)
         return out
@@ -238,10 +232,6 @@ class Model:
     def at_rest(self, x: Array) -> tuple[Evaluation, ...]:
         """Every group of still poses at the unknowns x (P,), where there is nothing else."""
         return tuple(self.evaluate(x, k, np.zeros((0, 0))) for k in range(len(self.parts)))
-
-    def robot_times(self, x: Array, k: int) -> Array:
-        """(N,) [s] on the robot's clock of the samples of recording k, clock steps included."""
-        return self.parts[k].mechanism(self.unknowns, x, k)[2]
 
     def tension(self, x: Array, k: int) -> Array:
         """(N,) [N] of the rod at the samples of recording k: measured times gain, plus spline."""

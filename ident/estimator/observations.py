@@ -1,12 +1,15 @@
 """Observations as the fit takes them: samples of a recording, or still poses.
 
 A still pose is a sample whose speed is zero, whose clock is absent and whose joint noise is the
-rounding of its angles. A recording (ident.estimator.samples) answers to the same methods.
+rounding of its angles. Poses that an instrument followed have the angles, speed and noise of the
+robot's log at the instants of its rows, and a clock. A recording of a ball-bar
+(ident.estimator.samples) answers to the same methods.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,13 +20,15 @@ from cell.chain import forward
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, Geometry
 from cell.placement import target_frames
-from cell.poses import PoseGroup
+from cell.poses import JointMotion, PoseGroup
 from cell.robot_angles import by_axis
-from ident.corrections.base import BAR, GEAR
+from ident.corrections.base import BAR, GEAR, State
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.target_closure import TargetClosure, close_on_target
 from ident.estimator.unknowns import Unknowns
+from ident.loads.at_rest import state_at_rest, state_in_motion
+from ident.loads.gear_loads import MassModel
 
 if TYPE_CHECKING:
     from ident.estimator.model import Evaluation
@@ -53,6 +58,17 @@ class StillPoses:
         """(N, J) [rad] as given."""
         del at
         return self.group.q
+
+    def joint_speed(self, at: Array) -> Array:
+        """(N, J) [rad/s] zeros: the robot stands."""
+        del at
+        return np.zeros_like(self.group.q)
+
+    def state(
+        self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
+    ) -> State:
+        """State of the robot for the regressors; arguments as of `state_at_rest`."""
+        return state_at_rest(masses, geometry, self.group.q, to_gear, width)
 
     def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
         """(N, 5) zeros: no ball-bar holds the tool."""
@@ -109,6 +125,70 @@ class StillPoses:
             (seat, weights(closure.seat_columns(x[seat]))),
             (target, weights(closure.target_columns(x[target]))),
         ]
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedPoses(StillPoses):
+    """Poses of a robot that moved while an instrument followed its target, on a clock of its own.
+
+    A constant latency of the instrument is a part of its clock's offset.
+    """
+
+    motion: JointMotion
+    times: Array  # (N,) [s] on the instrument's clock
+    stamp_noise: float  # [s] of the robot's log, at instants as far apart as these
+
+    def mechanism(self, layout: Unknowns, x: Array, k: int) -> tuple[Geometry, Clock, Array]:
+        """The robot up to its bare flange, the clock, and (N,) [s] the robot's time."""
+        del k
+        clock = layout.instrument_clock(x, self.motion.name)
+        return layout.bare(x), clock, self.group.at(clock)
+
+    @cached_property
+    def _beyond(self) -> Array:
+        """(N, J) [rad] angles as given less those of the motion by the clock that they are of."""
+        return np.asarray(self.group.q - self.motion.angles(self.group.at()))
+
+    def joint_angles(self, at: Array) -> Array:
+        """(N, J) [rad] at robot times (N,) [s]."""
+        return self._beyond + self.motion.angles(at)
+
+    def joint_speed(self, at: Array) -> Array:
+        """(N, J) [rad/s] at robot times (N,) [s]."""
+        return self.motion.speed(at)
+
+    def state(
+        self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
+    ) -> State:
+        """State of the robot for the regressors, by the clock from which the fit starts."""
+        return state_in_motion(masses, geometry, self.group, to_gear, width)
+
+    def noise_columns(
+        self, point: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
+    ) -> Array:
+        """(K, 6, N) as of still poses, and of the stamps, which displace all joints at once."""
+        parts = super().noise_columns(point, excess, uncertain)
+        if not self.stamp_noise:
+            return parts
+        return np.concatenate((parts, self.stamp_noise * point.time_column[None]))
+
+    def own_columns(
+        self, layout: Unknowns, x: Array, k: int, point: Evaluation, weights: Whitening
+    ) -> list[tuple[slice, Array]]:
+        """Unknowns of seat, target and clock, and (p, E, N) the weighted change by each."""
+        shift = weights(point.time_column)
+        clock = layout.placed.clocks[self.motion.name]
+        columns = np.stack((shift, shift * self.times))
+        return [*super().own_columns(layout, x, k, point, weights), (clock, columns)]
+
+
+def observed(group: PoseGroup, rounding: Array) -> StillPoses:
+    """A group of poses as the fit takes it; rounding : (J,) [rad] of the angles of still ones."""
+    motion, times = group.motion, group.time
+    if motion is None or times is None:
+        return StillPoses(group, rounding)
+    noise, stamp_noise = motion.noise(float(np.median(np.diff(times))) if group.size > 1 else 0.0)
+    return FollowedPoses(group, noise, motion, times, stamp_noise)
 
 
 def rounding_noise(q: Array) -> Array:

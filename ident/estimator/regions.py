@@ -13,15 +13,26 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cell.arrays import Array
+from cell.poses import PoseTable
 
 SAME_POSE = 5e-4  # [rad] between the angles of a pose that is measured again: servos' jitter
 REGIONS = 8  # 16 take twice the time and are hardly better (docs/real_robots)
 
 
-def pose_regions(q: Array, count: int = REGIONS) -> NDArray[np.intp]:
+def pose_regions(table: PoseTable, count: int = REGIONS) -> NDArray[np.intp]:
     """(N,) as `joint_regions`, all measurements of one still pose in one region."""
-    pose = distinct_poses(q)
-    return joint_regions(q[np.unique(pose, return_index=True)[1]], count)[pose]
+    pose = poses_of(table)
+    return joint_regions(table.q[np.unique(pose, return_index=True)[1]], count)[pose]
+
+
+def poses_of(table: PoseTable) -> NDArray[np.intp]:
+    """(N,) number from 0 of each measurement's pose: each its own where the robot moved."""
+    moving, out = table.moving, np.arange(table.size)
+    if moving.all():
+        return out
+    out[~moving] = distinct_poses(table.q[~moving])
+    out[moving] += table.size
+    return np.unique(out, return_inverse=True)[1]
 
 
 def distinct_poses(q: Array) -> NDArray[np.intp]:

@@ -59,17 +59,31 @@ class Placed:
     target_starts: dict[str, Placement]  # in the flange's frame
     last_row: NDArray[np.intp]  # indices into the table of the robot's last row
     flange: Array  # its values where it ends in the bare flange
+    # offset [s] and skew of instruments that followed a robot, by the name of their recording
+    clocks: dict[str, slice]
 
     def shifted(self, shift: int) -> Placed:
         """The places after `shift` more unknowns."""
-        seats, targets = (
+        seats, targets, clocks = (
             {name: _further(part, shift) for name, part in places.items()}
-            for places in (self.seats, self.targets)
+            for places in (self.seats, self.targets, self.clocks)
         )
-        return replace(self, seats=seats, targets=targets)
+        return replace(self, seats=seats, targets=targets, clocks=clocks)
 
 
-NOWHERE = Placed({}, {}, {}, {}, np.zeros(0, dtype=np.intp), np.zeros(0))
+NOWHERE = Placed(
+    seats={},
+    targets={},
+    seat_starts={},
+    target_starts={},
+    last_row=np.zeros(0, dtype=np.intp),
+    flange=np.zeros(0),
+    clocks={},
+)
+
+
+def _clock(x: Array, part: slice | None) -> Clock:
+    return Clock(0.0, 0.0) if part is None else Clock(*(float(v) for v in x[part]))
 
 
 def _further(part: slice, shift: int) -> slice:
@@ -174,8 +188,11 @@ class Unknowns:
 
     def clock(self, x: Array, k: int) -> Clock:
         """The clock of recording k."""
-        position = self.own[k].clock
-        return Clock(0.0, 0.0) if position is None else Clock(*(float(v) for v in x[position]))
+        return _clock(x, self.own[k].clock)
+
+    def instrument_clock(self, x: Array, name: str) -> Clock:
+        """The clock of the instrument that followed the robot of a recording."""
+        return _clock(x, self.placed.clocks[name])
 
     def with_coefficients(
         self, coefficients: Sequence[Coefficient], x: Array
@@ -236,9 +253,9 @@ class Unknowns:
     def moved(self, x: Array, step: Array) -> Array:
         """(P,) x + step, the clocks kept where the logs' splines say anything."""
         out = x + step
-        for own in self.own:
-            if own.clock is not None:
-                offset, skew = own.clock.start, own.clock.start + 1
+        for clock in (*(own.clock for own in self.own), *self.placed.clocks.values()):
+            if clock is not None:
+                offset, skew = clock.start, clock.start + 1
                 shift = np.clip(step[offset], -MAX_OFFSET_STEP, MAX_OFFSET_STEP)
                 out[offset] = x[offset] + shift
                 out[skew] = np.clip(out[skew], -MAX_SKEW, MAX_SKEW)

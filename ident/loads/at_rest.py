@@ -1,14 +1,16 @@
-"""State of a robot that stands still: its weight, and backlash on the side that it presses to."""
+"""State of a robot without ball-bar: its weight, and backlash on the side that it presses to."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.geometry import BAR_ROWS, Geometry, robot_geometry
+from cell.poses import PoseGroup
 from cell.robot_angles import by_axis
 from ident.corrections.base import Channel, Correction, State, backlash_transition
 from ident.loads.gear_loads import MassModel, link_masses, mass_model, no_loads, own_weight
@@ -70,4 +72,28 @@ def state_at_rest(
         gear_speed=still,
         gear_acceleration=still,
         flanks=backlash_flanks(weight.gear),
+    )
+
+
+def state_in_motion(
+    masses: MassModel | None, geometry: Geometry, group: PoseGroup, to_gear: Array, width: Array
+) -> State:
+    """State of a robot that moved with nothing attached, at the poses of a group.
+
+    Its gears lie on the flanks that their loads choose. to_gear : (J, J), gears = joints @ to_gear.
+    width : (J,) [N m] of the transition between the flanks of the backlash.
+    """
+    motion, at = group.motion, group.at()
+    assert motion is not None  # the caller's condition
+    speed, acceleration = motion.arm(at)
+    state = state_at_rest(None, geometry, group.q, to_gear, width)
+    if masses is not None:
+        carried = own_weight(masses, geometry, group.q, speed, acceleration)
+        state = replace(state, loads=carried)
+    return replace(
+        state,
+        t=at,
+        gear_speed=(motion.speed(at) @ to_gear).T,
+        gear_acceleration=(acceleration @ to_gear).T,
+        flanks=None,
     )

@@ -128,10 +128,21 @@ def no_loads(joints: int, samples: int) -> Loads:
     return Loads(gears, gears, none, none, bearings, bearings)
 
 
-def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Loads:
-    """Loads of the unloaded robot at rest at q (N, J) [rad], without ball-bar."""
+def own_weight(
+    masses: MassModel,
+    geometry: Geometry,
+    q: Array,
+    speed: Array | None = None,
+    acceleration: Array | None = None,
+) -> Loads:
+    """Loads of the unloaded robot at q (N, J) [rad], without ball-bar.
+
+    speed, acceleration : (N, J) [rad/s, rad/s^2]; None of a robot at rest.
+    """
     robot = robot_frames(geometry, q)
-    moments = joint_moments(robot, masses.arm, q, gravity=masses.gravity)
+    moments = joint_moments(
+        robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
+    )
     return replace(
         no_loads(*q.T.shape),
         gear=_about_axes(masses, robot, moments),

@@ -54,13 +54,6 @@ class PositionUncertainty:
         """(N,) [m] standard deviation, all directions together (root of the sum of variances)."""
         return np.asarray(np.sqrt(np.trace(self.covariance, axis1=1, axis2=2)))
 
-    @property
-    def sigma_without_scale(self) -> Array | None:
-        """(N,) [m] standard deviation without scale, all directions together."""
-        if self.covariance_without_scale is None:
-            return None
-        return np.asarray(np.sqrt(np.trace(self.covariance_without_scale, axis1=1, axis2=2)))
-
 
 class StatedUncertainty(Protocol):
     """Uncertainty of an identified robot."""

@@ -11,7 +11,7 @@ targets are refined from there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from cell.geometry import Geometry
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.build_unknowns import bare_flange, still_unknowns
+from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
 from ident.estimator.observations import rounding_noise
 from ident.estimator.robust_fit import fit_robustly
@@ -218,10 +219,32 @@ def _target_rotation(poses: _Poses, seats: dict[str, Placement]) -> Array:
 
 
 def placed_by(geometry: Geometry, table: PoseTable) -> PlacedPoses:
-    """Still poses with seats and targets fitted to a robot that is held, wrong poses left out.
+    """Poses with seats, targets and clocks fitted to a robot that is held, wrong poses left out.
 
     geometry : of the robot, whatever its last row holds. Raises as `start_of_poses`.
     """
+    fit = placed_fit(geometry, table)
+    layout = fit.model.unknowns
+    return PlacedPoses(
+        retimed(fit),
+        seats={name: layout.seat(fit.x, name) for name in layout.seats},
+        targets={name: layout.target(fit.x, name) for name in layout.targets},
+        robust=fit.linear.robust[fit.still],
+    )
+
+
+def retimed(fit: Fit) -> PoseTable:
+    """The table of a fit, poses of a robot that moved by the clocks that were found."""
+    layout, table = fit.model.unknowns, fit.model.poses
+    groups = (
+        g if g.motion is None else g.by(layout.instrument_clock(fit.x, g.motion.name))
+        for g in table.groups
+    )
+    return replace(table, groups=tuple(groups))
+
+
+def placed_fit(geometry: Geometry, table: PoseTable) -> Fit:
+    """The fit of seats, targets and clocks to a robot that is held; arguments of `placed_by`."""
     last, flange = bare_flange(table.robot)
     values = geometry.values.copy()
     values[last] = flange
@@ -234,10 +257,4 @@ def placed_by(geometry: Geometry, table: PoseTable) -> PlacedPoses:
     ]
     error = np.concatenate(errors)
     far = np.flatnonzero(error > _GROSS * np.median(error))
-    fit = fit_robustly(model, layout.mean.copy(), left_out=far)
-    return PlacedPoses(
-        table,
-        seats={name: layout.seat(fit.x, name) for name in layout.seats},
-        targets={name: layout.target(fit.x, name) for name in layout.targets},
-        robust=fit.linear.robust,
-    )
+    return fit_robustly(model, layout.mean.copy(), left_out=far)

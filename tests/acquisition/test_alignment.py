@@ -83,6 +83,20 @@ def test_a_shifted_clock_is_found_to_be_shifted(offset: float, longer: bool) -> 
         assert alignment.score <= alignment.overlap_s
 
 
+def test_an_offset_between_two_steps_of_the_grid_is_found() -> None:
+    """Clocks that differ by parts of a grid step of 0.05 s."""
+    robot, ballbar, _ = logs_with_offset(10.0, skew=0.0, seed=3, longer=True)
+    parts = np.array([0.0, 0.0125, 0.025, 0.0375])
+    found = []
+    for part in parts:
+        begin = int(np.searchsorted(robot.t, 1.0 + part))
+        t = robot.t[begin:]
+        later = coarse_alignment(RobotLog(t - t[0], robot.q[begin:]), ballbar).offset_s
+        found.append(later + t[0])
+    # the nearest steps of the grid would differ by 37 ms; a parabola is no exact shape of a peak
+    assert np.ptp(found) < 12e-3
+
+
 def test_the_second_best_offset_is_another_peak() -> None:
     robot, ballbar, _ = logs_with_offset(10.0, skew=0.0, seed=3, longer=True)
     alignment = coarse_alignment(robot, ballbar)

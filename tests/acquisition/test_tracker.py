@@ -11,8 +11,10 @@ import pytest
 from acquisition.channels import read_channels
 from acquisition.explain import explain_lines
 from acquisition.recording import read_recording
-from ballbar.recordings.check import check_lines
+from ballbar.recordings.check import CheckedRecording
 from cell.errors import DescriptionError, LogError
+from cell.load import load_instrument
+from tests.helpers.followed_robot import FollowedRobot
 from tests.helpers.simulated_recordings import record
 
 ROWS = 2957  # at 50 Hz
@@ -57,12 +59,14 @@ def test_points_are_read_in_metres_with_the_stated_accuracy(folder: Path) -> Non
     assert log is not None
     np.testing.assert_allclose(log.points, rows[:, 1:] * 1e-3, rtol=1e-12)
     np.testing.assert_allclose(log.t, rows[:, 0] - rows[0, 0], atol=1e-9)
-    assert log.accuracy == 9.0e-5
+    assert (log.sigma == 9.0e-5).all()
     assert read_channels(folder, source="tracker")[0].names == ("x", "y", "z")
-    assert "points of an LED in mm (recording.yaml), accuracy 90 um" in "\n".join(
+    assert "points of a target in mm (recording.yaml), accuracy 90 um" in "\n".join(
         explain_lines(folder)
     )
-    assert "  tracker log: 2957 samples over 59.12 s" in "\n".join(check_lines(recording, None))
+    assert "  tracker log: 2957 samples over 59.12 s" in "\n".join(
+        CheckedRecording(recording).lines()
+    )
 
 
 @pytest.mark.parametrize("cells", [",,", "0,0,0", "NaN,NaN,NaN", "0.000, 0.000, 0.000"])
@@ -79,7 +83,7 @@ def test_rows_of_a_hidden_led_are_left_out_and_reported(folder: Path, cells: str
     kept = np.delete(np.loadtxt(lines_of(folder)[4:500], delimiter=","), 0, axis=1) * 1e-3
     np.testing.assert_array_equal(log.points[:496], kept)
     assert np.diff(log.t).max() == pytest.approx(61 * 0.02)
-    (entry,) = (f for f in recording.report.findings if f.kind == "hidden LED")
+    (entry,) = (f for f in recording.report.findings if f.kind == "hidden target")
     assert (entry.severity, entry.count) == ("repaired", len(hidden))
     assert entry.lines[0] == 2
 
@@ -133,4 +137,46 @@ def test_an_led_that_was_never_seen_is_refused(folder: Path) -> None:
 def test_the_log_of_another_device_is_refused(folder: Path) -> None:
     declare(folder, "dialect: tracker-points", "dialect: force-torque")
     with pytest.raises(DescriptionError, match="of the force sensor, not of the optical tracker"):
+        read_recording(folder)
+
+
+def test_a_tracker_alone_has_the_sigma_of_its_instrument_and_a_pose_its_rotation(
+    tmp_path: Path,
+) -> None:
+    made = FollowedRobot(seed=5)
+    for pose in (False, True):
+        folder = made.write(tmp_path / str(pose), seconds=15.0, rate=50.0, pose=pose)
+        log = read_recording(folder).tracker_log
+        assert log is not None
+        name = "tracker_pose" if pose else "tracker_point"
+        np.testing.assert_allclose(log.values, made.measured(log.t, pose=pose), atol=2e-9)
+        np.testing.assert_array_equal(log.sigma, load_instrument(name).sigma(log.values))
+        assert log.measured == name.removeprefix("tracker_")
+    declare(folder, "unit: mm", "unit: mm\n    accuracy_m: 1.0e-4\n    accuracy_rad: 2.0e-3")
+    log = read_recording(folder).tracker_log
+    assert log is not None
+    assert (log.sigma == [1e-4] * 3 + [2e-3] * 3).all()
+
+
+@pytest.mark.parametrize(
+    ("pose", "was", "now", "message"),
+    [
+        (True, "tracker_pose", "tracker_point", "measures a point, and the columns hold a pose"),
+        (False, "tracker_point", "tracker_pose", "measures a pose, and the columns hold a point"),
+        (False, "tracker_point", "qc20w_300", "measures a length, and the columns hold a point"),
+        (True, "rx, ry, rz", "rx, ry", "at least 3"),
+        (True, "form: rotvec", "form: quat_xyzw", "3 columns do not hold a rotation of the form"),
+        (False, "  tracker:", "  force:", "sources.tracker of one that follows a target"),
+    ],
+)
+def test_an_instrument_that_does_not_fit_its_columns_is_refused(
+    tmp_path: Path, pose: bool, was: str, now: str, message: str
+) -> None:
+    folder = FollowedRobot(seed=5).write(tmp_path / "moving", seconds=15.0, rate=50.0, pose=pose)
+    text = (folder / "recording.yaml").read_text()
+    if now == "  force:":
+        text = text.replace("    unit: mm\n", "").replace("tracker-points", "force-torque")
+    (folder / "recording.yaml").write_text(text)
+    declare(folder, was, now)
+    with pytest.raises(DescriptionError, match=message):
         read_recording(folder)

@@ -38,12 +38,8 @@ FOUND = cast(
         verdict=SimpleNamespace(status=Status.SUSPECT),
     ),
 )
-TRUTH = cast(
-    Truth,
-    SimpleNamespace(
-        closure=SimpleNamespace(position_m=8e-8),
-        rod_force=SimpleNamespace(min_N=-110.0, max_N=74.0),
-    ),
+TRUTH = Truth.model_construct(
+    closure=SimpleNamespace(position_m=8e-8), rod_force=SimpleNamespace(min_N=-110.0, max_N=74.0)
 )
 HELD = cast(HeldOut, SimpleNamespace(normalised_innovation=1.1))
 CORRECTED = ("corrected_mean_mm", "corrected_max_mm")  # of rehearsals

@@ -33,6 +33,7 @@ from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.verdict import Status
 from sim.live.device_logs import GrowingRecording
+from tests.helpers.command_line import refusal
 from tests.helpers.simulated_recordings import CLOCK, Recorded
 
 ESTIMATE = Estimate(
@@ -220,6 +221,11 @@ def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_t
     assert first["schema"] == last["schema"] == "ballbar-watch/1"
     assert last["verdict"] == "good"
     assert last["recorded_s"] == pytest.approx(50.0, abs=0.2)
+
+
+def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
+    """Regression: it was waited for, and the exit code was 0."""
+    assert f"{tmp_path / 'mondya'}: no such folder." in refusal("watch", tmp_path / "mondya")
 
 
 def test_scale_and_priors_stay_and_the_part_of_the_data_falls_until_the_end() -> None:

@@ -126,6 +126,7 @@ def test_a_result_of_any_subset_of_parameters_reads_back(
     check(result, read)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(count=st.integers(1, 3), names=st.lists(st.sampled_from(WITHOUT_LOADS), unique=True))
 def test_a_result_of_several_recordings_reads_back(count: int, names: list[str]) -> None:

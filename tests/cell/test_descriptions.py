@@ -535,6 +535,13 @@ def test_sensed_lengths_of_one_chain_share_range_and_noise(tmp_path: Path, key: 
     assert "give each the same" in str(said.value)
 
 
+def test_the_noise_of_a_direction_is_the_larger_of_both_angles(tmp_path: Path) -> None:
+    pair = "instruments/theodolite_pair.yaml"
+    for angle in ("azimuth", "elevation"):
+        path = changed(tmp_path, pair, f"1.0e-5}}  # {angle}", f"3.0e-5}}  # {angle}")
+        assert load_instrument(str(path)).sigma_direction == 3e-5
+
+
 def test_range_and_noise_are_those_of_the_sensed_length_wherever_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

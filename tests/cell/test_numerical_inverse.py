@@ -16,7 +16,7 @@ from cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
 from cell.numerical_inverse import REACHED, dexterity, pose_branches
 from sim.path import Lissajous, branches_along, tool_poses
 
-CLOSED = {"irb120", "irb1600", "irb2400", "irb4600", "irb6640", "nj220"}
+CLOSED = {"irb120", "irb1600", "irb2400", "irb4400", "irb4600", "irb6640", "nj220"}
 
 
 def cell_of(robot: str) -> Cell:

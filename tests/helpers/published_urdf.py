@@ -53,7 +53,8 @@ def _number(text: str) -> float:
 
 AXES = {"x": X, "y": Y, "z": Z, "-x": MINUS_X, "-y": MINUS_Y, "-z": MINUS_Z, "fixed": None}
 ANGLES = {"pi": pi, "pi/2": pi / 2, "-pi/2": -pi / 2}
-# Of UR's files offsets of 2e-11 m are left out; a quarter turn is printed as 1.570796327.
+# Of UR's files offsets of 2e-11 m are left out; a quarter turn is printed as 1.570796327, and as
+# 1.5708 in that of the IRB 4400 (pi/2 here).
 PUBLISHED = {
     "ur5": _published(
         "ros-industrial/universal_robot, ur_description/config/ur5/default_kinematics.yaml, "
@@ -103,6 +104,13 @@ PUBLISHED = {
         "base_link to tool0",
         "0 0 0 z; 0.1 0 0.615 y; 0 0 0.705 y; 0 0 0.135 x; 0.755 0 0 y; 0 0 0 x; "
         "0.085 0 0 fixed 0 pi/2 0",
+    ),
+    "irb4400": _published(
+        "ros-industrial/abb, abb_irb4400_support/urdf/irb4400_macro.xacro, "
+        "9aaf5ada0cf0fc7fc389205dae9ef1fbad0861b9",
+        "base_link to tool0",
+        "0 0 0 z; 0.2 0 0.68 y; 0 0 0.89 y; 0 0 0.15 x; 0.88 0 0 y; 0 0 0 x; "
+        "0.14 0 0 fixed 0 pi/2 0",
     ),
     "irb4600": _published(
         "ros-industrial/abb, abb_irb4600_support/urdf/irb4600_40_255_macro.xacro, "

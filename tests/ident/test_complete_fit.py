@@ -86,6 +86,7 @@ def test_planted_ripple_is_found_in_its_own_coefficient(found: Fit) -> None:
     assert np.mean(others**2) < 2.0
 
 
+@pytest.mark.slow
 def test_useless_corrections_are_left_out_of_the_complete_fit(rippled: RecordingFit) -> None:
     told: list[str] = []
     result = fit_complete(CELL, [rippled], WITHOUT_LOADS, OPTIONS, Listener(told.append))
@@ -233,6 +234,7 @@ def test_a_rod_without_any_signal_has_a_spline_and_no_gain(elastic: RecordingFit
     assert set(model.unknowns.sigma[knots]) == {DEVIATION["none"]}
 
 
+@pytest.mark.slow
 def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
     elastic: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:

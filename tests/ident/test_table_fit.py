@@ -385,6 +385,7 @@ def test_only_what_lies_beyond_the_fitted_range_is_said_to() -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_was_measured_at_one_place_is_good_after_another_place_alone() -> None:
     """Sockets of one site stated 0.19 mm and a good fit where the next site shows 0.55."""
     table = socket_table(true_robot("panda"), count=40)
@@ -444,6 +445,7 @@ def test_the_figure_at_the_poses_and_the_extrapolated_one() -> None:
     assert result.sigma_at_poses.mean() < 0.95 * result.tcp_sigma.mean()
 
 
+@pytest.mark.slow
 def test_a_pose_seen_from_three_seats_is_not_measured_repeatedly() -> None:
     lengths = table_of(true_robot("ur5"), "length", count=120)
     again = replace(lengths, groups=lengths.groups[:1] * 2)

@@ -47,6 +47,10 @@ def log_of(recording: Recording) -> TrackerLog:
     return recording.tracker_log
 
 
+def log_with(t: Array, points: Array, accuracy: float) -> TrackerLog:
+    return TrackerLog(t, points, np.full(points.shape, accuracy))
+
+
 def check_of(result: Identification) -> TrackerCheck:
     (estimate,) = result.recordings
     assert estimate.tracker is not None
@@ -120,7 +124,7 @@ def log_of_another_robot(tracked: Recorded, **off: float) -> TrackerLog:
     """Points of a tracker that follows a robot whose parameters are off by so much [m, rad]."""
     true = tracked.simulation.motion.geometry
     geometry = true.replaced({name: true[name] + value for name, value in off.items()})
-    return TrackerLog(*rows_of(tracked, geometry=geometry), NOISE)
+    return log_with(*rows_of(tracked, geometry=geometry), NOISE)
 
 
 def rows_of(tracked: Recorded, *, geometry: Geometry, noise: float = NOISE) -> tuple[Array, Array]:
@@ -177,9 +181,7 @@ def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
     seen = np.ones(log.t.size, dtype=bool)
     for start in rng.uniform(0.0, 59.0, 12):
         seen &= (log.t < start) | (log.t > start + 1.5)
-    check = check_of(
-        identified(tracked, recording, TrackerLog(log.t[seen], log.points[seen], NOISE))
-    )
+    check = check_of(identified(tracked, recording, log_with(log.t[seen], log.points[seen], NOISE)))
     assert check.t.size == pytest.approx(685 * seen.mean(), rel=0.1)
     assert check.noise == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.05)
     assert check.identified.rms == pytest.approx(check.noise, rel=0.05)
@@ -194,11 +196,11 @@ def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
     truth = rows_of(tracked, geometry=tracked.simulation.motion.geometry, noise=0.0)[1]
     slow = lfilter([np.sqrt(1.0 - 0.98**2)], [1.0, -0.98], rng.standard_normal(log.points.shape), 0)
     points = truth + 8.5e-5 * slow + 2e-5 * rng.standard_normal(log.points.shape)
-    slowly = identified(tracked, recording, TrackerLog(log.t, points, NOISE))
+    slowly = identified(tracked, recording, log_with(log.t, points, NOISE))
     check = check_of(slowly)
     assert check.noise < 0.5 * check.identified.rms
     assert check.acceptable
-    tighter = identified(tracked, recording, TrackerLog(log.t, points, 2e-5))
+    tighter = identified(tracked, recording, log_with(log.t, points, 2e-5))
     assert not check_of(tighter).acceptable  # stated to be as good as its noise looks
 
 
@@ -208,7 +210,7 @@ def test_another_motion_and_a_left_handed_frame_are_contradictions(
 ) -> None:
     log = log_of(recording)
     for points in (log.points[::-1], log.points * [1, 1, -1]):
-        other = identified(tracked, recording, TrackerLog(log.t, points, NOISE))
+        other = identified(tracked, recording, log_with(log.t, points, NOISE))
         assert not check_of(other).acceptable
         assert other.verdict.status is Status.SUSPECT
 
@@ -218,7 +220,7 @@ def test_a_log_that_is_too_short_validates_nothing_and_says_so(
 ) -> None:
     log = log_of(recording)
     short = identified(
-        tracked, recording, TrackerLog(log.t[: 10 * LEAST], log.points[: 10 * LEAST], NOISE)
+        tracked, recording, log_with(log.t[: 10 * LEAST], log.points[: 10 * LEAST], NOISE)
     )
     assert short.recordings[0].tracker is None
     assert NOT_COMPARED in short.verdict.warnings

@@ -129,6 +129,7 @@ def test_the_prediction_is_the_bound_of_fits_afterwards(
     )  # noise levels are estimated there, assumed here
 
 
+@pytest.mark.slow
 def test_better_sensors_never_predict_less(evaluator: Evaluator, trajectory: Trajectory) -> None:
     still = np.zeros(trajectory.t.size)
 

@@ -250,6 +250,7 @@ def test_a_pose_changes_the_objective_by_what_the_update_says(seed: int) -> None
         assert after - design.objective(selected) == pytest.approx(loss[k], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> None:
     setup = changed(TRACKER)
     information = information_of(setup)
@@ -307,6 +308,7 @@ def test_the_real_error_follows_the_prediction(tracker: PosePlan, wire: PosePlan
     assert np.median(by_random / by_plan) > 1.4
 
 
+@pytest.mark.slow
 def test_refinement_begins_only_within_the_time_given(tracker: PosePlan) -> None:
     hurried = pose_plan(tracker.setup, seconds=0.0, since=lambda: 1.0)
     assert hurried.poses.size == 30

@@ -98,13 +98,18 @@ def words_in(text: str) -> Iterator[tuple[int, str]]:
 
 
 def docstrings_in(source: str) -> Iterator[tuple[int, str]]:
-    """Line and fault of every docstring that begins as no sentence does."""
+    """Line and fault of every docstring that begins as no sentence does.
+
+    Docstrings of attributes and descriptions of fields are among them: pages are made of both.
+    """
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            docstring = ast.get_docstring(node) or ""
-            first = re.match(r"[A-Z]\w*(?![\w-])", docstring)
-            if first and first[0] in FIRST_WORDS:
-                yield node.body[0].lineno, f"docstring begins with {first[0]}: write a sentence"
+        if not isinstance(node, ast.Expr | ast.keyword):
+            continue
+        text, described = node.value, getattr(node, "arg", "description") == "description"
+        if described and isinstance(text, ast.Constant) and isinstance(text.value, str):
+            first = re.match(r"\s*([A-Z]\w*)(?![\w-])", text.value)
+            if first and first[1] in FIRST_WORDS:
+                yield text.lineno, f"docstring begins with {first[1]}: write a sentence"
 
 
 def names_in(source: str) -> Iterator[tuple[int, str]]:
@@ -200,6 +205,11 @@ def test_a_docstring_without_a_subject_is_found(first: str) -> None:
     source = f'def f() -> None:\n    """{first} the rows."""\n'
     assert [number for number, _ in docstrings_in(source)] == [2]
     assert not list(docstrings_in(source.replace(f"{first} the", f"{first}-if the")))
+    for field in (
+        f"unit: str\n    '{first} them.'",
+        f"unit: str = Field(description='{first} it.')",
+    ):
+        assert [number for number, _ in docstrings_in(f"class A:\n    {field}")]
 
 
 def test_a_pronoun_is_found_where_it_is_a_name_and_nowhere_else() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from cell.instruments import kinds
+from cell.instruments import kinds, refuse_shared_chains
 from cell.instruments.base import Kind, TrueStand
 from cell.load import instrument_names, load_instrument
 from cell.placement import Placement
@@ -88,3 +90,38 @@ def test_the_seat_follows_from_known_points(kind: Kind) -> None:
     if kind.seat_fixed:
         assert np.allclose(seat.origin, SEAT.origin, atol=1e-6)
         assert not kind.seat_turns or np.allclose(seat.rotation, SEAT.rotation, atol=1e-6)
+
+
+def test_a_chain_of_two_kinds_is_refused() -> None:
+    """The one that is found first would read the other's instruments."""
+    point = kinds()["point"]
+
+    class Probe(type(point)):  # type: ignore[misc]
+        name = "probe"
+
+    with pytest.raises(ValueError, match="is that of point and of probe; take it out of one"):
+        refuse_shared_chains([point, Probe()])
+
+
+def test_a_kind_that_senses_turns_ends_in_a_sensed_ball() -> None:
+    """Another joint's sigma would be dropped, and the turns taken as exact."""
+    point = kinds()["point"]
+
+    class Nest(type(point)):  # type: ignore[misc]
+        name, chains, target_turns = "nest", (("ball*", "prismatic*"),), True
+
+    with pytest.raises(
+        ValueError, match=r"kind nest measures turns, and its chain ends in prismatic"
+    ):
+        refuse_shared_chains([Nest()])
+
+
+def test_three_slides_are_equally_exact_along_every_axis() -> None:
+    """A coordinate machine has no line of sight: its scatter is that of its slides, as stated."""
+    machine = replace(load_instrument("tracker_point"), sigma_length=1e-4, sigma_direction=0.0)
+    rod = np.repeat(np.array([[1.0], [0.5], [0.3]]), 4000, axis=1)
+    stand = TrueStand(rod, np.linalg.norm(rod, axis=0), np.zeros((3, 3, 4000)))
+    noise = np.random.default_rng(1).standard_normal((6, 4000))
+    values = machine.kind.measure(stand, noise, machine)
+    assert np.allclose(machine.sigma(values), 1e-4)
+    assert np.allclose(np.cov(values.T), 1e-8 * np.eye(3), atol=5e-10)  # two sigma of 4000 draws

@@ -269,6 +269,17 @@ def test_the_search_ends_with_a_relative_decrease_that_is_small() -> None:
     assert end.equations.x == pytest.approx([2.0**-6])
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_relative_decrease_is_the_same_in_any_unit_of_the_residual(unit: float) -> None:
+    """r = (x^2, 1) in another unit ends at the same iteration."""
+    problem = Residuals(
+        lambda x: unit * np.array([x[0] ** 2, 1.0]),
+        lambda x: unit * np.array([[2.0 * x[0]], [0.0]]),
+        np.array([1.0]),
+    )
+    assert minimise(problem, Stop(relative=1e-6), max_iterations=50).iterations == 6
+
+
 @pytest.mark.parametrize("most", [0, 1])
 def test_a_search_that_runs_out_of_iterations_has_not_converged(most: int) -> None:
     end = minimise(misra(), EXACT, max_iterations=most)

@@ -245,9 +245,9 @@ def test_robot_times_include_clock_steps_and_stay_in_the_log(machine: CompleteMo
     assert own.steps is not None
     x[own.clock], x[own.steps] = [0.5, 1e-4], 0.02
     expected = 0.5 + (1.0 + 1e-4) * samples.times + 0.02 * (samples.times >= 20.0)
-    assert model.robot_times(x, 0) == pytest.approx(expected)
+    assert model.evaluate(x, 0, machine.ballbar).robot_time == pytest.approx(expected)
     x[own.clock] = [1e4, 0.0]
-    assert (model.robot_times(x, 0) == samples.robot.end).all()
+    assert (model.evaluate(x, 0, machine.ballbar).robot_time == samples.robot.end).all()
 
 
 @pytest.mark.parametrize("encoders", [(), (1, 2), (1, 2, 4, 5)])

@@ -1,0 +1,50 @@
+"""Poses of a folder, whatever the robot did there: a table of still ones, or followed ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from acquisition.pose_tables import PoseImport, import_poses
+from ballbar.recordings.check import holds_poses
+from ballbar.recordings.read_with_causes import read_with_causes
+from cell.errors import InputError
+from cell.geometry import robot_geometry
+from cell.load import load_robot
+from cell.pose_file import PosesFile, load_poses_file, pose_file_path
+from cell.recording import RecordingFile, load_recording_file
+from ident.start.followed import followed_table, robot_motion
+
+
+def gives_poses(path: Path) -> bool:
+    """Whether poses alone are measured: those of a table, or by a tracker that follows the robot.
+
+    Raises InputError for a folder whose recording.yaml is wrong.
+    """
+    if holds_poses(path):
+        return True
+    return (path / "recording.yaml").exists() and load_recording_file(path).followed
+
+
+def description_of(path: Path) -> tuple[Path, PosesFile | RecordingFile]:
+    """The file that describes poses, and its content. Raises DescriptionError where it is wrong."""
+    if holds_poses(path):
+        return pose_file_path(path), load_poses_file(pose_file_path(path))
+    return path / "recording.yaml", load_recording_file(path)
+
+
+def poses_of(path: Path) -> PoseImport:
+    """The poses of a folder or file; raises InputError for bad files, StartError where the logs of
+    robot and tracker cannot be brought together.
+    """
+    if holds_poses(path):
+        return import_poses(path)
+    recording = read_with_causes(path)
+    description, tracker = recording.description, recording.tracker_log
+    assert tracker is not None, "a recording that gives poses has a tracker"
+    robot = load_robot(description.robot, relative_to=path)
+    if (axes := recording.robot_log.q.shape[1]) != robot.joints:
+        what = f"the robot's log has {axes} joint angles, robot {robot.name} {robot.joints} axes."
+        raise InputError.at(path, what, "Name the robot that was recorded.")
+    motion, name = robot_motion(recording.robot_log), path.resolve().name
+    table = followed_table(name, robot, robot_geometry(robot), motion, tracker)
+    return PoseImport(description, table, recording.report, path / "recording.yaml")

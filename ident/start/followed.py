@@ -1,0 +1,124 @@
+"""Poses by an instrument that follows a moving robot: its clock, and where it stands, about.
+
+Target and flange are about equally fast, wherever the frame and the target are, so the lags at
+which their speeds agree best are tried. From
+each, seat and target are found by the nominal robot as those of still poses are, with the clock
+among the unknowns, on a part of the rows; what explains these best is taken.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import forward
+from cell.clock import Clock
+from cell.descriptions import Robot
+from cell.geometry import Geometry
+from cell.logs import RobotLog, TrackerLog, segment_starts
+from cell.poses import PoseGroup, PoseTable
+from cell.statistics import rms
+from ident.signals.motion import MotionByLog
+from ident.signals.smooth_log import SmoothLog, smooth_log
+from ident.start.automatic import StartError
+from ident.start.lag_scan import best_lags, subsample
+from ident.start.placements import PoseStartError, placed_fit
+from ident.start.speed_scan import scan_speeds
+
+WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
+SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
+LAGS, LAG_SEPARATION = 4, 0.5  # peaks of the scan that are tried, and [s] between them
+TRIED_ROWS = 600  # from which clock, seat and target are found from each of them
+# [m] along each axis, that a robot by its file leaves at the right lag, and never at a wrong one
+CLOSE, GROSS = 3e-3, 0.03
+SEAT, TARGET = "tracker", "target"
+
+
+def robot_motion(log: RobotLog) -> SmoothLog:
+    """The robot's log as a function of time."""
+    return smooth_log(
+        log.t,
+        log.q,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(log.segment),
+        checked=log.flags is not None,
+    )
+
+
+def followed_table(
+    name: str, robot: Robot, geometry: Geometry, motion: SmoothLog, log: TrackerLog
+) -> PoseTable:
+    """The poses at the rows of a tracker's log, by a clock that a fit can start from.
+
+    name : of the recording. geometry : of the robot, about. Raises StartError where the logs share
+    too little motion, PoseStartError where their measurements and the robot cannot be brought
+    together.
+    """
+    smooth = smooth_log(
+        log.t,
+        log.points,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(log.segment),
+        checked=True,
+    )
+    rows = ~np.isin(log.t, smooth.outliers.times)
+    times, number = smooth.stamps[rows], np.flatnonzero(rows) + 1
+    whole = PoseGroup(
+        measured=log.measured,
+        seat=SEAT,
+        target=TARGET,
+        q=motion.spline(np.clip(times, motion.start, motion.end)),
+        values=log.values[rows],
+        sigma=log.sigma[rows],
+        rows=number,
+        file=name,
+        time=times,
+        motion=MotionByLog(name, motion, Clock(0.0, 0.0)),
+    )
+    best, clock, refused = np.inf, None, None
+    for offset in _offsets(smooth, motion, geometry):
+        trial = Clock(offset, 0.0)
+        try:
+            for _ in range(2):  # the clock decides which rows these are
+                group = _covered(whole, motion, trial)
+                part = group.part(np.arange(0, group.size, max(1, group.size // TRIED_ROWS)))
+                fit = placed_fit(geometry, PoseTable(name, robot, (part,)))
+                trial = fit.model.unknowns.instrument_clock(fit.x, name)
+        except PoseStartError as error:
+            refused = error
+            continue
+        if fit.excess.position < best:
+            best, clock = fit.excess.position, trial
+        if best < CLOSE:
+            break
+    if refused is not None and best > GROSS:
+        raise refused
+    if clock is None:
+        raise StartError(
+            f"{name}: the tracker's log shares no {MIN_OVERLAP:g} s of motion with the robot's. "
+            "Are they of one run? Log both in one."
+        )
+    return PoseTable(name, robot, (_covered(whole, motion, clock),))
+
+
+def _covered(group: PoseGroup, motion: SmoothLog, clock: Clock) -> PoseGroup:
+    """The poses that lie in the robot's log and in no gap of it, by a clock."""
+    assert group.time is not None
+    return group.part(motion.covers(np.asarray(clock.robot_time(group.time)))).by(clock)
+
+
+def _offsets(smooth: SmoothLog, motion: SmoothLog, geometry: Geometry) -> list[float]:
+    """[s] likely clock offsets: those at which target and flange are equally fast."""
+    t_robot, t_log = (np.arange(s.start, s.end, SCAN_STEP) for s in (motion, smooth))
+    flange = forward(geometry.robot, np.asarray(motion.spline(t_robot))).origin[-1].T
+    speeds: list[Array] = [
+        np.linalg.norm(np.gradient(flange, SCAN_STEP, axis=0), axis=1),
+        np.where(smooth.covers(t_log), np.linalg.norm(smooth.speed(t_log), axis=1), 0.0),
+    ]
+    a, b = (speed[:, None] / max(rms(speed), np.finfo(float).tiny) for speed in speeds)
+    least = round(MIN_OVERLAP / SCAN_STEP)
+    if min(len(a), len(b)) < least:
+        return []
+    scan = scan_speeds(a, b, [(0, 0)], least=least, paired=True)
+    best = best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / SCAN_STEP))
+    return [float(motion.start - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best]
