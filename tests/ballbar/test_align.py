@@ -89,7 +89,7 @@ def test_poses_of_two_frames_are_aligned_by_their_names_or_by_options(tmp_path: 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (DATA / "eth_arm_camera").is_dir(), reason="no ../shared/real_robots")
-def test_the_clock_of_a_real_arm_and_camera_follows_from_all_seven_channels(tmp_path: Path) -> None:
+def test_the_clock_of_a_real_arm_and_camera_is_that_of_a_plain_fit(tmp_path: Path) -> None:
     """A plain fit of all rows gave -18.5 ms with a sigma of 2.3 ms, apart from the project's own."""
     files = [DATA / "eth_arm_camera" / f"{name}.csv.gz" for name in ("arm", "camera")]
     clock = json.loads(output("align", *files, "--json"))["clock"]
@@ -100,7 +100,7 @@ def test_the_clock_of_a_real_arm_and_camera_follows_from_all_seven_channels(tmp_
     for k in range(2):
         parts = []
         for file in files:
-            header, *rows = gzip.open(file, "rt").read().splitlines()
+            header, *rows = gzip.decompress(file.read_bytes()).decode().splitlines()
             first = [float(row.partition(",")[0]) < 1487321591.8 for row in rows]
             part = [row for row, early in zip(rows, first, strict=True) if early == (k == 0)]
             parts.append(tmp_path / f"{file.name.partition('.')[0]}{k}.csv")
