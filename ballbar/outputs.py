@@ -35,8 +35,10 @@ def write_outputs(
     """
     from ballbar.report.page import write_report  # noqa: PLC0415  imports Jinja
 
-    if sum(recording.robot_log.t.size for _, _, recording in run.read) > SENT_ROWS:
-        begin = partial  # a second process would hold the logs twice more
+    rows = sum(recording.robot_log.t.size for _, _, recording in run.read)
+    if rows > SENT_ROWS or not run.recordings:
+        # a second process would hold the logs twice more; poses compute what they cache meanwhile
+        begin = partial
     written = begin(_replay, out / REPLAY, run) if replay else None
     refusal = None
     try:

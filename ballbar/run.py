@@ -21,7 +21,7 @@ from ballbar.scenario import (
     write_scenario,
 )
 from ballbar.trial.nominal_path import recorded_log
-from ballbar.truth.compare import identification_against_truth
+from ballbar.truth.compare import followed_against_truth, identification_against_truth
 from ballbar.truth.limits import plant_limits, result_limits
 from cell.errors import InputError
 from cell.extended_yaml import files_of
@@ -142,7 +142,12 @@ def run_scenario(
         data = identify_files(
             [folder], held_out, settings=scenario.identify, listener=Listener(progress)
         )
-        comparison = identification_against_truth(data.identification, simulation.truth)
+        if simulation.still is False and simulation.follower and data.identification.poses:
+            comparison = followed_against_truth(
+                data.identification.poses, simulation.truth, simulation.cell
+            )
+        else:
+            comparison = identification_against_truth(data.identification, simulation.truth)
         outcomes = [validation.outcome for validation in data.validations]
         limits = (
             *result_limits(data.identification, comparison, accept, outcomes),

@@ -125,6 +125,11 @@ class Instrument:
     mass: float  # [kg] of a rod from seat to target
 
     @property
+    def follows(self) -> bool:
+        """Whether it follows a target on a robot that moves, and holds it by nothing."""
+        return self.kind.directions == 3 and not self.kind.local
+
+    @property
     def measured(self) -> str:
         """Name of what it measures."""
         return self.kind.name

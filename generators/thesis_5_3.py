@@ -118,7 +118,7 @@ def length_by_tracker(simulation: Simulation) -> dict[str, float]:
     assert drawn is not None
     seat = drawn.seen(motion.geometry.origin[None])
     (stamps, logged), (_, exact) = (
-        tracker_rows(motion, 0.0, float(motion.t[-1]), tracker=each, drawn=drawn, seed=seed)
+        tracker_rows(motion, (0.0, float(motion.t[-1])), tracker=each, drawn=drawn, seed=seed)
         for each in (tracker, tracker.model_copy(update={"noise_m": 0.0}))
     )
     force = np.interp(stamps - stamps[0], motion.t, motion.rod_force)

@@ -37,6 +37,7 @@ LEAST_SCALE = 1e-3
 # model leaves unexplained: what is smaller changes the stated uncertainty by less than an eighth.
 LEAST_EFFECT = 0.5
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
+SCORE_BLOCKS = 100  # of time, of a robot that was followed: its neighbouring rows err together
 DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
 CHANCE = 1e-3
 
@@ -151,7 +152,10 @@ def _unfinished(fit: Fit) -> float:
 
 
 def _score(fit: Fit, groups: Sequence[int], columns: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """Score (K,) of K more unknowns, its variance by poses (K, K), and their information (K, K).
+    """Score (K,) of K more unknowns, its variance (K, K), and their information (K, K).
+
+    The variance is by poses, or by blocks of rows where the robot moved.
+
 
     columns : (K, E, N) whitened, of the groups that they move. The unknowns of the fit are
     eliminated.
@@ -166,6 +170,9 @@ def _score(fit: Fit, groups: Sequence[int], columns: Sequence[Array]) -> tuple[A
     for k, column in zip(groups, columns, strict=True):
         rest = column - np.einsum("pen,pk->ken", fit.jacobians[k], solved)
         each = (rest * residuals[k]).sum(axis=1)
+        if fit.linear.evaluations[fit.still][k].still.motion is not None:
+            starts = np.arange(0, each.shape[1], -(-each.shape[1] // SCORE_BLOCKS))
+            each = np.add.reduceat(each, starts, axis=1)
         score += each.sum(axis=1)
         variance += each @ each.T
         information += rest.reshape(size, -1) @ rest.reshape(size, -1).T

@@ -78,7 +78,7 @@ def search_joint_errors(fit: Fit, cell: Cell) -> OrderSearch:
         for pair in (
             orders_of(c.name for c in correction.coefficients)
             if correction.name == JOINT_HARMONICS
-            else [(gear, order) for gear, order, _ in harmonic_orders(cell)]
+            else [(gear, order) for gear, order, _ in harmonic_orders(cell.robot)]
             if correction.name == "gear_ripple"
             else ()
         )

@@ -19,13 +19,16 @@ from cell.geometry import nominal_chain, robot_geometry
 from cell.placement import Placement
 from cell.poses import PoseTable
 from ident.corrections.base import Coefficient, Correction
+from ident.corrections.gear_backlash import backlash_of
+from ident.corrections.gear_ripple import ripple_of
 from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
+from ident.corrections.joint_lag import JOINT_LAG, lag_of
 from ident.corrections.unit_weights import unit_weights
 from ident.cross_validation import cross_validated, robust_covariance
 from ident.estimator.build_unknowns import still_unknowns
 from ident.estimator.fit import Fit
-from ident.estimator.model import still_model
+from ident.estimator.model import Model, still_model
 from ident.estimator.observations import rounding_noise
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
 from ident.estimator.regions import pose_regions, poses_of
@@ -34,10 +37,11 @@ from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ident.findings import Findings, findings_of
 from ident.moved_seats import MOST, confirms, step_of
 from ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
-from ident.start.placements import start_of_poses
+from ident.start.placements import retimed, start_of_poses
 from ident.table_estimate import TableEstimate
 from ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
+SEEN = 4.0  # standard deviations from which the lag of a joint is seen
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 
 
@@ -95,13 +99,14 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
     table = still.table
     noise = rounding_noise(table.q)
     learned = options.joint_errors
-    fixed = [*sag(table.robot), *(_held(learned) if isinstance(learned, JointErrors) else [])]
+    fixed = [*_expected(table), *(_held(learned) if isinstance(learned, JointErrors) else [])]
     layout = still_unknowns(robot_geometry(table.robot), still, fixed)
     _check_enough(table, layout)
     model = still_model(table, layout, fixed, noise)
     nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
+    model = replace(model, table=retimed(nominal))
     listener.progress("fitting geometry and sag")
-    fit = fit_robustly(model, nominal.x, nominal.excess)
+    fit = _without_unseen_lags(model, fit_robustly(model, nominal.x, nominal.excess))
     fit, findings = _without_unsettled(fit)
     search = None
     if options.joint_errors == "auto":
@@ -114,6 +119,39 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
     listener.progress("cross-validating")
     fit = replace(fit, covariance=robust_covariance(fit))
     return TableEstimate(fit, nominal, cross_validated(fit), findings, search)
+
+
+def _expected(table: PoseTable) -> list[Correction]:
+    """Sag, and of a robot that moved what its gears and its controller's filters do besides, as far
+    as its file states gears and masses.
+    """
+    robot, out = table.robot, sag(table.robot)
+    if not table.moving.any():
+        return out
+    out.append(lag_of(robot))
+    if robot.gears is not None:
+        out += [ripple_of(robot), *([] if robot.links is None else [backlash_of(robot)])]
+    return out
+
+
+def _without_unseen_lags(model: Model, fit: Fit) -> Fit:
+    """The fit without lags of single joints where none of them is seen: few controllers have them,
+    and what they leave open is much of a slow path.
+
+    model : that was fitted, its priors as declared.
+    """
+    layout = model.unknowns
+    kept = tuple(c for c in model.corrections if c.name != JOINT_LAG)
+    lags = {k.name for c in model.corrections if c not in kept for k in c.coefficients}
+    if not lags:
+        return fit
+    own = np.array([name in lags for name in layout.names])
+    sigma = np.sqrt(np.diag(robust_covariance(fit)))
+    if (np.abs(fit.x[own]) > SEEN * sigma[own]).any():
+        return fit
+    layout, x = layout.with_coefficients([k for c in kept for k in c.coefficients], fit.x)
+    model = replace(model, unknowns=layout, corrections=kept)
+    return fit_robustly(model, x, fit.excess)
 
 
 def sag(robot: Robot) -> list[Correction]:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _DC_FILETIME = 125_911_584_000_000_000  # [100 ns] from 1601 to 2000
 SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row
 TABLE = "poses.csv"
+TURNS = ("rx", "ry", "rz")  # columns of a target's rotation vector [rad]
 
 
 def truth_path(folder: Path) -> Path:
@@ -50,13 +51,23 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
         _write_table(raw / "force.csv", "time,fx,fy,fz,tx,ty,tz", "%.5f", stamps, readings)
     if simulation.encoders:
         _write_ballbar(simulation, settings, folder)
-    if simulation.instrument:
+    follower = simulation.follower
+    if simulation.instrument and follower is None:
         _write_lengths(simulation, settings, simulation.instrument, folder)
-    if logs.tracker and drawn.tracker:
-        stamps, points = tracker_rows(
-            motion, first, last, tracker=logs.tracker, drawn=drawn.tracker, seed=seed
+    tracker = settings.tracker(follower)
+    if tracker and drawn.tracker:
+        stamps, values = tracker_rows(
+            motion,
+            (first, last),
+            tracker=tracker,
+            drawn=drawn.tracker,
+            seed=seed,
+            instrument=follower,
         )
-        _write_table(raw / "tracker.csv", "time,x,y,z", "%.5f", stamps, points * 1e3)
+        values[:, :3] *= 1e3
+        head = ",".join(("time", "x", "y", "z", *TURNS)[: 1 + values.shape[1]])
+        form = "%.5f" if follower is None else "%.8f"
+        _write_table(raw / "tracker.csv", head, form, stamps, values)
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
 
@@ -202,7 +213,7 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
             "files": _files("ballbar", simulation.rows),
             "dialect": settings.logs.ballbar.dialect,
         }
-    if simulation.instrument:
+    if simulation.instrument and simulation.follower is None:
         sources["length"] = {
             "files": _files("length", simulation.rows),
             "dialect": "length-table",
@@ -212,13 +223,16 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
         }
     if settings.logs.force_sensor:
         sources["force"] = {"files": ["raw/force.csv"], "dialect": "force-torque"}
-    if tracker := settings.logs.tracker:
+    if tracker := settings.tracker(follower := simulation.follower):
+        turns = follower is not None and follower.kind.target_turns
+        stated = {"accuracy_m": tracker.noise_m} if tracker.noise_m and follower is None else {}
         sources["tracker"] = {
             "files": ["raw/tracker.csv"],
             "dialect": "tracker-points",
             "time": "s",
             "unit": "mm",
-            **({"accuracy_m": tracker.noise_m} if tracker.noise_m else {}),
+            **({"rotation": {"columns": list(TURNS), "form": "rotvec"}} if turns else {}),
+            **stated,
         }
     return {
         "schema": "ballbar-recording/1",

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from cell.arrays import Array
 from cell.errors import InputError
+from cell.instrument import Instrument
 from cell.schema import NotNegative, Positive, Strict
 from cell.schema_errors import missing_key, wrong_key
 from sim.errors.plant_errors import PlantErrors
@@ -35,7 +36,7 @@ from sim.errors.sensor_errors import (
     StampQuantum,
 )
 from sim.errors.static_errors import CellErrors
-from sim.logging.load_logs import DeviceLogs
+from sim.logging.load_logs import DeviceLogs, OpticalTracker
 from sim.streams import recording_seed
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
@@ -52,14 +53,16 @@ class CellSettings(Strict):
     ballbar: str | None = None
     """A ball-bar with encoders: a file of cell/instruments, or a path."""
     instrument: str | None = None
-    """An instrument in place of ballbar: a file of cell/instruments, or a path. Before a robot that
-    moves it measures a length: a telescoping ball-bar or a draw-wire.
+    """An instrument in place of ballbar: a file of cell/instruments, or a path. Of a robot that
+    moves it measures a length (a telescoping ball-bar or a draw-wire), or follows a target (a
+    tracker or motion capture).
     """
     plate: str = "plate_250"
     """A file of cell/plates, or a path."""
     ballbar_position_m: Position | None = None
     """Centre of the sphere, or seat of the instrument, in the robot's base frame; needed beside a
-    path. Still poses have poses.seats.
+    path, whose angles turn about it also where a tracker follows the robot. Still poses have
+    poses.seats.
     """
 
     @model_validator(mode="after")
@@ -336,6 +339,14 @@ class SimulationSettings(Strict):
     def recording_seed(self) -> int:
         """Seed of noise, clocks and lost rows."""
         return recording_seed(self.seed, self.recording)
+
+    def tracker(self, instrument: Instrument | None) -> OpticalTracker | None:
+        """How the log of a tracker is made; None without one.
+
+        instrument : in place of a ball-bar.
+        """
+        follows = instrument is not None and instrument.follows
+        return self.logs.tracker or (OpticalTracker() if follows else None)
 
     @property
     def needed_path(self) -> PathSettings:

@@ -49,7 +49,7 @@ class Simulation:
     """One run before it was logged."""
 
     cell: Cell
-    instrument: Instrument | None  # that measures a length; None for a ball-bar
+    instrument: Instrument | None  # in place of a ball-bar
     path: ReferencePath
     motion: Motion
     encoders: tuple[BarEncoder, ...]
@@ -58,6 +58,11 @@ class Simulation:
     rows: LoggedRows
     truth: Truth
     still: Literal[False] = False
+
+    @property
+    def follower(self) -> Instrument | None:
+        """The instrument that follows a target on the robot; None where another one measures."""
+        return self.instrument if self.instrument and self.instrument.follows else None
 
     @property
     def plant(self) -> str:
@@ -113,7 +118,7 @@ def simulate(
     motion = with_growth(motion, robot, machine.effects, free=instrument is not None)
     lags = joint_lags(settings.errors.joint_lag, joints=robot.joints, seed=settings.seed)
     motion = with_lags(motion, robot, lags)
-    if instrument:
+    if instrument and not instrument.follows:
         check_stroke(instrument, motion)
     encoders = () if instrument else _encoders(settings, cell)
     times = log_times(
@@ -236,7 +241,7 @@ def _truth(
         clock_step=clocks.step,
         restart=clocks.restart,
         loads=drawn_loads(settings.logs, settings.seed),
-        tracker=drawn_tracker(settings.logs.tracker, settings.seed),
+        tracker=drawn_tracker(settings.tracker(machine.instrument), settings.seed),
         rows=rows.counts if clocks.dropped_rows or clocks.duplicated_rows else {},
     )
     content = {

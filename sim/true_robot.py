@@ -30,6 +30,8 @@ from sim.plant.effects import PlantEffects, Ripple, plant_effects
 from sim.settings import CellSettings, ErrorSettings, SimulationSettings
 from sim.streams import stream
 
+# In whose coordinates the path of a tool is stated that nothing holds; it has no mass and no force.
+FREE = "drawwire_2m"
 _ROUNDS = 4  # of sag; each gains three digits
 _PARALLEL = 1e-6  # sine of the twist below which two axes are nominally parallel
 
@@ -39,7 +41,7 @@ class TrueMachine:
     """A cell with the errors of a scenario, which every recording of its seed is of."""
 
     cell: Cell  # nominal
-    instrument: Instrument | None  # that measures a length; None for a ball-bar
+    instrument: Instrument | None  # in place of a ball-bar
     nominal: Geometry
     true: Geometry
     effects: PlantEffects
@@ -48,15 +50,18 @@ class TrueMachine:
 
 
 def scenario_cell(chosen: CellSettings, *, relative_to: Path | None = None) -> Cell:
-    """The descriptions that a scenario names; an instrument as a massless ball-bar.
+    """The descriptions that a scenario names; an instrument as a massless ball-bar, and one that
+    follows the target as a wire that does not pull.
 
     relative_to : folder of the scenario. Raises DescriptionError.
     """
     if chosen.ballbar is not None:
         return load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
+    instrument = load_instrument(chosen.measured_by, relative_to=relative_to)
+    bar = FREE if instrument.follows else chosen.measured_by
     return Cell(
         load_robot(chosen.robot, relative_to=relative_to),
-        load_telescoping_bar(chosen.measured_by, relative_to=relative_to),
+        load_telescoping_bar(bar, relative_to=relative_to),
         load_plate(chosen.plate, relative_to=relative_to),
     )
 

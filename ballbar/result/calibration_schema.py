@@ -52,8 +52,11 @@ from cell.schema import Strict
 from cell.schema_errors import Loc, missing_key, nearest, wrong_key
 from ident.corrections import OF_MACHINE
 from ident.corrections.base import Correction
+from ident.corrections.gear_backlash import backlash_of
+from ident.corrections.gear_ripple import ripple_of
 from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
+from ident.corrections.joint_lag import lag_of
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.priors import belongs_to_recording, shared_names
 
@@ -65,6 +68,9 @@ LEARNED_HARMONICS: Final = "learned_harmonics"  # joint errors kept from another
 POSE_CORRECTIONS: dict[str, Callable[[Robot, Iterable[str]], Correction]] = {
     "unit_weights": lambda robot, _: unit_weights(robot),
     "joint_compliance": lambda robot, _: gear_compliance(robot),
+    "gear_backlash": lambda robot, _: backlash_of(robot),
+    "gear_ripple": lambda robot, _: ripple_of(robot),
+    "joint_lag": lambda robot, _: lag_of(robot),
     JOINT_HARMONICS: lambda _, coefficients: joint_harmonics(orders_of(coefficients)),
     LEARNED_HARMONICS: lambda _, coefficients: replace(
         joint_harmonics(orders_of(coefficients)), name=LEARNED_HARMONICS

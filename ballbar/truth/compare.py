@@ -146,6 +146,28 @@ def poses_against_truth(result: TableEstimate, truth: PoseTruth) -> Comparison:
     )
 
 
+def followed_against_truth(result: TableEstimate, truth: Truth, cell: Cell) -> Comparison:
+    """The target of a robot that a tracker followed against the truth of its recording.
+
+    cell : that was simulated.
+    """
+    assert truth.logs.tracker is not None, "a tracker followed the robot"
+    model, before, led = result.identified_robot(), result.nominal, truth.logs.tracker.led_m
+    q, robot = model.workspace(), model.robot
+    actual = true_tool(cell, truth, truth.geometry, q, np.array(led))
+    target = before.model.unknowns.target(before.x, result.target)
+    bare = replace(model.rigid(robot_geometry(robot)), target=target)
+    ((clock, _),) = result.clocks.values()
+    return Comparison(
+        {},
+        position_error(model.tool(q), actual),
+        position_error(bare.tool(q), actual),
+        offset=clock.offset - truth.logs.tracker.offset_s - sum(truth.logs.joint_lag_s[:1]),
+        skew=clock.skew - truth.logs.tracker.skew,
+        target=result.target,
+    )
+
+
 def reference_of(truth: Truth) -> Geometry:
     """The true geometry as the declared directions of b2 and b4 describe it.
 
@@ -169,7 +191,9 @@ def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float
     return {p.name: (float(values[p.kind][p.row]), 0.0) for p in arm_parameters(robot)}
 
 
-def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
+def true_tool(
+    cell: Cell, truth: Truth, geometry: Geometry, q: Array, point: Array | None = None
+) -> Array:
     """(N, 3) [m] tool positions in the robot's base frame, at logged joint angles q (N, 6) [rad].
 
     It is the reference of the TCP error: the true robot without load. Resolver errors, transmission
@@ -177,7 +201,8 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
     logged angles to the tool, and an identified robot is judged by that map. Where hardly any
     weight loads a gear, its backlash is counted in the middle (notes/identification sec. 1).
 
-    geometry : the true one, as the declared directions describe it (`reference_of`)
+    geometry : the true one, as the declared directions describe it (`reference_of`). point : (3,)
+    [m] in the tool's frame, in place of its origin.
     """
     robot, plant = cell.robot, truth.plant
     motors = q @ np.linalg.inv(robot.transmission)
@@ -203,4 +228,7 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
             - weight / np.array(plant.gear_stiffness_N_m_per_rad)
             - np.array(plant.gear_backlash_half_width_rad) * side
         )
-    return robot_frames(geometry, gears @ robot.gear_to_joint).tip.T
+    frames = robot_frames(geometry, gears @ robot.gear_to_joint)
+    if point is None:
+        return frames.tip.T
+    return np.asarray(frames.tip.T + np.einsum("ijn,j->ni", frames.rotation(), point))

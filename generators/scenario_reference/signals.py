@@ -225,4 +225,6 @@ def _tracker(view: View, **changes: float) -> tuple[Array, Array]:
     assert drawn is not None
     first = 1.0 - tracker.offset_s
     chosen, seed = tracker.model_copy(update=changes), view.run.settings.seed
-    return tracker_rows(view.simulation.motion, first, 59.0, tracker=chosen, drawn=drawn, seed=seed)
+    return tracker_rows(
+        view.simulation.motion, (first, 59.0), tracker=chosen, drawn=drawn, seed=seed
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from ident.corrections.base import GEAR, Coefficient, Correction, State, remade, sign_slope
 
 SPREAD = 1.0  # of the catalogue's lost motion: it grows with wear, and a new gear may have none
@@ -12,6 +12,12 @@ SPREAD = 1.0  # of the catalogue's lost motion: it grows with wear, and a new ge
 @remade
 def gear_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Half the width of each gear's dead band [rad]."""
+    return backlash_of(cell.robot)
+
+
+@remade
+def backlash_of(robot: Robot) -> Correction:
+    """The same correction from the robot alone, for any instrument."""
 
     def slopes(state: State) -> list[Array]:
         width = state.width[:, None] / state.sharpness
@@ -23,7 +29,7 @@ def gear_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
         "backlash of the gears",
         tuple(
             Coefficient(f"backlash{i}", "rad", float(h), SPREAD * float(h), GEAR + i - 1)
-            for i, h in enumerate(0.5 * cell.robot.required("gears").lost_motion, start=1)
+            for i, h in enumerate(0.5 * robot.required("gears").lost_motion, start=1)
         ),
         lambda state: list(-state.load_sign()),
         slopes,

@@ -10,18 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/parameters, resolver)
 WAVES = {"sin": np.sin, "cos": np.cos}
 
 
-def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
+def harmonic_orders(robot: Robot) -> list[tuple[int, float, float]]:
     """Gear from 0, cycles a turn of its output, expected amplitude [rad] of every harmonic."""
     out = []
-    for gear, listed in enumerate(cell.robot.required("gears").harmonics):
-        ratio = 1.0 / abs(float(cell.robot.transmission[gear, gear]))
+    for gear, listed in enumerate(robot.required("gears").harmonics):
+        ratio = 1.0 / abs(float(robot.transmission[gear, gear]))
         sizes = dict(listed)
         for order in (ratio, 2.0 * ratio):
             sizes[order] = float(np.hypot(sizes.get(order, 0.0), RESOLVER / ratio))
@@ -32,7 +32,13 @@ def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
 @remade
 def gear_ripple(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Sine and cosine amplitudes [rad] of every harmonic, at the gears' outputs."""
-    terms = [(*order, wave) for order in harmonic_orders(cell) for wave in WAVES]
+    return ripple_of(cell.robot)
+
+
+@remade
+def ripple_of(robot: Robot) -> Correction:
+    """The same correction from the robot alone, for any instrument."""
+    terms = [(*order, wave) for order in harmonic_orders(robot) for wave in WAVES]
 
     def regressors(state: State) -> list[Array]:
         return [WAVES[wave](order * state.gears[gear]) for gear, order, _, wave in terms]

@@ -8,9 +8,10 @@ every gear.
 from __future__ import annotations
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
+JOINT_LAG = "joint_lag"
 LAG = 3e-3  # [s] a filter of 50 Hz; assumed
 SECOND_ORDER = 5e-5  # [s^2] of two filters of 10 ms; assumed
 
@@ -18,7 +19,13 @@ SECOND_ORDER = 5e-5  # [s^2] of two filters of 10 ms; assumed
 @remade
 def joint_lag(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Lags [s] of gears 2 to J after the first, and second-order terms [s^2] of all gears."""
-    joints = cell.robot.joints
+    return lag_of(cell.robot)
+
+
+@remade
+def lag_of(robot: Robot) -> Correction:
+    """The same correction from the robot alone, for any instrument."""
+    joints = robot.joints
     lags = [Coefficient(f"lag{i + 1}", "s", 0.0, LAG, GEAR + i) for i in range(1, joints)]
     seconds = [
         Coefficient(f"lag_order2_{i + 1}", "s^2", 0.0, SECOND_ORDER, GEAR + i)
@@ -28,4 +35,4 @@ def joint_lag(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     def regressors(state: State) -> list[Array]:
         return [*state.gear_speed[1:], *state.gear_acceleration]
 
-    return Correction("joint_lag", "lags of single joints", (*lags, *seconds), regressors)
+    return Correction(JOINT_LAG, "lags of single joints", (*lags, *seconds), regressors)

@@ -46,7 +46,7 @@ def smoothing_covariance(fit: Fit, cell: Cell) -> Array:
     if not ripple or point.state is None:
         return np.zeros((layout.count, layout.count))
     at = np.array([layout.names.index(c.name) for c in ripple])
-    orders = [(gear, order) for gear, order, _ in harmonic_orders(cell) for _ in WAVES]
+    orders = [(gear, order) for gear, order, _ in harmonic_orders(cell.robot) for _ in WAVES]
     speed = np.array([order * point.state.gear_speed[gear] for gear, order in orders])
     lost = 1.0 - spline_response(speed / (2.0 * np.pi), point.recording.smoothing)
     missing = np.zeros((layout.count, at.size))

@@ -20,6 +20,8 @@ from cell.clock import Clock
 from cell.descriptions import Robot
 from cell.dialect import load_dialect
 from cell.errors import DescriptionError
+from cell.instrument import Instrument
+from cell.instruments.base import TrueStand
 from cell.logs import SourceName
 from cell.rotation import matrix_from_rotvec
 from cell.schema import NotNegative, Strict
@@ -102,14 +104,16 @@ class BallbarLogger(Strict):
 
 
 class OpticalTracker(Strict):
-    """An optical tracker logs the position of an LED on the tool, in its own frame, with its own
-    rate and clock. The result is validated by it; no fit uses it.
+    """A tracker logs where a target on the tool is, in its own frame, with its own rate and clock:
+    an LED beside a ball-bar, or what cell.instrument follows.
     """
 
     rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] = 100.0
     """Rows per second. Assumed."""
     noise_m: Annotated[float, Field(ge=0.0, le=0.01)] = 9.0e-5
-    """Standard deviation of white noise along each axis (thesis sec. 5.3: below 90 um)."""
+    """Standard deviation of white noise along each axis (thesis sec. 5.3: below 90 um). That of
+    cell.instrument stands in its file.
+    """
     led_m: Annotated[tuple[LedCoordinate, ...], Field(min_length=3, max_length=3)] = (
         -0.05,
         0.04,
@@ -122,10 +126,15 @@ class OpticalTracker(Strict):
     """Time from the first row of the robot to the first of the tracker."""
     skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
     """Seconds that the robot's clock gains in each second of the tracker's."""
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """Time by which a row is stamped after what it tells of; the identified offset is as much less.
+    """
 
 
 class TrackerTruth(Strict):
-    """The drawn frame of the tracker in the robot's base frame, and its clock and LED."""
+    """The drawn frame of the tracker in the robot's base frame, its target, and its clock, latency
+    included.
+    """
 
     position_m: tuple[float, ...]
     rotation_vector_rad: tuple[float, ...]
@@ -229,29 +238,41 @@ def drawn_tracker(tracker: OpticalTracker | None, seed: int) -> TrackerTruth | N
         position_m=tuple((DISTANCE * direction / np.linalg.norm(direction)).tolist()),
         rotation_vector_rad=tuple((turn * axis / np.linalg.norm(axis)).tolist()),
         led_m=tracker.led_m,
-        offset_s=tracker.offset_s,
+        offset_s=tracker.offset_s - (1.0 + tracker.skew) * tracker.latency_s,
         skew=tracker.skew,
     )
 
 
 def tracker_rows(
     motion: Motion,
-    first: float,
-    last: float,
+    times: tuple[float, float],
     *,
     tracker: OpticalTracker,
     drawn: TrackerTruth,
     seed: int,
+    instrument: Instrument | None = None,
 ) -> tuple[Array, Array]:
-    """Stamps (N,) [s] on the tracker's clock and points (N, 3) [m] in its frame.
+    """(N,) [s] stamps on the clock of the tracker, and (N, 3 or 6) [m, rad] points or poses.
 
-    first, last : [s] true times of the robot's first and last row; the tracker logs as long.
+    Both are in the frame of the tracker.
+
+    times : [s] true ones of the robot's first and last row; the tracker logs as long.
+    instrument : what follows the target, its axes those of the tool; None for an LED.
     """
+    first, last = times
     rows = int((last - first) * tracker.rate_hz) + 1
     elapsed = np.arange(rows, dtype=np.float64) / tracker.rate_hz
-    times = first + Clock(drawn.offset_s, drawn.skew).robot_time(elapsed)
-    rotation, tool = motion.tool_at(times)
-    led = tool + np.einsum("ijn,j->in", rotation, np.array(drawn.led_m))
-    points = drawn.seen(led.T)
-    noise = stream(seed, "tracker_noise").normal(0.0, tracker.noise_m, points.shape)
-    return TRACKER_EPOCH + elapsed, np.asarray(points + noise)
+    rotation, tool = motion.tool_at(first + Clock(drawn.offset_s, drawn.skew).robot_time(elapsed))
+    target = tool + np.einsum("ijn,j->in", rotation, np.array(drawn.led_m))
+    points, rng = drawn.seen(target.T), stream(seed, "tracker_noise")
+    if instrument is None:
+        noise = rng.normal(0.0, tracker.noise_m, points.shape)
+        return TRACKER_EPOCH + elapsed, np.asarray(points + noise)
+    seat = matrix_from_rotvec(np.array(drawn.rotation_vector_rad)[:, None])[:, :, 0]
+    stand = TrueStand(
+        rod=points.T,
+        distance=np.linalg.norm(points, axis=1),
+        rotation=np.einsum("ji,jkn->ikn", seat, rotation),
+    )
+    noise = rng.standard_normal((6, rows))
+    return TRACKER_EPOCH + elapsed, instrument.kind.measure(stand, noise, instrument)

@@ -1,9 +1,10 @@
-"""MuJoCo plant of a robot before a telescoping bar or a draw-wire: no closed chain holds it.
+"""MuJoCo plant of a robot that no closed chain holds: before a telescoping bar, a draw-wire, or a
+tracker that follows it.
 
 The servos and gears are those of sim.plant.mujoco_plant. The run begins once the arm has come to
 rest under its first command. A rod turns in two magnetic cups, from a seat in the world to a site
 on the robot; along it act the spring of its length sensor, the friction of its slide and its
-weight. A wire pulls with its tension.
+weight. A wire pulls with its tension. A tracker exerts no force.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def run_with_instrument(
     model = _model(plant, instrument, forces, timestep)
     t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
     command = servo_command(plant, path, t, gravity_compensation=gravity_compensation)
-    if is_wire(instrument):
+    if is_wire(instrument) and not instrument.follows:
         command = np.column_stack((command, np.ones(t.size)))
     start = _start(plant, model, instrument, path.q[0])
     run = PlantRun(plant, model, start, command, timestep)
@@ -85,7 +86,7 @@ def run_with_instrument(
             on_motion(plant.cell, plant.geometry, states[:, 0], q, b)
 
     states, _ = roll_out(replace(run, start=settled), on_states)
-    motion = _motion(run, forces, states)
+    motion = _motion(run, 0.0 if instrument.follows else forces.wire_tension_N, forces, states)
     _check_cup(model, instrument, states, motion)
     if fault := axis_range_fault(plant.cell.robot, motion.t, motion.q):
         raise PlantError(fault[1])
@@ -94,7 +95,9 @@ def run_with_instrument(
 
 def _model(plant: Plant, instrument: Instrument, forces: RodAndWire, timestep: float) -> PlantModel:
     spec = unloaded_robot_spec(plant, timestep=timestep)
-    slide = add_instrument(spec, instrument, forces, seat=plant.geometry.origin, site="tool")
+    slide = None
+    if not instrument.follows:
+        slide = add_instrument(spec, instrument, forces, seat=plant.geometry.origin, site="tool")
     if slide is not None:
         # Dry friction of the solver, stiff: it slides from micrometres a second on. A bristle
         # (LuGre) that can be integrated explicitly is so soft that a stroke of 0.3 mm hardly leaves
@@ -118,12 +121,12 @@ def _start(plant: Plant, compiled: PlantModel, instrument: Instrument, q: Array)
     return full_state(model, data)
 
 
-def _motion(run: PlantRun, forces: RodAndWire, states: Array) -> Motion:
+def _motion(run: PlantRun, pull: float, forces: RodAndWire, states: Array) -> Motion:
     compiled = run.compiled
     q, plate = states[:, 1 + compiled.joints], bending(compiled, states)
     shown, torque = servo_motion(run, states)
     b, stretch = bar_at(run.plant.geometry, q, plate)
-    force = np.full(len(states), forces.wire_tension_N)
+    force = np.full(len(states), pull)
     if compiled.slide.size:
         force = forces.rod_spring_N_per_m * states[:, 1 + compiled.slide[0]]
     return Motion(

@@ -53,7 +53,8 @@ class FollowedRobot:
     noise_m: tuple[float, float] = (7.5e-6, 3e-6)  # constant, and per metre of distance
     noise_rad: float = 9e-5  # of poses
     angle_noise: float = 1e-6  # [rad] of the robot's log
-    speed: float = 1.0  # of the motion; 0 for a robot that stands
+    speed: float = 1.0  # of the motion
+    turned: tuple[int, float] = (0, 0.0)  # joint, from 0, and [rad] by which its zero went since
 
     def _drawn(self, name: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, name])
@@ -72,6 +73,7 @@ class FollowedRobot:
         """(6,) [rad] true zeros of the joints."""
         drawn = self.angle_error * self._drawn(2).normal(size=6)
         drawn[[0, 5]] = 0.0  # turn the base, and the target
+        drawn[self.turned[0]] += self.turned[1]
         return np.asarray(drawn)
 
     def angles(self, t: Array) -> Array:

@@ -46,7 +46,7 @@ def minute_logs(
     )
     q = closed(true, path.b, path.q) + lag.T @ CELL.robot.gear_to_joint
     gears = q @ CELL.robot.joint_to_gear
-    gear, order, _ = harmonic_orders(CELL)[0]
+    gear, order, _ = harmonic_orders(CELL.robot)[0]
     gears[:, gear] -= ripple * np.sin(order * gears[:, gear])
     if joint_error is not None:
         gear, order, amplitude = joint_error

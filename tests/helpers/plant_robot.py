@@ -40,7 +40,7 @@ def known_robot(plant: TrueMachine) -> IdentifiedRobot:
                 1j * phase
             )
     cell = known_cell(plant.cell, effects)
-    found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(cell)]
+    found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(cell.robot)]
     ripple = [part for z in found for part in (z.real, z.imag)]
     values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_backlash, ripple))
     return IdentifiedRobot(

@@ -88,7 +88,9 @@ def test_a_search_where_nothing_is_left_finds_nothing(monkeypatch: pytest.Monkey
     """A listed error: the complete fit explains it, and the search is made all the same."""
     monkeypatch.setattr(MODULE, "may_have_joint_errors", lambda _: True)
     stages: list[str] = []
-    listed = next(order for gear, order, _ in harmonic_orders(CELL) if gear == JOINT and order > 1)
+    listed = next(
+        order for gear, order, _ in harmonic_orders(CELL.robot) if gear == JOINT and order > 1
+    )
     error = (JOINT, listed, 6e-5)
     result = identify_together(
         CELL, [minute_logs(joint_error=error)], options=OPTIONS, listener=Listener(stages.append)
@@ -113,7 +115,7 @@ def with_orders_times(factor: float) -> Cell:
 @pytest.mark.slow
 def test_the_right_order_is_found_where_the_file_lists_another() -> None:
     cell = with_orders_times(0.9)
-    assert (JOINT, 36.0) in [pair[:2] for pair in harmonic_orders(cell)]
+    assert (JOINT, 36.0) in [pair[:2] for pair in harmonic_orders(cell.robot)]
     result = identified(cell, order=40, size=1e-4)
     assert list(amplitudes(result)) == ["joint2_40"]
     assert amplitudes(result)["joint2_40"] == pytest.approx(1e-4, rel=0.05)
@@ -148,7 +150,7 @@ def test_listed_orders_are_no_candidates_and_turns_of_the_motor_are() -> None:
     pairs = candidate_orders(robot, [])
     assert (0, ratio) in pairs
     assert (0, 2.0 * ratio) in pairs
-    listed = [pair[:2] for pair in harmonic_orders(CELL)]
+    listed = [pair[:2] for pair in harmonic_orders(CELL.robot)]
     left = candidate_orders(robot, listed)
     assert not {(g, round(n, 3)) for g, n in left} & {(g, round(n, 3)) for g, n in listed}
     assert (JOINT, ORDER) in left

@@ -135,8 +135,7 @@ def rows_of(tracked: Recorded, *, geometry: Geometry, noise: float = NOISE) -> t
     assert drawn is not None
     stamps, points = tracker_rows(
         replace(done.motion, geometry=geometry),
-        float(times[0]),
-        float(times[-1]),
+        (float(times[0]), float(times[-1])),
         tracker=tracker.model_copy(update={"noise_m": noise}),
         drawn=drawn,
         seed=1,

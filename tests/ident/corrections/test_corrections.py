@@ -154,7 +154,7 @@ def test_flanks_that_are_known_are_taken_as_they_are(state: State) -> None:
 
 
 def test_ripple_has_the_orders_of_the_file_and_two_of_each_motors_turn(state: State) -> None:
-    correction, orders = gear_ripple(CELL, ENCODERS), harmonic_orders(CELL)
+    correction, orders = gear_ripple(CELL, ENCODERS), harmonic_orders(CELL.robot)
     values = regressors(correction, state)
     assert len(correction.coefficients) == 2 * len(orders)
     for k, (gear, order, size) in enumerate(orders):

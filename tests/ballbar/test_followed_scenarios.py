@@ -1,0 +1,99 @@
+"""A simulated robot that an instrument follows, from the scenario to a result that is verified."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.recording import read_recording
+from ballbar.result.calibration import Calibration
+from cell.load import load_instrument
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from sim.recording_files import truth_path
+from sim.truth import Truth, load_truth
+from tests.helpers.command_line import ballbar
+from tests.helpers.followed_robot import FollowedRobot
+
+SHORT = ("path.duration_s=40", "path.stops=0", "accept.tcp_max_mm=0.4")
+
+
+@pytest.fixture(scope="module")
+def mocap(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run of the shipped scenario, 40 s long."""
+    out = tmp_path_factory.mktemp("mocap") / "run"
+    changes = [word for change in SHORT for word in ("--set", change)]
+    code, text, err = ballbar("run", "ur10e_mocap", *changes, "--out", str(out))
+    assert code == 0, text + err
+    return out
+
+
+@pytest.mark.slow
+def test_clock_latency_and_target_are_those_of_the_simulation(mocap: Path) -> None:
+    file = Calibration.load(mocap).file
+    truth = load_truth(truth_path(mocap / "recording"))
+    assert isinstance(truth, Truth)
+    assert truth.logs.tracker is not None
+    (group,) = file.groups
+    assert group.clock is not None
+    clock, stated = group.clock, truth.logs.tracker
+    assert stated.offset_s == pytest.approx(0.45 - 0.012, abs=1e-6)
+    lag = truth.logs.joint_lag_s[0]
+    assert abs(clock.offset_s - stated.offset_s - lag) < 4.0 * clock.offset_sigma_s
+    assert abs(clock.skew - stated.skew) < 4.0 * clock.skew_sigma
+    assert clock.offset_sigma_s < 2e-4
+
+
+@pytest.mark.slow
+def test_rows_have_the_noise_that_the_instrument_states(mocap: Path) -> None:
+    """The spread of neighbouring rows about their means is that of white noise."""
+    log = read_recording(mocap / "recording").tracker_log
+    assert log is not None
+    second = log.points[:-2] - 2.0 * log.points[1:-1] + log.points[2:]
+    still = np.linalg.norm(second, axis=1) < 8.0 * np.sqrt(6.0) * log.sigma[0, 0]
+    expected = np.sqrt(6.0) * np.median(log.sigma[:, :3])
+    assert second[still].std() == pytest.approx(expected, rel=0.1)
+    turns = matrix_from_rotvec(log.values[:, 3:].T)
+    between = rotvec_from_matrix(np.einsum("jin,jkn->ikn", turns[..., :-1], turns[..., 1:]))
+    sigma = load_instrument("mocap_pose").sigma_rotation
+    assert np.quantile(np.abs(between), 0.5) > 0.5 * sigma
+
+
+@pytest.mark.slow
+def test_the_result_is_verified_replayed_and_read(mocap: Path) -> None:
+    code, out, _ = ballbar("verify", str(mocap), str(mocap / "recording"))
+    assert (code, out.split(":")[0]) == (0, "Holds")
+    assert (mocap / "run.rrd").stat().st_size > 1e5
+    report = (mocap / "report.html").read_text()
+    assert "Clock of the instrument that followed the robot" in report
+    assert "followed poses" in report
+
+
+@pytest.mark.slow
+def test_a_robot_whose_axis_turned_since_is_not_verified(tmp_path: Path) -> None:
+    """Its zero went by 0.4 mrad; the instrument stands elsewhere today, on another clock."""
+    made = FollowedRobot(seed=8)
+    made.write(tmp_path / "before", seconds=30.0)
+    code, _, err = ballbar("identify", str(tmp_path / "before"), "--out", str(tmp_path / "out"))
+    assert code == 0, err
+    today = replace(made, offset=0.05, seat=(2.2, 1.3, 0.3))
+    today.write(tmp_path / "unchanged", seconds=20.0, rate=100.0)
+    code, out, _ = ballbar("verify", str(tmp_path / "out"), str(tmp_path / "unchanged"))
+    assert code == 0, out
+    changed = replace(today, turned=(2, 4e-4))
+    changed.write(tmp_path / "changed", seconds=20.0, rate=100.0)
+    code, out, _ = ballbar("verify", str(tmp_path / "out"), str(tmp_path / "changed"), "--json")
+    assert code == 1
+    cause = json.loads(out)["causes"][0]
+    assert (cause["kind"], cause["axis"]) == ("axis", 3)
+    assert cause["size"][0] == pytest.approx(4e-4, rel=0.1)
+
+
+def test_settings_of_a_ballbar_are_refused(tmp_path: Path) -> None:
+    folder = FollowedRobot(seed=5).write(tmp_path / "moving", seconds=15.0, rate=50.0)
+    code, _, err = ballbar("identify", str(folder), "--model", "dh")
+    assert code == 2
+    assert "gives poses, and these settings are of a ball-bar's logs" in err
