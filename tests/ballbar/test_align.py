@@ -90,7 +90,7 @@ def test_poses_of_two_frames_are_aligned_by_their_names_or_by_options(tmp_path: 
 @pytest.mark.slow
 @pytest.mark.skipif(not (DATA / "eth_arm_camera").is_dir(), reason="no ../shared/real_robots")
 def test_the_clock_of_a_real_arm_and_camera_is_that_of_a_plain_fit(tmp_path: Path) -> None:
-    """A plain fit of all rows, apart from the project's own, gave -18.5 ms with a sigma of 2.3 ms."""
+    """A plain fit of all rows, not by the project, gave -18.5 ms with a sigma of 2.3 ms."""
     files = [DATA / "eth_arm_camera" / f"{name}.csv.gz" for name in ("arm", "camera")]
     clock = json.loads(output("align", *files, "--json"))["clock"]
     apart, sigma = clock["stamps_apart_s"], clock["stamps_apart_sigma_s"]
