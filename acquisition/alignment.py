@@ -67,12 +67,7 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
             "robot and ball-bar log move at different times whatever the clock offset. Are they "
             "of the same run? Log both in one run, or correct `time` of both in recording.yaml."
         )
-    # the highest other peak that is not part of the best one
-    peak = np.zeros(lags.score.size, dtype=bool)
-    inner = lags.score[1:-1]
-    peak[1:-1] = (inner > lags.score[:-2]) & (inner >= lags.score[2:])
-    peak &= np.abs(lags.lag - lags.lag[best]) * STEP > APART
-    runner_up = int(np.argmax(np.where(peak, lags.score, -1.0))) if peak.any() else None
+    runner_up = _runner_up(lags, best)
     return CoarseAlignment(
         offset_s=_vertex(lags, best) * STEP,
         score=float(lags.score[best]),
@@ -80,6 +75,15 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
         runner_up_offset_s=None if runner_up is None else _vertex(lags, runner_up) * STEP,
         runner_up_score=0.0 if runner_up is None else float(lags.score[runner_up]),
     )
+
+
+def _runner_up(lags: _Lags, best: int) -> int | None:
+    """Index of the highest other peak that is not part of the best one."""
+    peak = np.zeros(lags.score.size, dtype=bool)
+    inner = lags.score[1:-1]
+    peak[1:-1] = (inner > lags.score[:-2]) & (inner >= lags.score[2:])
+    peak &= np.abs(lags.lag - lags.lag[best]) * STEP > APART
+    return int(np.argmax(np.where(peak, lags.score, -1.0))) if peak.any() else None
 
 
 def _signals(name: str, t: Array, angles: Array) -> Array:
@@ -92,9 +96,7 @@ def _signals(name: str, t: Array, angles: Array) -> Array:
             f"the {name} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} "
             "s in common. Log a longer run with both."
         )
-    speed = np.zeros(t.size)
-    for channel in speeds(t, angles):
-        speed += np.abs(channel)
+    speed = sum((np.abs(channel) for channel in speeds(t, angles)), start=np.zeros(t.size))
     moving = speed[speed > MOVING]
     if not moving.size:
         raise LogError(

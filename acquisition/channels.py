@@ -23,7 +23,8 @@ import numpy as np
 from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
-from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds
+from acquisition.stamps.arrival import with_source_times
+from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds, without_strays
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table, read_table
 from acquisition.table.text import (
@@ -126,7 +127,7 @@ def _of_table(
     table = replace(table, columns={STAMP: ns, **table.columns})
     table = in_sequence(replace(table, findings=(*table.findings, *findings)), None)
     refuse_two_publishers(table, chosen, "")
-    table = in_order(table)
+    table = in_order(with_source_times(without_strays(table), chosen))
     values = np.stack([table.columns[name] for name in chosen], axis=1)
     first = int(table.columns[STAMP][0])
     known = form in WITH_EPOCH or bool(both and first > SINCE_2001)
@@ -166,17 +167,20 @@ def _columns(
         for k, name in enumerate(names)
         if name and name not in stamps and all(k < len(row) and is_number(row[k]) for row in rows)
     ]
-    several = all(any(map(is_number, row)) for row in rows) and len(names) > 2
-    if not numbers and several:
-        what = f"no column has values in every row: several signals. Columns: {', '.join(names)}."
-        remedy = "Name the channels of one signal, such as `--channel x=pv_x`."
-        raise LogError.at(path.name, what, remedy)
     if not numbers:
-        raise LogError(
-            f"{path.name}: no column of numbers beside the time stamps in {time!r}; the columns "
-            f"are {', '.join(names)}. Export the table with its values."
-        )
+        raise _no_numbers(path.name, names, time, rows)
     return numbers
+
+
+def _no_numbers(file: str, names: list[str], time: str, rows: Sequence[Sequence[str]]) -> LogError:
+    """The error for a table whose rows have no column of numbers in common."""
+    listed = ", ".join(names)
+    if all(any(map(is_number, row)) for row in rows) and len(names) > 2:
+        what = f"no column has values in every row: several signals. Columns: {listed}."
+        remedy = "Name the channels of one signal, such as `--channel x=pv_x`."
+        return LogError.at(file, what, remedy)
+    what = f"no column of numbers beside the time stamps in {time!r}; the columns are {listed}."
+    return LogError.at(file, what, "Export the table with its values.")
 
 
 def _form(stamps: TimeCells, declared: TimeForm | None) -> TimeForm:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -29,7 +30,7 @@ def explain_lines(folder: Path) -> list[str]:
     Raises DescriptionError or LogError as reading would.
     """
     description = load_recording_file(folder)
-    encoders = description.encoders
+    encoders = dict(sorted(description.encoders.items()))
     kind = "instrument" if description.ballbar is None else "ball-bar"
     lines = [
         f"recording of robot {description.robot}, {kind} {description.measured_by}, plate "
@@ -37,25 +38,27 @@ def explain_lines(folder: Path) -> list[str]:
     ]
     for name in get_args(SourceName):
         declared: SourceFile | None = getattr(description.sources, name)
-        if declared is None:
-            continue
-        source = log_source(folder, name, declared, encoders=dict(sorted(encoders.items())))
-        count = len(declared.files)
-        lines.append(
-            f"{name}: dialect {declared.dialect}, as recording.yaml has it; {count} file(s)"
-        )
-        lines += [f"  {line}" for line in _meaning(source, encoders)]
-        if declared.quantised:
-            lines.append(
-                "  stamps step by more than can be neglected, the rows were taken evenly "
-                "(recording.yaml): put between the steps"
-            )
-        for file in declared.files:
-            if source.dialect.container == "text":
-                lines += [f"  {line}" for line in _file(source, file)]
-            else:
-                lines.append(f"  {file}: {source.dialect.container}")
+        if declared is not None:
+            lines += _source(log_source(folder, name, declared, encoders=encoders), encoders)
     return lines
+
+
+def _source(source: LogSource, encoders: Fitted) -> Iterator[str]:
+    """One log: its dialect, the meaning of its numbers, and each of its files."""
+    declared = source.declared
+    dialect, count = declared.dialect, len(declared.files)
+    yield f"{source.name}: dialect {dialect}, as recording.yaml has it; {count} file(s)"
+    yield from (f"  {line}" for line in _meaning(source, encoders))
+    if declared.quantised:
+        yield (
+            "  stamps step by more than can be neglected, the rows were taken evenly "
+            "(recording.yaml): put between the steps"
+        )
+    for file in declared.files:
+        if source.dialect.container == "text":
+            yield from (f"  {line}" for line in _file(source, file))
+        else:
+            yield f"  {file}: {source.dialect.container}"
 
 
 def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
@@ -69,10 +72,8 @@ def _meaning(source: LogSource, encoders: Fitted) -> list[str]:
         torques = [f"torques in N m {place[dialect.torques_at]}, where they are logged"]
         return angles + (torques if dialect.torque_columns else [])
     if dialect.source == "ballbar":
-        return [
-            _encoder(name, encoder, dialect.status.get(name))
-            for name, encoder in sorted(encoders.items())
-        ]
+        named = sorted(encoders.items())
+        return [_encoder(name, encoder, dialect.status.get(name)) for name, encoder in named]
     if isinstance(declared, LengthFile):
         zero = f" from {declared.zero_m:g} m on" if declared.zero_m else ""
         return [f"length in {declared.unit}{zero}, column {declared.column} (recording.yaml)"]
@@ -94,6 +95,15 @@ def _encoder(name: str, encoder: EncoderFitting, status: str | None) -> str:
     )
 
 
+def _wanted(header: Header) -> list[str]:
+    """Number and name of each wanted column, with its selector where that is another."""
+    return [
+        f"{position + 1} {header.names[position]}"
+        + (f" (found by {selector})" if header.names[position] != selector else "")
+        for selector, position in zip(header.columns, header.positions, strict=True)
+    ]
+
+
 def _file(source: LogSource, file: str) -> list[str]:
     """How one table would be read."""
     text = read_text(inside(source.folder, file), file)
@@ -101,15 +111,10 @@ def _file(source: LogSource, file: str) -> list[str]:
     where = f"header in line {text.number[header.row - 1]}"
     if header.without_header():
         where = "no header, columns as declared"
-    columns = [  # number and name of each wanted one, with its selector where that is another
-        f"{position + 1} {header.names[position]}"
-        + (f" (found by {selector})" if header.names[position] != selector else "")
-        for selector, position in zip(header.columns, header.positions, strict=True)
-    ]
     lines = [
         f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted "
         f"names are found with it), {where}, {len(header.names)} columns",
-        f"  columns: {', '.join(columns)}",
+        f"  columns: {', '.join(_wanted(header))}",
     ]
     absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:

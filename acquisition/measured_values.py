@@ -61,25 +61,27 @@ class ValueConversion:
         """
         if raw.shape[1] < 3:
             return np.asarray(deviation * self._units)
-        steps = _STEP * np.eye(3)
-        if self.declared.spherical is None:
-            sigma = deviation[:, :3] * self.length
-        else:
-            variance = np.zeros((len(raw), 3))
-            for k, unit in enumerate((self.angle, self.angle, self.length)):
-                step = steps[k] / unit
-                upper, lower = self.position(raw[:, :3] + step), self.position(raw[:, :3] - step)
-                variance += ((upper - lower) / (2.0 * _STEP) * deviation[:, [k]] * unit) ** 2
-            sigma = np.sqrt(variance)
+        sigma = self._position_sigma(raw[:, :3], deviation)
         if raw.shape[1] == 3:
             return sigma
         angles, spread = raw[:, 3:] * self.angle, deviation[:, 3:] * self.angle
         variance, convention = np.zeros((len(raw), 3)), str(self.declared.rotation)
-        for k, step in enumerate(steps):
+        for k, step in enumerate(_STEP * np.eye(3)):
             ahead, behind = (rotation(convention, angles + s, 1.0) for s in (step, -step))
             turn = (ahead * behind.inv()).as_rotvec()
             variance += (turn / (2.0 * _STEP) * spread[:, [k]]) ** 2
         return np.hstack((sigma, np.sqrt(variance)))
+
+    def _position_sigma(self, raw: Array, deviation: Array) -> Array:
+        """(N, 3) [m] of the deviations (N, K) of a position's raw columns (N, 3)."""
+        if self.declared.spherical is None:
+            return deviation[:, :3] * self.length
+        variance = np.zeros((len(raw), 3))
+        for k, unit in enumerate((self.angle, self.angle, self.length)):
+            step = _STEP / unit * np.eye(3)[k]
+            change = (self.position(raw + step) - self.position(raw - step)) / (2.0 * _STEP)
+            variance += (change * deviation[:, [k]] * unit) ** 2
+        return np.sqrt(variance)
 
 
 def rotation(convention: str, raw: Array, angle: float) -> Rotation:

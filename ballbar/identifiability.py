@@ -226,21 +226,6 @@ def study_lines(result: Study, changes: Influences) -> Iterator[str]:
 def study_data(result: Study, changes: Influences) -> dict[str, object]:
     """All of a study as plain data: null vectors in m and rad, `changes` in mm|mrad."""
     selection = result.selection
-    left_out: list[dict[str, object]] = [
-        {"name": name, "reason": "no effect"} for name in selection.without_effect
-    ]
-    for d in selection.dependent:
-        reason = "scale" if d.is_scale else "depends on"
-        on, affected = dict(d.partners), changes[d.name]
-        left_out.append({"name": d.name, "reason": reason, "on": on, "affected": affected})
-    members = [
-        {
-            "text": str(group),
-            "members": [list(m) for m in group.members],
-            "vectors": {v.name: dict(v.partners) for v in group.vectors},
-        }
-        for group in result.groups
-    ]
     return {
         "cost": result.cost,
         "encoders": list(result.encoders),
@@ -250,10 +235,30 @@ def study_data(result: Study, changes: Influences) -> dict[str, object]:
         "smallest_singular_value": result.spectrum.smallest_counted,
         "largest_ignored_singular_value": result.spectrum.largest_ignored,
         "zero_jacobian": list(selection.without_effect),
-        "groups": members,
+        "groups": [_group_data(group) for group in result.groups],
         "selected": list(selection.selected),
-        "left_out": left_out,
+        "left_out": _left_out(selection, changes),
     }
+
+
+def _group_data(group: Group) -> dict[str, object]:
+    return {
+        "text": str(group),
+        "members": [list(m) for m in group.members],
+        "vectors": {v.name: dict(v.partners) for v in group.vectors},
+    }
+
+
+def _left_out(selection: Selection, changes: Influences) -> list[dict[str, object]]:
+    """Parameters that are not identified, and why; `changes` in mm|mrad."""
+    left_out: list[dict[str, object]] = [
+        {"name": name, "reason": "no effect"} for name in selection.without_effect
+    ]
+    for d in selection.dependent:
+        reason = "scale" if d.is_scale else "depends on"
+        on, affected = dict(d.partners), changes[d.name]
+        left_out.append({"name": d.name, "reason": reason, "on": on, "affected": affected})
+    return left_out
 
 
 def vector_text(vector: Dependency) -> str:

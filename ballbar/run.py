@@ -34,6 +34,10 @@ from sim.recording_files import TABLE, truth_path, write_poses, write_recording
 from sim.simulate import Simulation, simulate
 from sim.still_poses import PoseSimulation, simulate_poses
 
+# file, data, and words of what a scenario makes: of the whole, where it is real, and on the way
+_RECORDING = ("recording.yaml", "raw", "a recording", "a real recording", "simulating the cell")
+_TABLE = ("poses.yaml", TABLE, "a table of poses", "real poses", "simulating the poses")
+
 if TYPE_CHECKING:  # a run without --live imports no viewer
     from ballbar.replay.live import LiveRun
 
@@ -83,17 +87,14 @@ def _simulating(
     Raises InputError where it holds something else, or what was really measured, which is never
     replaced. Errors of the simulation are those of the scenario's file.
     """
-    marker, data, what = "recording.yaml", "raw", "a recording"
-    if still:
-        marker, data, what = "poses.yaml", TABLE, "a table of poses"
+    marker, data, what, real, doing = _TABLE if still else _RECORDING
     with claimed_folder(folder, {marker, data, DESCRIPTIONS}, what):
         if (file := folder / marker).exists():
             stored = load_poses_file(file) if still else load_recording_file(folder)
             if stored.kind == "real":
-                real = "real poses" if still else "a real recording"
                 wrong = f"holds {real}; nothing was written."
                 raise InputError.at(folder, wrong, "Choose another folder with --out.")
-        progress("simulating the poses" if still else "simulating the cell")
+        progress(doing)
         try:
             yield scenario_file.parent
         except InputError as error:

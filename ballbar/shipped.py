@@ -51,6 +51,17 @@ def _purpose(file: Path) -> str:
     return _SENTENCE_END.split(comment, maxsplit=1)[0].removesuffix(".")
 
 
+def _shipped_files() -> dict[Path, bytes]:
+    """Content of what is copied, by its path from SHIPPED."""
+    return {
+        file.relative_to(SHIPPED): file.read_bytes()
+        for pattern in COPIED
+        for source in sorted(SHIPPED.glob(pattern))
+        for file in sorted(source.rglob("*") if source.is_dir() else [source])
+        if file.is_file()
+    }
+
+
 def copy_scenarios(folder: Path) -> list[str]:
     """Copies the shipped scenarios, with their paths, plan requests and sweeps.
 
@@ -59,13 +70,7 @@ def copy_scenarios(folder: Path) -> list[str]:
 
     Raises InputError if it holds anything else, or all of them.
     """
-    files = {
-        file.relative_to(SHIPPED): file.read_bytes()
-        for pattern in COPIED
-        for source in sorted(SHIPPED.glob(pattern))
-        for file in sorted(source.rglob("*") if source.is_dir() else [source])
-        if file.is_file()
-    }
+    files = _shipped_files()
     held = _held(folder, files)
     if held is None or files.keys() <= held:
         what = "exists and holds something; nothing was written."

@@ -149,6 +149,17 @@ def new_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(aside, ignore_errors=True)
 
 
+def _tidied(path: Path, known: set[str]) -> None:
+    """Deletes unfinished files of these names. Raises InputError where other files are."""
+    unfinished = {aside_of(path / name).name for name in known}
+    entries = {entry.name for entry in path.iterdir()}
+    if foreign := sorted(entries - known - unfinished):
+        what = f"exists and holds something else ({', '.join(foreign[:3])}); nothing was written."
+        raise InputError.at(path, what, "Choose another folder with --out.")
+    for name in entries & unfinished:
+        (path / name).unlink()
+
+
 @contextmanager
 def claimed_folder(path: Path, known: set[str], what: str) -> Iterator[None]:
     """A folder for output alone: absent, empty, or with an earlier output only; made as needed.
@@ -165,15 +176,7 @@ def claimed_folder(path: Path, known: set[str], what: str) -> Iterator[None]:
     path.mkdir(parents=True, exist_ok=True)
     try:
         with _locked(path):
-            unfinished = {aside_of(path / name).name for name in known}
-            entries = {entry.name for entry in path.iterdir()}
-            if foreign := sorted(entries - known - unfinished):
-                raise InputError(
-                    f"{path}: exists and holds something else ({', '.join(foreign[:3])}); nothing "
-                    "was written. Choose another folder with --out."
-                )
-            for name in entries & unfinished:
-                (path / name).unlink()
+            _tidied(path, known)
             yield
     finally:
         if made:

@@ -215,21 +215,9 @@ def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
     a, d = robot.a.copy(), robot.d.copy()
     a[-1] += plate.length
     d[-1] += plate.tool_offset
-    rows = (
-        a,
-        d,
-        robot.alpha,
-        robot.theta,
-        np.zeros(len(table.hayati_rows)),
-        bar.a,
-        bar.d,
-        bar.alpha,
-        bar.theta,
-        origin,
-        [0.0, 0.0],
-    )
-    values = np.concatenate([np.asarray(r, dtype=np.float64) for r in rows])
-    return Geometry(values, table)
+    arm = (a, d, robot.alpha, robot.theta, np.zeros(len(table.hayati_rows)))
+    instrument = (bar.a, bar.d, bar.alpha, bar.theta, origin, np.zeros(2))
+    return Geometry(np.concatenate((*arm, *instrument)), table)
 
 
 def robot_geometry(robot: Robot) -> Geometry:

@@ -52,9 +52,8 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     small = angle < 1e-2  # [rad] the closed form cancels below; series error 1e-10 * phi^2
     safe = np.where(small, 1.0, angle)
     half = 0.5 * safe
-    factor = np.where(
-        small, 1.0 / 12.0 + square / 720.0, (1.0 - half / np.tan(half)) / (safe * safe)
-    )
+    closed = (1.0 - half / np.tan(half)) / (safe * safe)
+    factor = np.where(small, 1.0 / 12.0 + square / 720.0, closed)
     x, y, z = rotvec
     xx, yy, zz = factor * x * x, factor * y * y, factor * z * z
     xy, xz, yz = factor * x * y, factor * x * z, factor * y * z

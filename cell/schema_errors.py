@@ -135,9 +135,8 @@ def _expectation(error: ErrorDetails, context: Mapping[str, Any], value: Any) ->
     elif kind in ("float_type", "int_type") and isinstance(value, str):
         text += ", without quotes or unit"
     elif kind == "literal_error":
-        close = difflib.get_close_matches(
-            str(value), re.findall(r"'([^']*)'", context["expected"]), n=1
-        )
+        valid = re.findall(r"'([^']*)'", context["expected"])
+        close = difflib.get_close_matches(str(value), valid, n=1)
         text += f"; the nearest is {close[0]}" if close else ""
     return text.rstrip(".")
 
@@ -224,11 +223,8 @@ def _valid_keys(annotation: Any, raw: Loc) -> set[str]:
         return _valid_keys(inner[0], raw)
     if origin in (Union, types.UnionType):
         chosen = [member for member in inner if raw and _is_named(member, raw[0])]
-        return set().union(
-            *(_valid_keys(m, raw[1:]) for m in chosen)
-            if chosen
-            else (_valid_keys(m, raw) for m in inner)
-        )
+        rest = raw[1:] if chosen else raw
+        return set().union(*(_valid_keys(member, rest) for member in chosen or inner))
     if origin is dict and raw:
         return _valid_keys(inner[1], raw[1:])
     if origin in (list, tuple) and raw:

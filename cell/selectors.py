@@ -21,6 +21,10 @@ _REGEX, _NUMBER = "re:", re.compile(r"#([1-9][0-9]{0,3})")
 _PICK = re.compile(r"(re:.*)\[(\d)/(\d)\]", re.DOTALL)
 LONGEST_NAME = 300  # characters; the lines of a PLC have at most 255
 _MOST_REPEATS = 3  # unbounded ones in one expression
+_SLOW = (
+    f"repeated groups and more than {_MOST_REPEATS} of `*` and `+` are refused: they can take "
+    "forever"
+)
 
 
 def checked(selector: str) -> str:
@@ -38,10 +42,7 @@ def checked(selector: str) -> str:
         repeats = len(re.findall(r"[*+]|\{\d+,\}", bare))
         nested = re.search(r"\)[*+?{]", bare)
         if nested or repeats > _MOST_REPEATS or len(pattern) > LONGEST_NAME:
-            raise ValueError(
-                f"{selector!r}: repeated groups and more than {_MOST_REPEATS} of `*` and `+` are "
-                "refused: they can take forever"
-            )
+            raise ValueError(f"{selector!r}: {_SLOW}")
         try:
             re.compile(pattern)
         except (re.error, OverflowError, RecursionError) as error:

@@ -79,9 +79,7 @@ def findings_of(fit: Fit) -> Findings:
 
 def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:
     """Poses whose residual lies along the last move, more than one of them and in one direction."""
-    candidates: list[int] = []
-    signs: list[float] = []
-    first = 0
+    candidates, signs, first = list[int](), list[float](), 0
     points, whitenings = fit.linear.evaluations[fit.still], fit.linear.weights[fit.still]
     for point, weights, move in zip(points, whitenings, _last_moves(fit), strict=True):
         n = point.still.size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ident.evidence import ClosureEvidence, Evidence
 from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TURN, not_by_chance
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import RATIO
-from ident.result import CorrectionEstimate
+from ident.result import CorrectionEstimate, RecordingEstimate
 from ident.signals.smooth_log import LogOutliers
 from ident.signals.steps import StepFault
 from ident.verdict import PLAUSIBLE
@@ -46,11 +46,7 @@ def rod_remark(evidence: ClosureEvidence) -> list[str]:
     ]
 
 
-def recording_remarks(evidence: Evidence) -> Iterator[str]:
-    """Encoder directions, samples and autocorrelation of a recording, and what its logs show."""
-    closure, recording = evidence.closure, evidence.recording
-    if closure is None or recording is None:
-        return
+def _directions(recording: RecordingEstimate) -> Iterator[str]:
     directions = recording.start.chosen.hypothesis.directions
     for joint, direction in zip(recording.encoders, directions, strict=True):
         if direction < 0:
@@ -58,6 +54,14 @@ def recording_remarks(evidence: Evidence) -> Iterator[str]:
                 f"encoder b{joint} counts against its declared direction; the identified one is "
                 "used (check `sign` in recording.yaml)"
             )
+
+
+def recording_remarks(evidence: Evidence) -> Iterator[str]:
+    """Encoder directions, samples and autocorrelation of a recording, and what its logs show."""
+    closure, recording = evidence.closure, evidence.recording
+    if closure is None or recording is None:
+        return
+    yield from _directions(recording)
     if recording.samples < FEW_SAMPLES:
         yield (
             f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "
@@ -117,6 +121,16 @@ def _left_out(log: str, outliers: LogOutliers, channels: Sequence[str]) -> list[
     ]
 
 
+def _ripple(o: JointOrder, values: Mapping[str, float]) -> str:
+    """One joint error with its amplitude; empty where it has not lasted, or is small."""
+    name = harmonic_name(o.joint, o.order)
+    size = np.hypot(values.get(f"{name}_cos", 0.0), values.get(f"{name}_sin", 0.0))
+    if size < LITTLE_RIPPLE:
+        return ""
+    others = f" (or {', '.join(f'{a:g}' for a in o.aliases)})" if o.aliases else ""
+    return f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
+
+
 def joint_error_remark(
     orders: Sequence[JointOrder], corrections: Sequence[CorrectionEstimate]
 ) -> str:
@@ -125,18 +139,7 @@ def joint_error_remark(
     corrections : of the result.
     """
     values = {c.name: c.value for correction in corrections for c in correction.coefficients}
-    parts = []
-    for o in orders:
-        name = harmonic_name(o.joint, o.order)
-        if f"{name}_cos" not in values:
-            continue
-        size = np.hypot(values[f"{name}_cos"], values[f"{name}_sin"])
-        if size < LITTLE_RIPPLE:
-            continue
-        others = f" (or {', '.join(f'{a:g}' for a in o.aliases)})" if o.aliases else ""
-        parts.append(
-            f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
-        )
+    parts = [words for o in orders if (words := _ripple(o, values))]
     if not parts:
         return ""
     return (

@@ -141,16 +141,16 @@ def _without_unseen_lags(model: Model, fit: Fit) -> Fit:
     model : that was fitted, its priors as declared.
     """
     layout = model.unknowns
-    kept = tuple(c for c in model.corrections if c.name != JOINT_LAG)
-    lags = {k.name for c in model.corrections if c not in kept for k in c.coefficients}
+    others = tuple(c for c in model.corrections if c.name != JOINT_LAG)
+    lags = {k.name for c in model.corrections if c not in others for k in c.coefficients}
     if not lags:
         return fit
     own = np.array([name in lags for name in layout.names])
     sigma = np.sqrt(np.diag(robust_covariance(fit)))
     if (np.abs(fit.x[own]) > SEEN * sigma[own]).any():
         return fit
-    layout, x = layout.with_coefficients([k for c in kept for k in c.coefficients], fit.x)
-    model = replace(model, unknowns=layout, corrections=kept)
+    layout, x = layout.with_coefficients([k for c in others for k in c.coefficients], fit.x)
+    model = replace(model, unknowns=layout, corrections=others)
     return fit_robustly(model, x, fit.excess)
 
 

@@ -32,13 +32,7 @@ def table_remarks(evidence: Evidence) -> Iterator[str]:
             f"{_poses(estimate.table.size)} of {estimate.table.name} hardly tell more than where "
             "instrument and target are; the verdict is by the recordings alone"
         )
-    steps = np.rad2deg(estimate.fit.model.angle_noise * np.sqrt(12.0))
-    if steps.any():
-        axes = ", ".join(str(j + 1) for j in np.flatnonzero(steps))
-        yield (
-            f"the angles of joints {axes} are rounded to {steps.max():g} deg; their weights allow "
-            "for it, but exact angles would make a better robot"
-        )
+    yield from _rounded(estimate)
     if estimate.alone:
         yield from _scale(estimate)
     yield from _repeated(estimate)
@@ -46,6 +40,16 @@ def table_remarks(evidence: Evidence) -> Iterator[str]:
         yield from _local(estimate)
         yield from _far(estimate)
     yield from _orders(estimate.search.orders if estimate.search else ())
+
+
+def _rounded(estimate: TableEstimate) -> Iterator[str]:
+    steps = np.rad2deg(estimate.fit.model.angle_noise * np.sqrt(12.0))
+    if steps.any():
+        axes = ", ".join(str(j + 1) for j in np.flatnonzero(steps))
+        yield (
+            f"the angles of joints {axes} are rounded to {steps.max():g} deg; their weights allow "
+            "for it, but exact angles would make a better robot"
+        )
 
 
 def _findings(estimate: TableEstimate, findings: Findings) -> Iterator[str]:

@@ -19,6 +19,7 @@ R runs of equal values, of which a share p has more than one row, `R p^(n - 1)` 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -203,13 +204,13 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
 
     The first row of a run holds a true value.
     """
-    together: dict[tuple[int, int], list[str]] = {}
+    together = defaultdict[tuple[int, int], list[str]](list)
     for name, runs in frozen.items():
         for first, last in zip(runs.first.tolist(), runs.last.tolist(), strict=True):
-            together.setdefault((first + 1, last), []).append(name)
-    stretches: dict[tuple[str, ...], list[tuple[int, int]]] = {}
+            together[first + 1, last].append(name)
+    stretches = defaultdict[tuple[str, ...], list[tuple[int, int]]](list)
     for stretch, names in sorted(together.items()):
-        stretches.setdefault(tuple(names), []).append(stretch)
+        stretches[tuple(names)].append(stretch)
     for columns, every in stretches.items():
         rows = np.unique(np.concatenate([np.arange(a, b + 1) for a, b in every]))
         lines = [f"{table.line[a]} to {table.line[b]}" for a, b in every[:STRETCHES_SHOWN]]
@@ -219,6 +220,5 @@ def _remarked(table: Table, frozen: Mapping[str, _Runs], why: str) -> Table:
             f"column{'s' * (not single)} {', '.join(columns)} repeat{'s' * single} one value in "
             f"lines {', '.join(lines)}{more}, {why}: frozen; rows left out."
         )
-        kind, flag = "frozen channel", RowFlag.FROZEN
-        table = table.remarked(kind, sentence, rows=rows, flag=flag)
+        table = table.remarked("frozen channel", sentence, rows=rows, flag=RowFlag.FROZEN)
     return table

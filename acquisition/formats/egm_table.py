@@ -63,23 +63,24 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     return replace(table, columns=columns), form
 
 
+def _torn_end(frames: EgmFrames, raw: bytes, file: str, first: int, last: int) -> Finding:
+    """The finding about an end at bytes `first` to `last`; LogError for more than one message."""
+    longest = max((len(message) for message in frames.messages), default=0)
+    if raw[first:].strip(b"\0") and last - first > 2 * longest + 8:
+        raise LogError(
+            f"{file}: damaged at byte {first}: {len(frames.messages)} messages stand before it, "
+            f"{last - first + 1} bytes behind it. Cut the file there."
+        )
+    sentence = f"the file ends within a message or in NUL (bytes {first} to {last}); left out."
+    return finding("torn end", file, sentence, count=1)
+
+
 def _frame_findings(frames: EgmFrames, raw: bytes, file: str) -> list[Finding]:
     """Findings about a torn end and damaged messages.
 
     Raises LogError if there are too many, or no message is left.
     """
-    findings = []
-    if frames.torn:
-        first, last = frames.torn
-        longest = max((len(message) for message in frames.messages), default=0)
-        # More than a message under way.
-        if raw[first:].strip(b"\0") and last - first > 2 * longest + 8:
-            raise LogError(
-                f"{file}: damaged at byte {first}: {len(frames.messages)} messages stand before "
-                f"it, {last - first + 1} bytes behind it. Cut the file there."
-            )
-        sentence = f"the file ends within a message or in NUL (bytes {first} to {last}); left out."
-        findings.append(finding("torn end", file, sentence, count=1))
+    findings = [_torn_end(frames, raw, file, *frames.torn)] if frames.torn else []
     damaged, count = frames.damaged, len(frames.messages) + len(frames.damaged)
     if len(damaged) > max(1.0, DAMAGED_LIMIT * count):
         what = f"{len(damaged)} of {count} messages have a wrong checksum: the file is damaged."

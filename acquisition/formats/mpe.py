@@ -28,6 +28,7 @@ from cell.errors import LogError
 VERSIONS = range(10_000, 11_000)  # 10011 in 2024; the head has not changed since 10007
 _LONGEST_TEXT = 1000  # bytes; RAPID packs strings of at most 80
 _COMMAND = "cmdnum"
+_AGAIN = "Copy the file again, or cut it before this row."
 
 
 def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
@@ -106,16 +107,14 @@ def _check_rows(rows: Array, names: list[str], positions: list[int], file: str) 
     bad = np.argwhere(~np.isfinite(wanted) | (np.abs(wanted) > 1e6))
     if bad.size:
         row, column = (int(index) for index in bad[0])
-        raise LogError(
-            f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no "
-            "clock and no axis shows. Copy the file again, or cut it before this row."
-        )
+        shown = f"{names[positions[column]]} is {wanted[row, column]:g}"
+        what = f"{shown}, which no clock and no axis shows."
+        raise LogError.at(f"{file}:{row + 1}", what, _AGAIN)
     if _COMMAND in names:
         command = rows[:, names.index(_COMMAND)]
         back = np.diff(command, prepend=command[0]) < 0
         odd = np.flatnonzero((command != np.rint(command)) | back)
         if odd.size:
-            raise LogError(
-                f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, "
-                "or goes back. Damaged here. Copy the file again, or cut it before this row."
-            )
+            number = f"{_COMMAND} {command[odd[0]]:g}"
+            what = f"{number} is no number of a command, or goes back. Damaged here."
+            raise LogError.at(f"{file}:{odd[0] + 1}", what, _AGAIN)

@@ -51,8 +51,7 @@ def decode(message: bytes) -> JointState:
     try:
         state: Any = _TYPES.deserialize_cdr(message, "sensor_msgs/msg/JointState")
     except SerdeError as error:
-        reason = str(error).rstrip(".")
-        raise LogError(f"JointState: {reason}. {_REMEDY}") from None
+        raise LogError(f"JointState: {str(error).rstrip('.')}. {_REMEDY}") from None
     stamp, names, positions = state.header.stamp, state.name, state.position.tolist()
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
         raise LogError(f"JointState: no stamp is {stamp.sec} s {stamp.nanosec} ns. {_REMEDY}")
@@ -139,6 +138,21 @@ def _records(stream: mmap.mmap, size: int) -> Iterator[McapRecord]:
         yield from content
 
 
+def _decompressed(chunk: Chunk, most: int) -> bytes:
+    """The content of a chunk, up to `most` bytes of what was compressed."""
+    match chunk.compression:
+        case "zstd":
+            return zstandard.ZstdDecompressor().stream_reader(chunk.data).read(most)
+        case "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most))
+        case "" | None:
+            return chunk.data
+    raise LogError(
+        f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read. Pack it again with "
+        "one of these."
+    )
+
+
 def _unpack(chunk: Chunk) -> bytes:
     """The content of a chunk: as long as it claims, and never more in memory."""
     claimed = chunk.uncompressed_size
@@ -148,17 +162,7 @@ def _unpack(chunk: Chunk) -> bytes:
             f"{_RECOVER}"
         )
     try:
-        if chunk.compression == "zstd":
-            data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(claimed + 1)
-        elif chunk.compression == "lz4":
-            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=claimed + 1)
-        elif not chunk.compression:
-            data = chunk.data
-        else:
-            raise LogError(
-                f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read. "
-                "Pack it again with one of these."
-            )
+        data = _decompressed(chunk, claimed + 1)
     except (zstandard.ZstdError, RuntimeError) as error:
         raise LogError(f"a chunk cannot be unpacked ({error}). {_RECOVER}") from None
     if len(data) != claimed:

@@ -131,9 +131,8 @@ def _group_table(
     number = np.concatenate(([0], export.number[rows]))
     plain = LogText(text.file, text.encoding, ["\t".join(kinds), *lines], number, quoted=False)
     table, form = text_table(plain, Layout(("\t",), kinds, remedies=_AGAIN))
-    table.columns[time] = _times(
-        export, TimeCells(text.file, time, table.columns[time], table.line)
-    )
+    stamps = TimeCells(text.file, time, table.columns[time], table.line)
+    table.columns[time] = _times(export, stamps)
     for name, position in zip(names, positions[1:], strict=True):
         data_type, values = export.meta["Data-Type"][position], table.columns[name]
         lower, upper = _INTEGERS.get(data_type, (-np.inf, np.inf))
@@ -164,16 +163,13 @@ def _times(export: _Export, cells: TimeCells) -> Stamps:
     return ns
 
 
-def _present(export: _Export) -> tuple[list[NDArray[np.intp]], list[Finding]]:
-    """Rows in which each group has values, without torn ones, and a finding about these.
+def _filled(export: _Export, ends: set[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(N, G) whether each group of a row has all its values, and (N,) whether the row is torn.
 
-    In a torn row a group is half there, or back after it had ended.
-    Raises LogError where more than DAMAGED_LIMIT of the rows are torn.
+    ends : the widths that a row may have.
     """
-    count = len(export.rows)
-    present = np.zeros((count, len(export.groups)), dtype=bool)
-    torn = np.zeros(count, dtype=bool)
-    ends = {group.stop for group in export.groups}
+    present = np.zeros((len(export.rows), len(export.groups)), dtype=bool)
+    torn = np.zeros(len(export.rows), dtype=bool)
     for i, row in enumerate(export.rows):
         width = len(row) - (len(row) - 1 in ends and not row[-1].strip())
         if width not in ends:
@@ -183,6 +179,17 @@ def _present(export: _Export) -> tuple[list[NDArray[np.intp]], list[Finding]]:
             filled = sum(bool(cell.strip()) for cell in row[group.start : group.stop])
             present[i, j] = filled == len(group)
             torn[i] |= 0 < filled < len(group)
+    return present, torn
+
+
+def _present(export: _Export) -> tuple[list[NDArray[np.intp]], list[Finding]]:
+    """Rows in which each group has values, without torn ones, and a finding about these.
+
+    In a torn row a group is half there, or back after it had ended.
+    Raises LogError where more than DAMAGED_LIMIT of the rows are torn.
+    """
+    count, ends = len(export.rows), {group.stop for group in export.groups}
+    present, torn = _filled(export, ends)
     for column in present.T:
         if (valued := np.flatnonzero(column)).size:
             torn[: valued[-1]] |= ~column[: valued[-1]]
@@ -232,11 +239,8 @@ def _scaling_findings(export: _Export, position: int, kind: str) -> list[Finding
     """
     meta, file = export.meta, export.text.file
     name, data_type = meta["Name"][position], meta["Data-Type"][position]
-    scaled = not all(
-        _is_number(meta[key][position], neutral)
-        for key, neutral in _UNSCALED.items()
-        if key in meta
-    )
+    present = [key for key in _UNSCALED if key in meta]
+    scaled = not all(_is_number(meta[key][position], _UNSCALED[key]) for key in present)
     if kind == "integer" and (scaled or data_type not in _INTEGERS):
         why = "scaled in the Scope (offset, scale factor or unit)" if scaled else data_type
         what = f"channel {name!r} is {why}; a counter must be a whole number as the PLC has it."

@@ -59,9 +59,8 @@ class AdsMemory:
             self._group, self._offset = entry.iGroup, entry.iOffs
         except (pyads.ADSError, RuntimeError) as error:
             self.close()
-            raise DeviceSilentError(
-                f"PLC {self._address}, {self._symbol}: {_words(error)}"
-            ) from None
+            what = f"PLC {self._address}, {self._symbol}: {_words(error)}"
+            raise DeviceSilentError(what) from None
 
     def read(self, offset: int, size: int) -> bytes:
         """Bytes of the variable.

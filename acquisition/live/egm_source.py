@@ -24,6 +24,10 @@ DEFAULT_PORT = 6510  # ABB's for UdpUc devices
 # [s] without a message: the EGM session has ended; gaps of a running session reach 25 ms
 # (notes/log_formats sec. D).
 SILENCE = 2.0
+_REFUSED = {
+    errno.EADDRINUSE: "another program listens there",
+    errno.EADDRNOTAVAIL: "no network card has this address",
+}
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
 # Messages; a network may swap neighbours, a new session goes back further.
 _REORDERED = 10
@@ -60,11 +64,7 @@ class EgmSource:
             self._socket.bind((address, port))
         except OSError as error:
             self._socket.close()
-            reasons = {
-                errno.EADDRINUSE: "another program listens there",
-                errno.EADDRNOTAVAIL: "no network card has this address",
-            }
-            reason = reasons.get(error.errno or 0, error.strerror)
+            reason = _REFUSED.get(error.errno or 0, error.strerror)
             raise InputError(f"--egm {address}:{port}: {reason}. Name another port.") from None
         self.quiet = "no EGM message at {}:{} yet".format(*self.address)
         self._sender: tuple[str, int] | None = None
@@ -119,7 +119,10 @@ class EgmSource:
         except (BlockingIOError, InterruptedError):
             return None
 
-    def _batch(self, messages: list[tuple[bytes, EgmFeedback]], refused: int) -> Batch:
+    def _of_session(
+        self, messages: list[tuple[bytes, EgmFeedback]]
+    ) -> tuple[list[tuple[bytes, EgmFeedback]], int]:
+        """The messages of the running session, and how many were lost; later ones are held."""
         lost, last = 0, self._last_seqno
         for i, (_, feedback) in enumerate(messages):
             number = feedback.seqno
@@ -131,13 +134,14 @@ class EgmSource:
                 break
             skipped = range(number if last is None else last + 1, number)
             lost += len(skipped) - (number in self._missing)  # late is not lost
-            self._missing = {
-                n
-                for n in (*self._missing, *skipped[-_REORDERED:])
-                if n > number - _REORDERED and n != number
-            }
+            recent = {*self._missing, *skipped[-_REORDERED:]} - {number}
+            self._missing = {n for n in recent if n > number - _REORDERED}
             last = number if last is None else max(last, number)
         self._last_seqno = last
+        return messages, lost
+
+    def _batch(self, messages: list[tuple[bytes, EgmFeedback]], refused: int) -> Batch:
+        messages, lost = self._of_session(messages)
         ends = "the controller started a new EGM session" if self._held else ""
         complete = [feedback for _, feedback in messages if len(feedback.joints_deg) >= _AXES]
         angles = [feedback.joints_deg[:_AXES] for feedback in complete]

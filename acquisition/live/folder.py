@@ -128,19 +128,17 @@ class RecordingFolder:
             f"b{j}": {"column": f"b{j}", "lines": lines, "bits": bits, "sign": 1}
             for j in self._encoders.joints
         }
-        write_yaml(
-            self.path / DESCRIPTION,
-            {
-                "schema": "ballbar-recording/1",
-                "kind": "real",
-                "robot": self._cell.robot,
-                "ballbar": self._cell.ballbar,
-                "plate": self._cell.plate,
-                "sources": recorded,
-                "encoders": fitted if "ballbar" in recorded else {},
-                "notes": notes,
-            },
-        )
+        content: dict[str, object] = {
+            "schema": "ballbar-recording/1",
+            "kind": "real",
+            "robot": self._cell.robot,
+            "ballbar": self._cell.ballbar,
+            "plate": self._cell.plate,
+            "sources": recorded,
+            "encoders": fitted if "ballbar" in recorded else {},
+            "notes": notes,
+        }
+        write_yaml(self.path / DESCRIPTION, content)
 
 
 class SegmentFile:

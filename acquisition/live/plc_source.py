@@ -203,8 +203,7 @@ class PlcSource:
         time = samples["time"].astype(np.int64)
         self._last_time = int(time[-1]) if time.size else self._last_time
         columns = [joint - 1 for joint in self.encoders.joints]
-        counter = samples["counter"][:, columns].astype(np.int64)
-        status = samples["status"][:, columns].astype(np.int64)
+        counter, status = (samples[k][:, columns].astype(np.int64) for k in ("counter", "status"))
         rows = np.column_stack((time, counter, status)).tolist()
         records = [(";".join(map(str, row)) + "\r\n").encode("ascii") for row in rows]
         return Batch(

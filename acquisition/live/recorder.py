@@ -126,6 +126,16 @@ class Recorder:
             return RecorderState.CLOSE
         return RecorderState.FLUSH
 
+    def _show(self, batch: Batch) -> None:
+        """Hands a batch to the live view, which must not end the recording."""
+        if self._on_batch is None or not batch.records:
+            return
+        try:
+            self._on_batch(self._source, batch)
+        except Exception as error:
+            self._on_batch = None
+            self._tally.warn(f"the live view ended: {error}")
+
     def _flush(self) -> RecorderState:
         batch, file = self._batch, self._file
         if batch is None or file is None:
@@ -137,12 +147,7 @@ class Recorder:
             file.append(batch.records)
             self._declare(file)
         self._tally.count(batch)
-        if self._on_batch is not None and batch.records:
-            try:
-                self._on_batch(self._source, batch)
-            except Exception as error:  # a picture must not end a recording
-                self._on_batch = None
-                self._tally.warn(f"the live view ended: {error}")
+        self._show(batch)
         if batch.ends:
             self._tally.note(batch.ends)
         if batch.ends or stopping:

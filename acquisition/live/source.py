@@ -132,21 +132,19 @@ class Tally:
     def count(self, batch: Batch) -> None:
         """Adds a batch."""
         before, rate = self.progress, 0.0
-        gaps = self._gaps(batch.t_ns)
         records = before.records + len(batch.records)
         if batch.t_ns.size:
             self._recent.append((int(batch.t_ns[-1]), records))
         if len(self._recent) > 1 and self._recent[-1][0] > self._recent[0][0]:
             (first, earlier), (last, latest) = self._recent[0], self._recent[-1]
             rate = (latest - earlier) / ((last - first) * 1e-9)
-        ever = batch.status
-        if before.ever is not None and before.ever.size:
-            ever = ever | before.ever
+        ever = before.ever
+        ever = batch.status if ever is None or not ever.size else batch.status | ever
         self.show(
             records=records,
             lost=before.lost + batch.lost,
             refused=before.refused + batch.refused,
-            gaps=before.gaps + gaps,
+            gaps=before.gaps + self._gaps(batch.t_ns),
             rate=rate,
             heard=time.monotonic() if batch.records else before.heard,
             latest=batch.values[-1] if len(batch.values) else before.latest,

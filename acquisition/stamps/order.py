@@ -72,8 +72,11 @@ def _by_sequence(table: Table, sequence: str) -> Table:
     return replace(table, begins=table.begins | restarted)
 
 
-def _without_strays(table: Table) -> Table:
-    """The rows without those whose stamp alone is out of place, between neighbours that are not."""
+def without_strays(table: Table) -> Table:
+    """The rows of one file without those whose stamp alone is out of place.
+
+    Raises LogError where these are too many.
+    """
     stamps = table.columns[STAMP]
     step = np.diff(stamps)
     forward = step[step > 0]
@@ -105,7 +108,7 @@ def in_order(table: Table) -> Table:
     segment begins there (acquisition.faults.segments).
     Raises LogError where too many stamps are out of place, or the clock is too coarse.
     """
-    table = _without_strays(table)
+    table = without_strays(table)
     step = np.diff(table.columns[STAMP])
     repeated = np.flatnonzero(step == 0) + 1
     if not repeated.size:

@@ -169,19 +169,24 @@ def _section(result: Judged, images: Sequence[str], command: str) -> Iterator[st
         yield f"| {' | '.join(_cell(text) for text in (*cells, _verdict(verdict)))} |"
     yield from ("", "<details><summary>Checks and their limits</summary>", "")
     for verdict in result.verdicts:
-        outcomes = (*verdict.outcomes[RESTS_ON], *verdict.guards)
-        for (key, _, check), outcome in zip(verdict.claim.sections, outcomes, strict=True):
-            ours = " (our finding)" if key == "guards" else ""
-            yield f"- {verdict.claim.name}{ours}: {check.what}, {outcome.limits}. {check.reason}"
-            for difference in check.exceptions if isinstance(check, EqualTable) else ():
-                sides = (("in the thesis", difference.thesis), ("here", difference.here))
-                only = ", ".join(
-                    f"only {side} {' '.join(f'`{name}`' for name in names)}"
-                    for side, names in sides
-                    if names
-                )
-                yield f"  - {difference.entry}: {only}. {difference.why}"
+        yield from _checks(verdict)
     yield from ("", "</details>")
+
+
+def _checks(verdict: ClaimVerdict) -> Iterator[str]:
+    """The checks of a claim with their limits and stated exceptions."""
+    outcomes = (*verdict.outcomes[RESTS_ON], *verdict.guards)
+    for (key, _, check), outcome in zip(verdict.claim.sections, outcomes, strict=True):
+        ours = " (our finding)" if key == "guards" else ""
+        yield f"- {verdict.claim.name}{ours}: {check.what}, {outcome.limits}. {check.reason}"
+        for difference in check.exceptions if isinstance(check, EqualTable) else ():
+            sides = (("in the thesis", difference.thesis), ("here", difference.here))
+            only = ", ".join(
+                f"only {side} {' '.join(f'`{name}`' for name in names)}"
+                for side, names in sides
+                if names
+            )
+            yield f"  - {difference.entry}: {only}. {difference.why}"
 
 
 def _results(outcomes: Sequence[CheckOutcome]) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:  # a command imports only what it shows
-    from ballbar.claims.run import Judged
+    from ballbar.claims.run import ClaimVerdict, Judged
     from ballbar.sweep.run import SweepOutcome
     from ballbar.truth.limits import Limit
     from sim.simulate import Simulation
@@ -73,25 +73,26 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
         {
             "file": str(result.topic.path),
             "title": result.topic.file.title,
-            "claims": [
-                {
-                    "name": verdict.claim.name,
-                    "source": verdict.claim.source,
-                    "says": verdict.claim.says,
-                    "verdict": verdict.word,
-                    "passed": verdict.passed,
-                    "with": {
-                        parameters: {
-                            "verdict": verdict.comes_out(parameters),
-                            "checks": [asdict(check) for check in outcomes],
-                        }
-                        for parameters, outcomes in verdict.outcomes.items()
-                    },
-                    "guards": [asdict(check) for check in verdict.guards],
-                    "ml": list(verdict.ml),
-                }
-                for verdict in result.verdicts
-            ],
+            "claims": [_claim_data(verdict) for verdict in result.verdicts],
         }
         for result in judged
     ]
+
+
+def _claim_data(verdict: ClaimVerdict) -> dict[str, object]:
+    return {
+        "name": verdict.claim.name,
+        "source": verdict.claim.source,
+        "says": verdict.claim.says,
+        "verdict": verdict.word,
+        "passed": verdict.passed,
+        "with": {
+            parameters: {
+                "verdict": verdict.comes_out(parameters),
+                "checks": [asdict(check) for check in outcomes],
+            }
+            for parameters, outcomes in verdict.outcomes.items()
+        },
+        "guards": [asdict(check) for check in verdict.guards],
+        "ml": list(verdict.ml),
+    }

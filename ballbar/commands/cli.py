@@ -106,24 +106,30 @@ def _was_interrupted(error: BaseException | None) -> bool:
     return error is not None
 
 
+def _place_of(details: str) -> str:
+    """Where the details of a fault are: in a new file, or printed here."""
+    from tempfile import NamedTemporaryFile
+
+    try:
+        with NamedTemporaryFile("wb", prefix="ballbar-", suffix=".txt", delete=False) as file:
+            file.write(details.encode("utf-8", "backslashreplace"))
+    except OSError:
+        err.print(escape(details))
+        return "The details are above."
+    return f"The details are in {file.name}."
+
+
 def _say_fault(error: Exception) -> None:
     """Says what the program failed at, and writes the details to a file of their own."""
     import platform
     import traceback
     from importlib.metadata import version
-    from tempfile import NamedTemporaryFile
 
     from ballbar.commands.options import command_line
 
     head = f"ballbar {version('ballbar-bench')}, Python {sys.version}, {platform.platform()}"
     details = "".join([f"{head}\n{command_line()}\n\n", *traceback.format_exception(error)])
-    place = "The details are above."
-    try:
-        with NamedTemporaryFile("wb", prefix="ballbar-", suffix=".txt", delete=False) as file:
-            file.write(details.encode("utf-8", "backslashreplace"))
-        place = f"The details are in {file.name}."
-    except OSError:
-        err.print(escape(details))
+    place = _place_of(details)
     what = escape(f"{type(error).__name__}: {error}")
     err.print(
         f"[red]fault of the program:[/] {what}\n{escape(place)} Please report it to the "

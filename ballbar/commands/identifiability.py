@@ -109,8 +109,6 @@ def chosen_costs(name: str, fitted: Sequence[int]) -> tuple[list[str], dict[str,
         if lacking := [f"b{j}" for j in encoders_used(cost, ()) if j not in fitted]:
             passed_over[cost] = f"needs {', '.join(lacking)}; fitted: {encoders}"
     if name in passed_over:
-        raise InputError(
-            f"--cost {name}: {passed_over[name]}. Use --encoders to choose others, or --cost ml, "
-            "which takes any."
-        )
+        remedy = "Use --encoders to choose others, or --cost ml, which takes any."
+        raise InputError.at(f"--cost {name}", f"{passed_over[name]}.", remedy)
     return [cost for cost in candidates if cost not in passed_over], passed_over

@@ -47,14 +47,16 @@ def new(
 
     DIR : Recording folder to make.
     ROBOTLOG : The robot's log.
-    BALLBARLOG : The log of the ball-bar, or of an instrument of a length.
+    BALLBARLOG : The log of the ball-bar, or of an instrument of a length or one that follows the
+        tool. Not needed where one table holds both and --instrument names what made it.
     --poses TABLE : A table of still poses, or a folder of tables, instead of two logs; may be
         repeated for files of the same columns.
     --yes : Take every proposal without asking; fail where there is none.
     """
     if poses and robot_log is not None:
         raise InputError("give either --poses or two logs, not both.")
-    if not poses and (robot_log is None or ballbar_log is None):
+    one = options.instrument is not None  # whose rows may stand in the robot's table
+    if not poses and (robot_log is None or (ballbar_log is None and not one)):
         raise InputError(
             "name the robot's log and that of the ball-bar or instrument, or a table of still "
             "poses with --poses."
@@ -66,8 +68,9 @@ def new(
     ask = partial(_ask, take_proposals=yes, as_json=as_json)
     name = escape(str(folder))
     checked: CheckedRecording | CheckedPoses
-    if robot_log is not None and ballbar_log is not None:
-        checked = CheckedRecording(new_recording(folder, robot_log, ballbar_log, options, ask))
+    if robot_log is not None:
+        logs = robot_log, ballbar_log or robot_log  # one table may hold both
+        checked = CheckedRecording(new_recording(folder, *logs, options, ask))
         made = {"recording": str(folder)}
         closing = [f"Made {name}. Look at recording.yaml in it, then: ballbar check {name}"]
     else:

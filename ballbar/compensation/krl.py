@@ -85,11 +85,7 @@ def read_krl(path: Path, options: FrameOptions) -> list[RobotProgram]:
     for file in files:
         used = [name for name, target in file.own.items() if target or name in file.uses]
         file.guarded(file.declared_targets, used)
-        file.notes += [
-            f"{axis} of poses is not 0 (first in line {line}): it is taken to move neither the "
-            "robot nor a base; state the targets as axis angles if it does"
-            for axis, line in file.external.items()
-        ]
+        file.notes += file.external_notes()
     return [file.program() for file in files]
 
 
@@ -135,6 +131,14 @@ class _Krl(ProgramSource):
             self.declare(name, [self.target(value, name, line)])
             self.own[name.lower()] = kind != "frame"
 
+    def external_notes(self) -> list[str]:
+        """Notes about external axes of poses."""
+        return [
+            f"{axis} of poses is not 0 (first in line {line}): it is taken to move neither the "
+            "robot nor a base; state the targets as axis angles if it does"
+            for axis, line in self.external.items()
+        ]
+
     def target(self, value: Value, name: str, line: int) -> ProgramTarget:
         """The target of axis angles, or of a pose with S and T or without."""
         fields = _components(value)
@@ -142,9 +146,8 @@ class _Krl(ProgramSource):
         needed, allowed = (AXES, ()) if joints else (POSE, ("s", "t"))
         if not set(needed) <= set(fields) <= {*needed, *allowed, *EXTERNAL_AXES}:
             expected, stated = (", ".join(keys).upper() for keys in (needed, fields))
-            raise ProgramError(
-                line, f"{name}: expected {expected}, there are {stated}; decimals have a point"
-            )
+            wrong = f"{name}: expected {expected}, there are {stated}; decimals have a point"
+            raise ProgramError(line, wrong)
         if ("s" in fields) is not ("t" in fields):
             raise ProgramError(line, f"{name}: S and T are both needed, or neither")
         configuration = numbers_of((fields[k] for k in allowed if k in fields), name, line)
@@ -257,9 +260,8 @@ class _Krl(ProgramSource):
         if point is not None and point.rotation and not point.configuration:
             self.placed.add(tokens[2].start)
             return _constant(point.numbers)
-        raise computed(
-            line, f"{shown}, which may be a number as {what[1:].upper()}_DATA[1],", value
-        )
+        numbered = f"{shown}, which may be a number as {what[1:].upper()}_DATA[1],"
+        raise computed(line, numbered, value)
 
     def _of_data(self, what: str, name: str, line: int) -> _Frame:
         """The tool or base of a data set; without a number where it is not in these files."""

@@ -262,6 +262,19 @@ def write_programs(out: Path, programs: Sequence[CorrectedProgram]) -> list[Path
     return paths
 
 
+def _target_data(file: CorrectedProgram, k: int) -> dict[str, object]:
+    target, corrected = file.program.targets[k], file.corrected
+    return {
+        "file": file.program.path.name,
+        "name": target.name,
+        "line": target.line,
+        "position_error_m": float(corrected.position_before[k]),
+        "angle_error_rad": float(corrected.angle_before[k]),
+        "left_in_the_model_m": float(corrected.position_after[k]),
+        "axis_correction_rad": file.axis_changes[k].tolist(),
+    }
+
+
 def correct_and_write_programs(
     path: Path, result: Result, out: Path, options: FrameOptions
 ) -> tuple[dict[str, object], list[str]]:
@@ -276,17 +289,7 @@ def correct_and_write_programs(
         "files": written,
         "source_sha256": result.sha256,
         "targets": [
-            {
-                "file": file.program.path.name,
-                "name": target.name,
-                "line": target.line,
-                "position_error_m": float(file.corrected.position_before[k]),
-                "angle_error_rad": float(file.corrected.angle_before[k]),
-                "left_in_the_model_m": float(file.corrected.position_after[k]),
-                "axis_correction_rad": file.axis_changes[k].tolist(),
-            }
-            for file in programs
-            for k, target in enumerate(file.program.targets)
+            _target_data(file, k) for file in programs for k in range(len(file.program.targets))
         ],
         "notes": [note for file in programs for note in file.notes],
     }

@@ -210,17 +210,15 @@ class _Module(ProgramSource):
             arguments.pop(0)  # \Conc
         places, tool_at = MOVES[move.text.lower()]
         if len(arguments) <= tool_at:
-            raise ProgramError(
-                move.line, f"{move.text} has {len(arguments)} arguments, expected {tool_at + 1}"
-            )
+            wrong = f"{move.text} has {len(arguments)} arguments, expected {tool_at + 1}"
+            raise ProgramError(move.line, wrong)
         setup = self._setup(arguments[tool_at], move, joints=joints)
 
         def checked(of_joints: bool) -> MoveSetup:
             if of_joints is not joints:
                 kind = "jointtarget" if of_joints else "robtarget"
-                raise ProgramError(
-                    move.line, f"the target is a {kind}, which {move.text} does not take"
-                )
+                wrong = f"the target is a {kind}, which {move.text} does not take"
+                raise ProgramError(move.line, wrong)
             return setup
 
         for place in places:

@@ -163,6 +163,14 @@ class CorrectedTable:
     warnings: tuple[str, ...]
 
 
+def _refused(path: Path, targets: TargetFile, error: TargetError) -> InputError:
+    """The error that names the first faults by file and line."""
+    lines = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
+    shown, more = lines[:_FAULTS_SHOWN], len(lines) - _FAULTS_SHOWN
+    others = [f"and {more} more targets"] if more > 0 else []
+    return InputError("\n".join(["nothing was written.", *shown, *others]))
+
+
 def correct_file(path: Path, result: Result) -> CorrectedTable:
     """Corrected targets of a CSV file. Raises InputError naming file and line."""
     robot = result.robot
@@ -170,18 +178,12 @@ def correct_file(path: Path, result: Result) -> CorrectedTable:
     try:
         corrected = corrected_joints(result, targets.q)
     except TargetError as error:
-        faults = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
-        shown, more = faults[:_FAULTS_SHOWN], len(faults) - _FAULTS_SHOWN
-        others = [f"and {more} more targets"] if more > 0 else []
-        raise InputError("\n".join(["nothing was written.", *shown, *others])) from None
+        raise _refused(path, targets, error) from None
     identified, of_logs = result.calibration.file.corrections, result.calibration.of_logs
     expected = _OF_LOGS if of_logs else _OF_POSES
     missing = [EFFECTS[name] for name in expected if name not in identified]
-    warnings = []
-    if result.status != "good":
-        warnings.append(
-            f"the fit is called {result.status!r}; read its report before a robot moves by it"
-        )
+    poor = f"the fit is called {result.status!r}; read its report before a robot moves by it"
+    warnings = [poor] if result.status != "good" else []
     if missing:
         warnings.append(f"not identified, so not corrected: {', '.join(missing)}")
     return CorrectedTable(

@@ -51,15 +51,19 @@ def urdf(result: Result) -> str:
         bounds = {"lower": number(lower[i]), "upper": number(upper[i])}
         ET.SubElement(joint, "limit", bounds | {"effort": "0", "velocity": number(speed[i])})
         parent = f"link_{i + 1}"
-    first, *others = result.tools.items()
-    name, place = first
-    ET.SubElement(robot, "link", name=name)
-    _urdf_joint(robot, "tool_joint", "fixed", parent, name, poses[-1])
-    for other, place in others:
-        ET.SubElement(robot, "link", name=other)
-        pose = (place.rotation, place.origin)
-        _urdf_joint(robot, f"{other}_joint", "fixed", name, other, pose)
+    _urdf_tools(robot, result, parent, poses[-1])
     return _text(robot)
+
+
+def _urdf_tools(robot: ET.Element, result: Result, parent: str, pose: tuple[Array, Array]) -> None:
+    """The first tool at a pose in the last link, the others in its frame."""
+    first, *others = result.tools
+    ET.SubElement(robot, "link", name=first)
+    _urdf_joint(robot, "tool_joint", "fixed", parent, first, pose)
+    for name in others:
+        ET.SubElement(robot, "link", name=name)
+        own = (result.tools[name].rotation, result.tools[name].origin)
+        _urdf_joint(robot, f"{name}_joint", "fixed", first, name, own)
 
 
 def mjcf(result: Result) -> str:

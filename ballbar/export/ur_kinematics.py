@@ -18,6 +18,11 @@ from cell.errors import InputError
 from cell.rotation import roll_pitch_yaw
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+HEAD = (
+    "For ur_description: kinematics_params (ROS 2), kinematics_config (ROS 1).",
+    "The hash is of this result, not the controller's: the driver will say that it differs.",
+    "The controller itself goes on with its own calibration; its poses are not those of this file.",
+)
 _ALPHA = (0.5, 0.0, 0.0, 0.5, -0.5, 0.0)  # [pi rad] twists of every arm of UR
 
 
@@ -40,13 +45,7 @@ def ur_kinematics(result: Result) -> str:
         named = zip(("x", "y", "z", "roll", "pitch", "yaw"), (*xyz, *rpy), strict=True)
         lines += [f"  {link}:", *(f"    {key}: {number(value)}" for key, value in named)]
     lines.append(f"  hash: calib_{int(result.sha256[:16], 16)}")
-    head = [
-        "For ur_description: kinematics_params (ROS 2), kinematics_config (ROS 1).",
-        "The hash is of this result, not the controller's: the driver will say that it differs.",
-        "The controller itself goes on with its own calibration; its poses are not those of this "
-        "file.",
-    ]
-    return noted_text(result, "#", head, lines)
+    return noted_text(result, "#", HEAD, lines)
 
 
 def ur_chain(origins: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> UrdfChain:

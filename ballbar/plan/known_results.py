@@ -35,10 +35,9 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
     recording.
     """
     calibrations = [Calibration.load(result) for result in results]
-    files = [calibration.path for calibration in calibrations]
     machines = []
-    for file, calibration in zip(files, calibrations, strict=True):
-        cell, content = calibration.cell(), calibration.file
+    for calibration in calibrations:
+        file, cell, content = calibration.path, calibration.cell(), calibration.file
         if content.model == "dh" and cell.ballbar.stroke is None:
             raise InputError(
                 f"{file}: is of model dh, and a path is predicted with the complete model, of "
@@ -46,14 +45,19 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
             )
         _check_same_cell(file, content, request)
         machines.append(calibration.machine(cell))
-    _check_shared_recordings(files, calibrations)
-    for file, calibration in zip(files, calibrations, strict=True):
-        if (status := calibration.file.fit.status) != Status.GOOD:
-            err.print(
-                f"[yellow]warning:[/] {escape(str(file))}: its fit is called {escape(status)!r}; "
-                "what is predicted after it is no surer than its report"
-            )
+    _check_shared_recordings(calibrations)
+    for calibration in calibrations:
+        _warn_of_poor(calibration, err)
     return known_of(machines)
+
+
+def _warn_of_poor(calibration: Calibration, err: Console) -> None:
+    if (status := calibration.file.fit.status) != Status.GOOD:
+        file = escape(str(calibration.path))
+        err.print(
+            f"[yellow]warning:[/] {file}: its fit is called {escape(status)!r}; what is predicted "
+            "after it is no surer than its report"
+        )
 
 
 def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest) -> None:
@@ -72,11 +76,11 @@ def _check_same_cell(file: Path, content: CalibrationFile, request: PlanRequest)
             )
 
 
-def _check_shared_recordings(files: Sequence[Path], calibrations: Sequence[Calibration]) -> None:
+def _check_shared_recordings(calibrations: Sequence[Calibration]) -> None:
     """Two results are of one recording by its noise: folders may have any name."""
     entries = [
-        (file, recording.name, _noise(recording))
-        for file, calibration in zip(files, calibrations, strict=True)
+        (calibration.path, recording.name, _noise(recording))
+        for calibration in calibrations
         for recording in calibration.file.logs
     ]
     for k, (file, name, noise) in enumerate(entries):

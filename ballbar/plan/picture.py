@@ -65,13 +65,12 @@ def what_if_picture(plan: PathPlan, answers: Sequence[Answer]) -> bytes:
         panels = np.atleast_1d(figure.subplots(1, len(keys), sharey=True))
         for axes, key in zip(panels, keys, strict=True):
             of_key = [answer for answer in answers if answer.key == key]
-            x = np.arange(len(of_key))
-            tcp = [np.nan if a.tcp is None else a.tcp * UM for a in of_key]
-            total = [np.nan if a.total is None else a.total * UM for a in of_key]
-            axes.plot(x, tcp, "o-", color=INK, label="from the path")
-            axes.plot(x, total, "o--", color=INK, mfc="white", label="and the scale")
+            tcp = np.array([a.tcp for a in of_key], dtype=np.float64) * UM  # None: no mark
+            total = np.array([a.total for a in of_key], dtype=np.float64) * UM
+            axes.plot(tcp, "o-", color=INK, label="from the path")
+            axes.plot(total, "o--", color=INK, mfc="white", label="and the scale")
             axes.axhline(plan.evaluation.tcp * UM, color=FAINT, lw=0.8)
-            axes.set_xticks(x, [a.value for a in of_key], rotation=30, ha="right")
+            axes.set_xticks(range(len(of_key)), [a.value for a in of_key], rotation=30, ha="right")
             axes.set_title(key.replace("_", " "))
         figure.axes[0].set_ylim(bottom=0.0)  # shared by all panels, once all is drawn
         figure.axes[0].set_ylabel("TCP sigma [um rms]")
@@ -146,8 +145,7 @@ def _along_rod(axes: Axes, plan: PathPlan) -> None:
         label, robots = "force in the rod [N]", len(forces.tension)
         title = f"expected on soft servo, {robots} robots with 1 mm, 1 mrad"
     axes.axhline(0.0, color=QUIET, lw=0.7)
-    axes.set(xlabel="time [s]", ylabel=label)
-    axes.set_title(title)
+    axes.set(xlabel="time [s]", ylabel=label, title=title)
 
 
 def _sigma(axes: Axes, plan: PathPlan) -> None:

@@ -50,6 +50,14 @@ from planning.what_if import Answer, answers
 
 ATTEMPTS = 4  # trajectories of a search that are run in MuJoCo while limits are violated
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a drawn robot
+_POSITION = (
+    "--position belongs to --path. For a search, set cell.ballbar_position_m or "
+    "cell.ballbar_region_m of the request, here with --set."
+)
+_NOT_RUN = (
+    "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its targets under "
+    "its usual servo; the limits above hold for the nominal robot"
+)
 EVALUATIONS = 20_000  # of CMA-ES: about a minute on two cores
 
 
@@ -87,10 +95,7 @@ def _plan_path(request: PlanRequest, file: Path, options: PlanOptions, outputs: 
     """A trajectory of a search or of a path file, and answers to what-if questions."""
     folder, out, err = options.folder, options.out, options.err
     if options.position is not None and options.path is None:
-        raise InputError(
-            "--position belongs to --path. For a search, set cell.ballbar_position_m or "
-            "cell.ballbar_region_m of the request, here with --set."
-        )
+        raise InputError(_POSITION)
     questions = [question(text) for text in options.what_if]
     check_questions(request, questions)
     known = known_from(options.after, request, err) if options.after else None
@@ -159,10 +164,7 @@ def checked(candidates: Iterator[PathPlan], out: Console, err: Console) -> tuple
         say_plan(out, plan)
         say_gain(out, plan)
         if plan.forces is None:
-            out.print(
-                "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
-                "targets under its usual servo; the limits above hold for the nominal robot"
-            )
+            out.print(_NOT_RUN)
             return plan, True
         with status(err, "running it in MuJoCo on soft servo ..."):
             results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]

@@ -108,12 +108,8 @@ def say_recording(console: Console, progress: list[Progress]) -> None:
 
 def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
     """Table of the sources, with the latest angles and status words below it."""
-    table = Table(
-        title=f"{elapsed:.0f} s  (Ctrl-C ends the recording)",
-        title_justify="left",
-        box=None,
-        pad_edge=False,
-    )
+    title = f"{elapsed:.0f} s  (Ctrl-C ends the recording)"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for name in ("source", "state", "file", "records", "rate", "lost", "gaps"):
         table.add_column(name, justify="left" if name in ("source", "state", "file") else "right")
     for source in progress:

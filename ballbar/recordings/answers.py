@@ -14,13 +14,12 @@ from cell.file_units import LogLengthUnit
 Text = str | None
 Number = int | None
 _POSES = typer.Option(rich_help_panel="Options of still poses")
-OfPoses = Annotated[Text, _POSES]
+OfColumns = Annotated[
+    Text, typer.Option(rich_help_panel="Columns of still poses, and of the logs of a tracker")
+]
 OfEachTable = Annotated[list[str] | None, _POSES]
-_SHARED = ("robot", "instrument")
-_OF_POSES = (
-    *("joints", "joint_unit", "values", "value_unit"),
-    *("rotation", "angle_unit", "seat", "target"),
-)
+_OF_COLUMNS = ("joints", "joint_unit", "values", "value_unit", "rotation", "angle_unit")
+_SHARED, _OF_POSES = ("robot", "instrument", *_OF_COLUMNS), ("seat", "target")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,7 @@ class Answers:
     --lines : Lines of the encoders per turn.
     --bits : Bits of the encoders' interpolation.
     --instrument : Instrument of cell/instruments, or a .yaml file: of poses, or of a log of lengths
-        in place of a ball-bar's.
+        or of a tracker that followed the tool, in place of a ball-bar's.
     --column : Column of a log of lengths that holds the length.
     --unit : Unit of that column.
     --zero : Length where that column shows zero, in m.
@@ -76,12 +75,12 @@ class Answers:
     unit: LogLengthUnit | None = None
     zero: float | None = None
     damaged_rows: Annotated[Number, typer.Option(min=1)] = None
-    joints: OfPoses = None
-    joint_unit: OfPoses = None
-    values: OfPoses = None
-    value_unit: OfPoses = None
-    rotation: OfPoses = None
-    angle_unit: OfPoses = None
+    joints: OfColumns = None
+    joint_unit: OfColumns = None
+    values: OfColumns = None
+    value_unit: OfColumns = None
+    rotation: OfColumns = None
+    angle_unit: OfColumns = None
     seat: OfEachTable = None
     target: OfEachTable = None
 

@@ -17,6 +17,7 @@ from acquisition.recording import Recording
 from acquisition.report import Finding, ImportReport, report_lines
 from ballbar.units import MM, MS
 from cell.arrays import Array
+from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.logs import segment_starts
 from cell.pose_file import PosesFile
@@ -130,6 +131,23 @@ def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[
     return logs
 
 
+def _log_line(
+    name: str, t: Array, starts: tuple[int, ...], dwells: list[tuple[int, int]], channels: str
+) -> str:
+    """One log as `_logs` gives it; channels : words about them."""
+    line = (
+        f"{name} log: {t.size} samples over {t[-1]:.2f} s, median period "
+        f"{np.median(np.diff(t)) * MS:.4g} ms{channels}"
+    )
+    if starts:
+        times = ", ".join(f"{t[row]:.2f}" for row in starts[:SEGMENTS_SHOWN])
+        line += f", {len(starts) + 1} segments (new at {times} s)"
+    if dwells:
+        total = sum(t[last] - t[first] for first, last in dwells)
+        return f"{line}; {len(dwells)} dwells, {total:.1f} s in all"
+    return line if name in ("force", "length", "tracker") else f"{line}; no dwell"
+
+
 def _log_lines(recording: Recording) -> list[str]:
     """A line for each log: samples, duration, period, channels, segments, dwells."""
     bar, robot = recording.ballbar_log, recording.robot_log
@@ -138,21 +156,7 @@ def _log_lines(recording: Recording) -> list[str]:
         channels["ball-bar"] = f", encoders {', '.join(f'b{j}' for j in bar.joints)}"
     if robot.torque is not None:
         channels["robot"] = ", with motor torques"
-    lines = []
-    for name, t, starts, dwells in _logs(recording):
-        line = (
-            f"{name} log: {t.size} samples over {t[-1]:.2f} s, median period "
-            f"{np.median(np.diff(t)) * MS:.4g} ms{channels.get(name, '')}"
-        )
-        if starts:
-            times = ", ".join(f"{t[row]:.2f}" for row in starts[:SEGMENTS_SHOWN])
-            line += f", {len(starts) + 1} segments (new at {times} s)"
-        if dwells:
-            total = sum(t[last] - t[first] for first, last in dwells)
-            line += f"; {len(dwells)} dwells, {total:.1f} s in all"
-        elif name not in ("force", "length", "tracker"):
-            line += "; no dwell"
-        lines.append(line)
+    lines = [_log_line(*log, channels.get(log[0], "")) for log in _logs(recording)]
     if bar is None and recording.length_log is None and not recording.description.followed:
         lines.append("no encoders: the ball-bar's length is the only measurement")
     return lines
@@ -192,14 +196,6 @@ def _pose_lines(read: PoseImport) -> list[str]:
         f"  {d.seats[0]} to {d.seats[1]}: {d.length * MM:.6g} mm, sigma {d.sigma * MM:.3g} mm"
         for d in table.distances
     ]
-    axes = np.rad2deg(joints_to_axes(robot, table.q))
-    ranges = zip(
-        axes.min(axis=0),
-        axes.max(axis=0),
-        np.rad2deg(robot.axis_lower),
-        np.rad2deg(robot.axis_upper),
-        strict=True,
-    )
     return [
         "POSES",
         f"  {_count(table.size, 'pose')} of {robot.title} in "
@@ -208,11 +204,32 @@ def _pose_lines(read: PoseImport) -> list[str]:
         *groups,
         *(["DISTANCES", *distances] if distances else []),
         "AXES",
-        *(
-            f"  axis {k}: {low:.5g} to {high:.5g} deg (limits {lower:.4g} to {upper:.4g})"
-            for k, (low, high, lower, upper) in enumerate(ranges, 1)
-        ),
+        *_axis_lines(robot, table.q),
     ]
+
+
+def _axis_lines(robot: Robot, q: Array) -> list[str]:
+    """The range of each axis at joint angles q (N, J) [rad] beside its limits."""
+    axes = joints_to_axes(robot, q)
+    ends = (axes.min(axis=0), axes.max(axis=0), robot.axis_lower, robot.axis_upper)
+    return [
+        f"  axis {k}: {low:.5g} to {high:.5g} deg (limits {lower:.4g} to {upper:.4g})"
+        for k, (low, high, lower, upper) in enumerate(np.rad2deg(ends).T, 1)
+    ]
+
+
+def _group_data(group: PoseGroup) -> dict[str, Any]:
+    return {
+        "file": group.file,
+        "seat": group.seat,
+        "target": group.target,
+        "measured": group.measured,
+        "poses": group.size,
+        "lower": group.values.min(axis=0).tolist(),
+        "upper": group.values.max(axis=0).tolist(),
+        "sigma_median": np.median(group.sigma, axis=0).tolist(),
+        "duration_s": None if group.time is None else float(np.ptp(group.time)),
+    }
 
 
 def _pose_data(read: PoseImport) -> dict[str, Any]:
@@ -225,20 +242,7 @@ def _pose_data(read: PoseImport) -> dict[str, Any]:
         "poses": table.size,
         "seats": list(table.seats),
         "targets": list(table.targets),
-        "groups": [
-            {
-                "file": group.file,
-                "seat": group.seat,
-                "target": group.target,
-                "measured": group.measured,
-                "poses": group.size,
-                "lower": group.values.min(axis=0).tolist(),
-                "upper": group.values.max(axis=0).tolist(),
-                "sigma_median": np.median(group.sigma, axis=0).tolist(),
-                "duration_s": None if group.time is None else float(np.ptp(group.time)),
-            }
-            for group in table.groups
-        ],
+        "groups": [_group_data(group) for group in table.groups],
         "distances": [
             {"seats": list(d.seats), "length_m": d.length, "sigma_m": d.sigma}
             for d in table.distances

@@ -7,12 +7,14 @@ cannot show is asked for.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 from acquisition.explain import ANGLES
+from acquisition.faults.robot_angles import AngleReading
 from acquisition.sources import layout_of
 from acquisition.table.header import read_header
 from acquisition.table.text import split_fields
@@ -20,7 +22,9 @@ from acquisition.times import TIME_FORMS, recognised, words
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.dialect_questions import new_dialect
 from ballbar.recordings.preview import LogPreview
+from ballbar.recordings.proposals import length_unit
 from ballbar.recordings.questions import Ask, answer, loaded, one_of, time_form, whole_number
+from ballbar.recordings.tracker_questions import target_columns, target_units
 from cell.arrays import Array
 from cell.descriptions import BallBar
 from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
@@ -30,6 +34,7 @@ from cell.instrument import Instrument
 from cell.load import (
     ballbar_names,
     describes_instrument,
+    instrument_names,
     length_names,
     load_ballbar,
     load_instrument,
@@ -38,12 +43,13 @@ from cell.load import (
     robot_names,
 )
 from cell.logs import SourceName
-from cell.recording import SourceFile
+from cell.recording import SourceFile, TrackerFile
 from cell.schema_errors import nearest
 from cell.selectors import find
 
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
 UNITS = get_args(LogLengthUnit)
+FOLLOWED = ("point", "pose")  # measured by what may follow a moving tool
 OWN = "new"  # the answer that asks for a dialect of one's own
 
 
@@ -61,27 +67,48 @@ def log_description(
     """The description that answers and files give; raises InputError where an answer is missing."""
     if answers.ballbar and answers.instrument:
         raise InputError("give either --ballbar or --instrument: one of them made the second log.")
-    robots, bars = ", ".join(robot_names()), ", ".join((*ballbar_names(), *length_names()))
+    trackers = [n for n in instrument_names() if load_instrument(n).measured in FOLLOWED]
+    robots = ", ".join(robot_names())
+    bars = ", ".join((*ballbar_names(), *length_names(), *trackers))
     question = f"Which robot? ({robots}, or a .yaml file)"
-    robot, _ = answer(answers.robot, question, None, loaded(load_robot), ask)
+    robot, arm = answer(answers.robot, question, None, loaded(load_robot), ask)
     head = {"schema": "ballbar-recording/1", "kind": "real", "robot": robot}
     question = f"Which ball-bar or other instrument? ({bars}, or a .yaml file)"
-    bar, _ = answer(answers.ballbar or answers.instrument, question, None, loaded(_holder), ask)
-    kind: SourceName = "length" if answers.instrument or describes_instrument(bar) else "ballbar"
-    description = LogDescription({**head, "instrument" if kind == "length" else "ballbar": bar})
-    sources: dict[str, dict[str, Any]] = {}
+    bar, held = answer(answers.ballbar or answers.instrument, question, None, loaded(_holder), ask)
+    kind: SourceName = "tracker" if isinstance(held, Instrument) else "ballbar"
+    if kind == "ballbar" and (answers.instrument or describes_instrument(bar)):
+        kind = "length"
+    description = LogDescription({**head, "ballbar" if kind == "ballbar" else "instrument": bar})
+    own, columns = OWN if answers.joints else None, list[str]()
+    if isinstance(held, Instrument):
+        columns = target_columns(bar_log, held, answers, ask)
+    elif answers.values or answers.value_unit or answers.rotation:
+        what = f"they are of a tracker, and {bar} held the tool."
+        raise InputError.at("--values, --value-unit, --rotation", what, "Leave them out.")
+    point, sources = columns[:3], dict[str, dict[str, Any]]()
+    of_bar = answers.ballbar_dialect or (OWN if point and point != ["x", "y", "z"] else None)
+    dialects: dict[SourceName, Dialect] = {}
     logs: tuple[tuple[SourceName, LogPreview, str | None, str | None], ...] = (
-        ("robot", robot_log, answers.robot_dialect, answers.robot_time),
-        (kind, bar_log, answers.ballbar_dialect, answers.ballbar_time),
+        ("robot", robot_log, answers.robot_dialect or own, answers.robot_time),
+        (kind, bar_log, of_bar, answers.ballbar_time),
     )
     for name, log, dialect_name, time in logs:
         chosen = _chosen_dialect(name, dialect_name, log, ask)
-        dialect, sources[name] = _source(name, log, chosen, time, ask, description)
+        new = partial(new_dialect, name, log, time, answers, ask, axes=arm.joints)
+        if name == "tracker":
+            new.keywords["point"] = point
+        made = _source(name, log, chosen, time, ask, description, new)
+        dialects[name], sources[name] = made
         if answers.damaged_rows:
             sources[name]["damaged_rows"] = answers.damaged_rows
     description.recording["sources"] = sources
     if kind == "length":
-        sources[kind] |= _length(bar_log, load_instrument(bar), dialect, answers, ask)
+        sources[kind] |= _length(bar_log, load_instrument(bar), dialects[kind], answers, ask)
+    elif kind == "tracker":
+        logged = robot_log.throughout(dialects["robot"].for_axes(arm.joints).angles)
+        q = AngleReading(dialects["robot"].angle_kind, dialects["robot"].angle_unit)
+        unit = length_unit(arm, q.joints(arm, logged), bar_log.throughout(point))
+        sources[kind] |= target_units(columns, unit, answers, ask)
     else:
         encoders = _encoders(bar_log.columns, bar, answers, ask)
         description.recording["encoders"] = encoders
@@ -89,9 +116,24 @@ def log_description(
     return description
 
 
-def _holder(name: str) -> BallBar:
-    """The ball-bar, or the instrument of lengths, that held the robot."""
-    return (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
+def _holder(name: str) -> BallBar | Instrument:
+    """The ball-bar, or instrument of lengths, that held the robot; or what followed its tool."""
+    if not describes_instrument(name):
+        return load_ballbar(name)
+    instrument = load_instrument(name)
+    return instrument if instrument.measured in FOLLOWED else load_telescoping_bar(name)
+
+
+def _dialect_for(source: SourceName, log: LogPreview, name: str, *, may_be_own: bool) -> str:
+    """The name of a dialect that fits the log, or OWN. Raises InputError for another."""
+    if may_be_own and name == OWN:
+        return name
+    dialect = _dialect(name)
+    if dialect.source != source:
+        other = f"that dialect is of a {dialect.source} log"
+        raise InputError(f"{other}, and {log.name} of {source}.")
+    _refuse_unfit(dialect, log)
+    return name
 
 
 def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask: Ask) -> str:
@@ -108,17 +150,7 @@ def _chosen_dialect(source: SourceName, given: str | None, log: LogPreview, ask:
     table = log.container == "text" and source != "force"
     own = f", or {OWN} to write one from what the file shows" if table else ""
     choices = f"({', '.join(known)}, or a .yaml file{own})"
-
-    def check(name: str) -> str:
-        if table and name == OWN:
-            return name
-        dialect = _dialect(name)
-        if dialect.source != source:
-            other = f"that dialect is of a {dialect.source} log"
-            raise InputError(f"{other}, and {log.name} of {source}.")
-        _refuse_unfit(dialect, log)
-        return name
-
+    check = partial(_dialect_for, source, log, may_be_own=table)
     if fitting:
         meaning = _meaning(known[fitting[0]], log)
         question = f"{log.name} fits the dialect {fitting[0]}: {meaning}. Which dialect? {choices}"
@@ -146,8 +178,9 @@ def _refuse_unfit(dialect: Dialect, log: LogPreview) -> None:
     shown = _shown_form(dialect, log)
     if shown in ("date", "iec-time") and shown not in dialect.time.possible:
         raise InputError(f"the time stamps of {log.name} are {words(shown)}, not of that dialect.")
-    if dialect.source in {"robot", "force"}:
-        read_header(text, layout_of(source, dialect))
+    if dialect.source in {"robot", "force", "tracker"}:
+        followed = TrackerFile(files=source.files, dialect="")
+        read_header(text, layout_of(followed if dialect.source == "tracker" else source, dialect))
     else:
         halves = set(dialect.time.halves or ()) if dialect.source != "length" else set[str]()
         stamped = bool(halves) and halves <= set(log.columns)
@@ -160,7 +193,7 @@ def _meaning(dialect: Dialect, log: LogPreview) -> str:
     if dialect.source == "robot":
         what = f"{ANGLES[dialect.angle_kind]} in {dialect.angle_unit}"
     else:
-        what = "a length" if dialect.source == "length" else "raw counters"
+        what = {"length": "a length", "tracker": "points"}.get(dialect.source, "raw counters")
     possible = dialect.time.possible
     form = possible[0] if len(possible) == 1 else _shown_form(dialect, log)
     return what if form is None else f"{what}, time in {words(form)}"
@@ -173,14 +206,16 @@ def _source(
     time: str | None,
     ask: Ask,
     description: LogDescription,
+    new: Callable[[], tuple[dict[str, Any], str | None]],
 ) -> tuple[Dialect, dict[str, Any]]:
     """The chosen dialect and its source in recording.yaml; asks for a form of stamps that hides.
 
-    time : the form, where an option gave it. description : takes a dialect that is written.
+    time : the form, where an option gave it. description : takes a dialect that is written. new :
+    gives one, as `new_dialect`.
     """
     source: dict[str, Any] = {"files": [f"raw/{log.name}"], "dialect": chosen}
     if chosen == OWN and log.text is not None:
-        data, hidden = new_dialect(name, log, time, ask)
+        data, hidden = new()
         source["dialect"] = f"{name}-dialect.yaml"
         description.dialects[source["dialect"]] = data
         dialect = Dialect.model_validate(json.loads(json.dumps(data)))
@@ -273,16 +308,13 @@ def _encoders(
     columns: Sequence[str], ballbar: str, answers: Answers, ask: Ask
 ) -> dict[str, dict[str, Any]]:
     """The encoders of recording.yaml: counter column, lines, bits, direction."""
-
-    def parsed(reply: str) -> Mapping[str, tuple[str, int]]:
-        return _parsed_encoders(reply.split(), columns)
-
     if answers.encoder:
         chosen = _parsed_encoders(answers.encoder, columns)
     else:
         proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
         listed = ", ".join(columns)
         question = f"Which column holds which encoder's counter? Columns: {listed}. (b1=COLUMN"
+        parsed = partial(_replied_encoders, columns)
         chosen = answer(None, f"{question} b2=COLUMN:-1 ...)", proposal, parsed, ask)
     nominal = load_ballbar(ballbar)
     question, check = "Lines of the encoders per turn?", whole_number(1, 10_000_000)
@@ -295,6 +327,10 @@ def _encoders(
     }
 
 
+def _replied_encoders(columns: Sequence[str], reply: str) -> Mapping[str, tuple[str, int]]:
+    return _parsed_encoders(reply.split(), columns)
+
+
 def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[str, tuple[str, int]]:
     """Encoder -> (counter column, direction +1 or -1), from `b1=COLUMN` or `b1=COLUMN:-1`.
 
@@ -302,21 +338,22 @@ def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[st
 
     Raises InputError also for a name that is none of them.
     """
-    encoders: dict[str, tuple[str, int]] = {}
-    for text in texts:
-        name, equals, column = text.partition("=")
-        direction = "1"
-        if column.endswith((":1", ":-1", ":+1")):
-            column, _, direction = column.rpartition(":")
-        if name not in ENCODERS or not equals or not column:
-            raise InputError(
-                f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
-                "direction; encoders are b1 to b5."
-            )
-        if columns and column not in columns:
-            hint = nearest(column, columns, noun="column")
-            raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
-        encoders[name] = (column, int(direction))
-    if not encoders:
+    if not texts:
         raise InputError("no encoder was named: write b1=COLUMN, and so on.")
-    return encoders
+    return dict(_parsed_encoder(text, columns) for text in texts)
+
+
+def _parsed_encoder(text: str, columns: Sequence[str]) -> tuple[str, tuple[str, int]]:
+    name, equals, column = text.partition("=")
+    direction = "1"
+    if column.endswith((":1", ":-1", ":+1")):
+        column, _, direction = column.rpartition(":")
+    if name not in ENCODERS or not equals or not column:
+        raise InputError(
+            f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
+            "direction; encoders are b1 to b5."
+        )
+    if columns and column not in columns:
+        hint = nearest(column, columns, noun="column")
+        raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
+    return name, (column, int(direction))

@@ -32,12 +32,13 @@ def new_recording(
 ) -> Recording:
     """Makes the recording folder and reads it.
 
-    ballbar_log : of the ball-bar, or of the instrument that measures a length.
+    ballbar_log : of the ball-bar, or of the instrument that measures a length or follows the tool;
+    the same file where one table holds both.
 
     Raises InputError if the folder holds something, an answer is missing, or the files cannot be
     read in the way that was answered; then nothing is left behind.
     """
-    if robot_log.name == ballbar_log.name:
+    if robot_log.name == ballbar_log.name and not robot_log.samefile(ballbar_log):
         raise InputError(f"{robot_log} and {ballbar_log} have the same name; rename one of them.")
     with new_folder(folder) as aside:
         previews = LogPreview.of(robot_log), LogPreview.of(ballbar_log)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +21,7 @@ from acquisition.table.text import (
 )
 from cell.arrays import Array
 from cell.dialect import Container
+from cell.selectors import find
 
 SHOWN = 2000  # rows, from the first, that are looked at
 
@@ -67,6 +69,21 @@ class LogPreview:
 
     def cells(self, name: str) -> list[str]:
         return [row[self.columns.index(name)] for row in self.rows]
+
+    def filled(self, name: str, signal: str | None = None) -> list[str]:
+        """The cells of a column that are not empty, in the rows that fill the column `signal`."""
+        rows = zip(self.cells(name), self.cells(signal or name), strict=True)
+        return [cell for cell, beside in rows if cell and beside]
+
+    def throughout(self, names: Sequence[str]) -> Array:
+        """(N, C) numbers of columns, in the rows of the whole file that fill them."""
+        at = [position for name in names for position in find(name, self.columns)]
+        lines = self.text.lines if self.text is not None and len(at) == len(names) else []
+        rows = [row for line in lines if len(row := split_fields(line, self.separator)) > max(at)]
+        numbers = [[number(row[k]) for k in at] for row in rows]
+        values = np.array([row for row in numbers if None not in row], dtype=np.float64)
+        values = values.reshape(-1, len(names))
+        return values[np.isfinite(values).all(axis=1)]
 
     def numbers(self, name: str) -> list[float | None]:
         """The numbers of a column; None for a cell that is none."""

@@ -158,7 +158,10 @@ def _rotation(columns: ColumnNames, position: Sequence[str]) -> tuple[str, ...]:
                 chosen.append(matching[0])
         if len(chosen) == len(rotation):
             return tuple(chosen)
-    return ()
+    following = names[names.index(position[-1]) + 1 :][:4]  # a quaternion, such as ov_x to ov_w
+    order = "".join(name[-1:].lower() for name in following)
+    one = len({name[:-1] for name in following}) == 1  # stem of all names
+    return tuple(following) if one and order in ("xyzw", "wxyz") else ()
 
 
 def sigma_columns(columns: ColumnNames, values: Sequence[str]) -> tuple[str, ...]:
@@ -210,13 +213,12 @@ def angle_unit(angles: Array) -> tuple[str, bool]:
 
 
 def length_unit(robot: Robot, q: Array, points: Array) -> str | None:
-    """Unit in which points (N, 3) spread as the robot's flange does at angles q (N, J) [rad].
+    """Unit in which points (M, 3) spread as the robot's flange does at angles q (N, J) [rad].
 
     None if the robot hardly moves, or none fits.
     """
-    chosen = judged(len(q))
-    expected = spread_of(nominal_frames(robot, q[chosen]).tip.T)
-    spread = spread_of(points[chosen])
+    expected = spread_of(nominal_frames(robot, q[judged(len(q))]).tip.T)
+    spread = spread_of(points[judged(len(points))])
     if expected < 0.05 or spread == 0.0:  # [m]
         return None
     ratios = {unit: abs(np.log(spread * scale / expected)) for unit, scale in METRES.items()}

@@ -77,9 +77,8 @@ class _Table:
             written = [part.strip() for part in reply.split(",") if part.strip()]
             chosen: Columns = [int(p) if p.isdigit() else p for p in written]
             if len(chosen) != count and not reply.startswith("re:"):
-                raise InputError(
-                    f"{reply!r}: {len(chosen)} columns, expected {count}, separated by commas."
-                )
+                what = f"{len(chosen)} columns, expected {count}, separated by commas."
+                raise InputError(f"{reply!r}: {what}")
             if len(chosen) == count:
                 self.values(chosen)
             return chosen
@@ -103,9 +102,8 @@ def table_description(
     question = f"which robot? ({', '.join(robot_names())}, or a .yaml file)"
     name, robot = table.answer(answers.robot, question, None, loaded(load_robot))
     question = f"which instrument? ({', '.join(instrument_names())}, or a .yaml file)"
-    measured_by, instrument = table.answer(
-        answers.instrument, question, None, loaded(load_instrument)
-    )
+    known = loaded(load_instrument)
+    measured_by, instrument = table.answer(answers.instrument, question, None, known)
     joints = _joints(table, robot)
     declared = {"joints": joints, **_values(table, robot, instrument, joints)}
     for key, pattern in zip(KEYS, (r"^(seat|station|setup)$", r"^(target|smr|ball)$"), strict=True):

@@ -16,7 +16,16 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
-from ballbar.rehearsal.day import FIRST, RECORDINGS, RESULT, SIMULATED, Day, Rehearsal, rehearse
+from ballbar.rehearsal.day import (
+    FIRST,
+    RECORDINGS,
+    RESULT,
+    SIMULATED,
+    Day,
+    Rehearsal,
+    Stage,
+    rehearse,
+)
 from ballbar.rehearsal.live import as_recorded, check_fault
 from ballbar.rehearsal.second_path import PLAN, REQUEST
 from ballbar.rehearsal.targets import CORRECTED, GIVEN
@@ -58,19 +67,23 @@ def rehearse_into(day: Day) -> Rehearsal:
             day.progress("writing the report")
             write_whole(beside / PAGE, rehearsal_page(rehearsal).encode())
             write_whole(beside / CHAIN, (json.dumps(chain(rehearsal), indent=2) + "\n").encode())
-            # where an earlier rehearsal may be, the chain last
-            for name in sorted(OUTPUTS, key=lambda name: name == CHAIN):
-                old, new = out / name, beside / name
-                if old.is_dir():
-                    shutil.rmtree(old)
-                else:
-                    old.unlink(missing_ok=True)
-                if new.exists():
-                    new.rename(old)
+            _replace_outputs(beside, out)
         finally:
             with suppress(OSError):
                 shutil.rmtree(beside)
         return rehearsal
+
+
+def _replace_outputs(beside: Path, out: Path) -> None:
+    """Moves a rehearsal to where an earlier one may be, the chain last."""
+    for name in sorted(OUTPUTS, key=lambda name: name == CHAIN):
+        old, new = out / name, beside / name
+        if old.is_dir():
+            shutil.rmtree(old)
+        else:
+            old.unlink(missing_ok=True)
+        if new.exists():
+            new.rename(old)
 
 
 def chain(rehearsal: Rehearsal) -> dict[str, object]:
@@ -86,17 +99,18 @@ def chain(rehearsal: Rehearsal) -> dict[str, object]:
         "fault": day.fault,
         "acceptable": rehearsal.acceptable,
         "wall_time_s": round(day.took, 1),
-        "stages": [
-            {
-                "name": stage.name,
-                "sentence": stage.sentence,
-                "met": stage.met,
-                "wall_time_s": round(stage.took, 1),
-                "figures": stage.figures,
-            }
-            for stage in day.stages
-        ],
+        "stages": [_stage_data(stage) for stage in day.stages],
         "limits": [asdict(limit) for limit in rehearsal.limits],
+    }
+
+
+def _stage_data(stage: Stage) -> dict[str, object]:
+    return {
+        "name": stage.name,
+        "sentence": stage.sentence,
+        "met": stage.met,
+        "wall_time_s": round(stage.took, 1),
+        "figures": stage.figures,
     }
 
 

@@ -38,25 +38,26 @@ def plan_second_path(
     planned = load_yaml(plan / "plan.yaml").data
     if planned["search"]["stopped"]:  # a plan keeps its best path, a day does not go on
         raise KeyboardInterrupt
-    position = load_model(plan / "path.yaml", LissajousFile).ballbar_position_m
+    return _along(scenario, plan / "path.yaml"), planned["tcp_sigma_m"], feasible
+
+
+def _along(scenario: Scenario, path: Path) -> Scenario:
+    """The scenario of the next recording, along a planned path."""
+    position = load_model(path, LissajousFile).ballbar_position_m
     assert position is not None  # a plan states it
-    file = str((plan / "path.yaml").resolve())
     changes = {
         "cell": scenario.cell.model_copy(update={"ballbar_position_m": position}),
-        "path": scenario.needed_path.model_copy(update={"file": file}),
+        "path": scenario.needed_path.model_copy(update={"file": str(path.resolve())}),
         "recording": scenario.recording + 1,
     }
-    return scenario.model_copy(update=changes), planned["tcp_sigma_m"], feasible
+    return scenario.model_copy(update=changes)
 
 
 def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
     """The planning request of a scenario's second path: its cell, times and sensors."""
     named = with_absolute_names(scenario, relative_to).cell
     position, encoders = named.position, scenario.encoders
-    region = {
-        "lower": (position - REACH).round(6).tolist(),
-        "upper": (position + REACH).round(6).tolist(),
-    }
+    lower, upper = ((position + side).round(6).tolist() for side in (-REACH, REACH))
     request: dict[str, object] = {
         "schema": "ballbar-plan/1",
         "name": "path2",
@@ -66,7 +67,7 @@ def request_data(scenario: Scenario, relative_to: Path) -> dict[str, object]:
     cell: dict[str, object] = {
         "robot": named.robot,
         "plate": named.plate,
-        "ballbar_region_m": region,
+        "ballbar_region_m": {"lower": lower, "upper": upper},
     }
     if named.instrument is not None:
         seat = {"axis": [0.0, 0.0, 1.0], "cone_deg": CONE}

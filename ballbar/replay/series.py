@@ -67,17 +67,29 @@ class Series:
     colours: Sequence[Colour]  # (C,)
 
 
+def _residual_series(estimate: RecordingEstimate, *, angles: bool) -> dict[str, Series]:
+    """Loop-closure error before and after; angles : whether there are any: a length sees none."""
+    series = {}
+    for entity, residuals, colour in (
+        (BEFORE, estimate.before, figure_style.BEFORE),
+        (AFTER, estimate.after, figure_style.AFTER),
+    ):
+        t, when = on_robot_clock(estimate, residuals.t), entity.rpartition("/")[2]
+        style = [f"{axis} {when}" for axis in "xyz"], shades(colour)
+        series[f"{entity}/{POSITION}"] = Series(t, residuals.position * UM, *style)
+        if angles:
+            series[f"{entity}/{ANGLE}"] = Series(t, residuals.angle * URAD, *style)
+    return series
+
+
 def recording_series(
     fitted: FittedRecording, motion: CellMotion, robot: RobotEstimate
 ) -> dict[str, Series]:
     """Every plot of a recording that needs no truth, by entity."""
     estimate, log = fitted.estimate, fitted.recording.ballbar_log
     joints = [f"q{i + 1}" for i in range(motion.q.shape[1])]
-    series = {
-        JOINTS: Series(
-            motion.t, np.degrees(motion.q), joints, list(islice(cycle(LINES), len(joints)))
-        )
-    }
+    colours = list(islice(cycle(LINES), len(joints)))
+    series = {JOINTS: Series(motion.t, np.degrees(motion.q), joints, colours)}
     if log is not None:
         rows = np.arange(0, log.t.size, thinning(log.t))
         series[ENCODERS] = Series(
@@ -86,15 +98,7 @@ def recording_series(
             [f"b{joint}" for joint in log.joints],
             [LINES[joint - 1] for joint in log.joints],
         )
-    for entity, residuals, colour in (
-        (BEFORE, estimate.before, figure_style.BEFORE),
-        (AFTER, estimate.after, figure_style.AFTER),
-    ):
-        t, when = on_robot_clock(estimate, residuals.t), entity.rpartition("/")[2]
-        style = [f"{axis} {when}" for axis in "xyz"], shades(colour)
-        series[f"{entity}/{POSITION}"] = Series(t, residuals.position * UM, *style)
-        if fitted.recording.length_log is None:  # a length sees no angle
-            series[f"{entity}/{ANGLE}"] = Series(t, residuals.angle * URAD, *style)
+    series |= _residual_series(estimate, angles=fitted.recording.length_log is None)
     if estimate.clock is not None:
         offset = motion.t - estimate.clock.ballbar_time(motion.t)
         series[CLOCK_IDENTIFIED] = _curve(motion.t, offset * MS, "identified", AFTER_COLOUR)

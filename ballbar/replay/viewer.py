@@ -28,6 +28,16 @@ class ViewerError(FailureError):
     """The viewer did not start, or ended with an error."""
 
 
+def _require_replay(path: Path, name: str) -> None:
+    """Raises InputError for what is no replay; name : of the file in the folder of a run."""
+    if not path.is_file():
+        remedy = "Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`."
+        raise InputError.at(path, "no replay file.", remedy)
+    with path.open("rb") as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise InputError.at(path, "is not a replay.", f"Name a folder with {name}.")
+
+
 def chosen_replay(run: Path, against: Path | None) -> AbstractContextManager[Path]:
     """The file to show: that of a run, or two runs over each other in one that goes with the block.
 
@@ -37,15 +47,10 @@ def chosen_replay(run: Path, against: Path | None) -> AbstractContextManager[Pat
     """
     from ballbar.result.names import REPLAY  # noqa: PLC0415  imports what reads YAML
 
-    files = []
-    for path in (run,) if against is None else (run, against):
-        files.append(path / REPLAY if path.is_dir() else path)
-        if not files[-1].is_file():
-            remedy = "Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`."
-            raise InputError.at(files[-1], "no replay file.", remedy)
-        with files[-1].open("rb") as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise InputError.at(files[-1], "is not a replay.", f"Name a folder with {REPLAY}.")
+    paths = (run,) if against is None else (run, against)
+    files = [path / REPLAY if path.is_dir() else path for path in paths]
+    for file in files:
+        _require_replay(file, REPLAY)
     if against is None:
         return nullcontext(files[0])
     # rerun is slow to import, and reading replays is rarely needed
@@ -99,6 +104,17 @@ def serve_web(path: Path, *, port: int | None = None, show: Callable[[str], None
     )
 
 
+def _require_free(port: int) -> None:
+    """Raises InputError for a port that another program holds."""
+    with socket.socket() as probe:
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError as error:
+            raise InputError(
+                f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another."
+            ) from None
+
+
 @contextmanager
 def web_server(
     path: Path, *, port: int | None = None
@@ -108,13 +124,7 @@ def web_server(
     port : as `serve_web`. Raises as `serve_web`.
     """
     if port is not None:
-        with socket.socket() as probe:
-            try:
-                probe.bind((LOOPBACK, port))
-            except OSError as error:
-                raise InputError(
-                    f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another."
-                ) from None
+        _require_free(port)
     port, data_port = port or _free_port(), _free_port()
     ports = ["--port", str(data_port), "--web-viewer-port", str(port)]
     command = [_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)]
@@ -128,6 +138,15 @@ def web_server(
         server.wait()
 
 
+def _apart(command: list[str]) -> subprocess.Popen[bytes]:
+    """A process that does not write into the caller's terminal.
+
+    It has a session of its own: the Ctrl-C that ends a recording does not close the window too.
+    """
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(command, start_new_session=True, stdout=quiet, stderr=quiet)
+
+
 def live_viewer() -> str:
     """Start a native viewer that waits for data on this machine alone, and return its address.
 
@@ -138,14 +157,7 @@ def live_viewer() -> str:
     _check_screen("Leave out --live.")  # without one the viewer answers first, and ends then
     port = _free_port()
     address = ["--bind", LOOPBACK, "--port", str(port)]
-    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too;
-    # silent, so that it does not write into the caller's terminal.
-    viewer = subprocess.Popen(
-        [_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"],
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    viewer = _apart([_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"])
     try:
         _wait_for(viewer, port, "the viewer")
     except ViewerError as error:

@@ -92,10 +92,16 @@ def _painted(quads: Array, colours: Array, path: Array) -> Markup:
     faces, parts = page(quads[order]), []
     fills = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in colours[order].round().astype(int).tolist()]
     for fill, members in groupby(range(len(fills)), key=fills.__getitem__):
-        outline = "".join(
-            "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in faces[k]) + "Z" for k in members
-        )
-        parts.append(f'<path d="{outline}" fill="{fill}" stroke="{fill}" stroke-width="0.4"/>')
-    curve = "L".join(f"{x:.1f} {y:.1f}" for x, y in page(path))
-    parts.append(f'<path d="M{curve}" fill="none" stroke="{BEFORE}" stroke-width="0.6"/>')
+        outline = "".join(f"{_line(faces[k])}Z" for k in members)
+        parts.append(_path(outline, fill, fill, 0.4))
+    parts.append(_path(_line(page(path)), "none", BEFORE, 0.6))
     return figure(parts, 8.0 + tall)
+
+
+def _path(data: str, fill: str, stroke: str, width: float) -> str:
+    return f'<path d="{data}" fill="{fill}" stroke="{stroke}" stroke-width="{width:g}"/>'
+
+
+def _line(points: Array) -> str:
+    """SVG path data of the line through points (N, 2)."""
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)

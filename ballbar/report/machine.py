@@ -65,7 +65,12 @@ _KINDS = {
 }
 
 
-def held_out_section(run: RunData) -> list[Section]:
+def machine_sections(run: RunData) -> list[Section]:
+    """Held-out recordings, parameters and corrections, and the fit."""
+    return [*_held_out(run), _parameters(run), *_fit(run)]
+
+
+def _held_out(run: RunData) -> list[Section]:
     """How the held-out recordings are explained."""
     outcomes = [validation.outcome for validation in run.validations]
     links = {"held-out": "Held-out"}
@@ -74,7 +79,7 @@ def held_out_section(run: RunData) -> list[Section]:
     )
 
 
-def machine_section(run: RunData) -> Section:
+def _parameters(run: RunData) -> Section:
     """Parameters and corrections of the robot."""
     robot, comparison = run.identification.robot, run.comparison
     if comparison is not None and not comparison.deviations:
@@ -101,7 +106,7 @@ def machine_section(run: RunData) -> Section:
     )
 
 
-def fit_section(run: RunData) -> list[Section]:
+def _fit(run: RunData) -> list[Section]:
     """The fit, and an overview of the recordings."""
     if not run.recordings:
         return []

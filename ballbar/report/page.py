@@ -16,10 +16,8 @@ from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from ballbar.report.machine import (
     advised_steps,
     diagnosis_section,
-    fit_section,
     held_out_imports,
-    held_out_section,
-    machine_section,
+    machine_sections,
 )
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
 from ballbar.report.provenance import provenance_section
@@ -49,9 +47,7 @@ def render_report(run: RunData, *, command: str, written: datetime) -> str:
         *error_section(run),
         tcp_section(run, view),
         *diagnosis_section(run, steps),
-        *held_out_section(run),
-        machine_section(run),
-        *fit_section(run),
+        *machine_sections(run),
         *joint_error_section(run),
         *place_sections(run),
         *recording_sections(run),

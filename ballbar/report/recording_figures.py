@@ -17,7 +17,8 @@ from ballbar.report.motion import CellMotion, Marks, mechanism_angles, on_robot_
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MM, MS, URAD
 from cell.arrays import Array
-from cell.geometry import bar_frames, robot_frames
+from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.logs import RobotLog
 from cell.statistics import rms
 
 SHIFTS = np.linspace(-0.3, 0.3, 61)  # [s] of the ball-bar's clock, as in thesis Fig. 5.5
@@ -180,12 +181,14 @@ def shift_curve(fitted: FittedRecording) -> Array | None:
     for column, (joint, sign) in enumerate(zip(ballbar.joints, estimate.directions, strict=True)):
         b[:, joint - 1] = np.interp(t, ballbar.t, ballbar.angles[:, column]) * sign
     end = bar_frames(estimate.geometry, b).tip
-    curve = []
-    for shift in SHIFTS:
-        t_robot = clock.robot_time(t + shift)
-        q = np.stack([np.interp(t_robot, robot.t, column) for column in robot.q.T], axis=1)
-        curve.append(rms(np.linalg.norm(robot_frames(estimate.geometry, q).tip - end, axis=0)))
-    return np.array(curve)
+    times = (clock.robot_time(t + shift) for shift in SHIFTS)
+    return np.array([_rms_apart(robot, at, estimate.geometry, end) for at in times])
+
+
+def _rms_apart(robot: RobotLog, t: Array, geometry: Geometry, end: Array) -> float:
+    """[m] rms distance of the tool at times t (N,) [s] of the robot's log from points (3, N)."""
+    q = np.stack([np.interp(t, robot.t, column) for column in robot.q.T], axis=1)
+    return rms(np.linalg.norm(robot_frames(geometry, q).tip - end, axis=0))
 
 
 def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> Markup:

@@ -43,25 +43,22 @@ class ClockRow:
 
 def clock_rows(estimate: RecordingEstimate, comparison: Comparison | None) -> list[ClockRow]:
     """Offset and skew; empty without a second clock."""
-    clock = estimate.clock
-    if clock is None:
+    if (clock := estimate.clock) is None:
         return []
     offset_sigma, skew_sigma = estimate.clock_sigma
     offset_error, skew_error = (comparison.offset, comparison.skew) if comparison else (None, None)
+    offset = f"{to_sigma(clock.offset * MS, offset_sigma * MS)} ms"
+    skew = f"{to_sigma(clock.skew * PPM, skew_sigma * PPM)} ppm"
     return [
         ClockRow(
             "offset",
-            f"{to_sigma(clock.offset * MS, offset_sigma * MS)} ms"
-            if offset_sigma <= UNSEEN_OFFSET
-            else NOT_DETERMINED,
+            offset if offset_sigma <= UNSEEN_OFFSET else NOT_DETERMINED,
             duration_text(offset_sigma).replace("us", "µs"),
             _signed(offset_error, "µs"),
         ),
         ClockRow(
             "skew",
-            f"{to_sigma(clock.skew * PPM, skew_sigma * PPM)} ppm"
-            if skew_sigma <= UNSEEN_SKEW
-            else NOT_DETERMINED,
+            skew if skew_sigma <= UNSEEN_SKEW else NOT_DETERMINED,
             f"{significant(skew_sigma * PPM, 2)} ppm",
             _signed(skew_error, "ppm"),
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from ballbar.report.tcp_view import TcpView
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD
+from cell.arrays import Array
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text
 from cell.poses import PoseTable
@@ -38,14 +40,14 @@ class Tile:
 class Summary:
     """Verdict and key figures, before the first section."""
 
-    subtitle: str
     band: str  # class of the verdict's band: "good", "care" or "bad"
     heading: str
     sentences: tuple[str, ...]  # of the held-out recordings, then of the verdict
-    paragraphs: tuple[str, ...]  # in short, and how sure the figures are
-    what_to_do: str
     warnings: tuple[str, ...]
-    tiles: tuple[Tile, ...]
+    subtitle: str = ""
+    paragraphs: tuple[str, ...] = ()  # in short, and how sure the figures are
+    what_to_do: str = ""
+    tiles: tuple[Tile, ...] = ()
     even: bool = False  # whether the tiles are of one width
 
 
@@ -53,14 +55,10 @@ def summary(run: RunData, tcp: TcpView, advice: str) -> Summary:
     """The summary of a run; advice : what would help most next."""
     verdict = run.identification.verdict
     common = Summary(
-        subtitle="",
         band=_BANDS.get(verdict.status, "bad") if run.acceptable else "bad",
         heading=_heading(run),
         sentences=(*(outcome.sentence for outcome in run.outcomes), verdict.sentence),
-        paragraphs=(),
-        what_to_do="",
         warnings=verdict.warnings,
-        tiles=(),
     )
     if not run.recordings:
         poses = run.identification.poses
@@ -158,14 +156,15 @@ def _confidence(result: Identification) -> str:
     return f"{sentence} Not determined here and kept at the catalogue's values: {names}."
 
 
+def _rms_of(errors: Sequence[Array], unit: float) -> str:
+    return significant(rms_norm(np.concatenate(errors)) * unit)
+
+
 def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
     result, estimates = data.identification, [fitted.estimate for fitted in data.recordings]
-    position, angle = [], []
-    for residuals in ([e.before for e in estimates], [e.after for e in estimates]):
-        errors = np.concatenate([r.position for r in residuals])
-        position.append(significant(rms_norm(errors) * UM))
-        errors = np.concatenate([r.angle for r in residuals])
-        angle.append(significant(rms_norm(errors) * URAD))
+    both = [e.before for e in estimates], [e.after for e in estimates]
+    position = [_rms_of([r.position for r in residuals], UM) for residuals in both]
+    angle = [_rms_of([r.angle for r in residuals], URAD) for residuals in both]
     sensed = result.robot.cell.ballbar.stroke is not None
     equations = max(estimate.whitened.shape[0] for estimate in estimates)
     equations_text = f"{equations} equation{'s' * (equations > 1)} each"
@@ -184,17 +183,18 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
     )
 
 
+def _truth_tile(comparison: Comparison) -> Tile:
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    note = f"mean; largest {tcp.maximum * MM:.3f} mm; nominal robot {before.mean * MM:.3f} mm"
+    return Tile("TCP error against the truth", f"{tcp.mean * MM:.3f} mm", note)
+
+
 def _pose_tiles(result: TableEstimate, comparison: Comparison | None) -> tuple[Tile, ...]:
     validation, fit = result.cross_validation, result.fit
     orders = result.search.orders if result.search else ()
     fitted, nominal = result.residual_means
-    truth = []
-    if comparison is not None:
-        tcp, before = comparison.tcp, comparison.tcp_nominal
-        note = f"mean; largest {tcp.maximum * MM:.3f} mm; nominal robot {before.mean * MM:.3f} mm"
-        truth = [Tile("TCP error against the truth", f"{tcp.mean * MM:.3f} mm", note)]
     return (
-        *truth,
+        *([] if comparison is None else [_truth_tile(comparison)]),
         Tile(
             "Stated TCP uncertainty",
             f"{result.sigma_at_poses.mean() * MM:.3f} mm",

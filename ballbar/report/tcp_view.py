@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ballbar.figure_style import AFTER, BEFORE
+from ballbar.report.drawing import Colours
 from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
 from ballbar.report.numbers import significant
@@ -140,20 +141,15 @@ def _maps(data: RunData, view: TcpView) -> list[tuple[Markup, str, str]]:
             sphere = "seat, and the sphere of the instrument's nominal length"
         each = ", of each recording" if data.several else ""
         caption += f" Cross and dashed circle: {sphere}{each}."
-    parts = zip(
-        (view.before_label, view.after_label),
-        (view.before, view.after),
-        (BEFORE_SCALE, AFTER_SCALE),
-        (caption, SAME_CELLS),
-        strict=True,
-    )
+
+    def drawn(name: str, error: Array, colours: Colours, words: str) -> tuple[Markup, str, str]:
+        label = f"{name}, mean"
+        drawing = workspace_map(view.position, error, spheres, label=label, colours=colours)
+        return drawing, name, f"{name}, {words}"
+
     return [
-        (
-            workspace_map(view.position, error, spheres, label=f"{name}, mean", colours=colours),
-            name,
-            f"{name}, {caption}",
-        )
-        for name, error, colours, caption in parts
+        drawn(view.before_label, view.before, BEFORE_SCALE, caption),
+        drawn(view.after_label, view.after, AFTER_SCALE, SAME_CELLS),
     ]
 
 

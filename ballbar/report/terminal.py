@@ -47,6 +47,11 @@ def say_identification(out: Console, run: RunData) -> None:
     for fitted in run.recordings:
         _clock(out, fitted, f"clock of {fitted.name}" if run.several else "clock")
         _tracker(out, fitted.estimate.tracker, fitted.name if run.several else "")
+    _say_stated(out, run)
+
+
+def _say_stated(out: Console, run: RunData) -> None:
+    """Print the stated uncertainty, and what the still poses among the data tell."""
     tcp, poses = run.identification.robot.tcp, run.identification.poses
     if run.recordings:
         if poses is not None:
@@ -55,6 +60,12 @@ def say_identification(out: Console, run: RunData) -> None:
         out.print(f"stated TCP uncertainty over the workspace (1 sigma, mean): {stated}")
     elif poses is not None:
         _say_poses(out, poses)
+
+
+def _counted(poses: TableEstimate) -> str:
+    seats, targets = len(poses.seats), len(poses.targets)
+    seen = f"{seats} seat{'s' * (seats > 1)} and {targets} target{'s' * (targets > 1)}"
+    return f"{poses.table.size} poses, {seen},"
 
 
 def _model(data: RunData) -> list[str]:
@@ -72,11 +83,7 @@ def _model(data: RunData) -> list[str]:
         left = [parameter.name for parameter in robot.dropped]
     used = " + ".join(str(r.estimate.samples) for r in data.recordings) + " samples"
     if poses is not None and not data.recordings:
-        seats, targets = len(poses.seats), len(poses.targets)
-        used = (
-            f"{poses.table.size} poses, {seats} seat{'s' * (seats > 1)} and {targets} "
-            f"target{'s' * (targets > 1)},"
-        )
+        used = _counted(poses)
     model = "complete model: " * (result.model == "complete")
     return [
         f"{model}{counted} from {used} in {result.fit.iterations} iterations",

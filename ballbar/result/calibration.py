@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import starmap
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from ballbar.result.calibration_schema import (
     SCHEMA,
     CalibrationFile,
 )
-from ballbar.result.machine_entries import RESTORE
+from ballbar.result.machine_entries import RESTORE, CoefficientEntry
 from ballbar.result.names import CALIBRATION
 from ballbar.result.recording_entries import CrossValidationEntry
 from cell.arrays import Array
@@ -202,17 +203,7 @@ class Calibration:
         """
         if target is not None or not self.of_logs:
             return self._robot_of_poses(target)
-        corrections = tuple(
-            CorrectionEstimate(
-                name,
-                "",
-                tuple(
-                    CoefficientEstimate(name=key, **entry.model_dump())
-                    for key, entry in entries.items()
-                ),
-            )
-            for name, entries in self.file.corrections.items()
-        )
+        corrections = tuple(starmap(_correction, self.file.corrections.items()))
         cell, stated = cell or self.cell(), self.file.covariance
         if self.file.masses is not None:
             cell = with_payload(cell, self.file.masses.payload)
@@ -238,14 +229,18 @@ class Calibration:
             np.array([entry.value for entry in entries]),
             target=targets[name],
             ranges=self.ranges,
-            stated=PoseCovariance(
-                seat=next(iter(file.seats.values())).placement,
-                seat_turns=False,
-                parameters=np.zeros(0, dtype=np.intp),
-                values=np.zeros((len(entries) + 6, len(entries) + 6)),
-                discrepancy=self._spread_of_poses(),
-                factor=self._validation.region_factor,
-            ),
+            stated=self._stated_of_poses(len(entries) + 6),
+        )
+
+    def _stated_of_poses(self, unknowns: int) -> PoseCovariance:
+        """The error of cross-validation, and nothing of what the unknowns are known to."""
+        return PoseCovariance(
+            seat=next(iter(self.file.seats.values())).placement,
+            seat_turns=False,
+            parameters=np.zeros(0, dtype=np.intp),
+            values=np.zeros((unknowns, unknowns)),
+            discrepancy=self._spread_of_poses(),
+            factor=self._validation.region_factor,
         )
 
     def _spread_of_poses(self) -> float:
@@ -336,3 +331,8 @@ def _check_robot(calibration: Calibration, document: YamlDocument) -> None:
             f"{document.place_of(('parameters', name))}: parameters.{name}: {what} of robot "
             f"{file.robot}. {RESTORE}."
         )
+
+
+def _correction(name: str, entries: dict[str, CoefficientEntry]) -> CorrectionEstimate:
+    estimates = (CoefficientEstimate(name=k, **entry.model_dump()) for k, entry in entries.items())
+    return CorrectionEstimate(name, "", tuple(estimates))

@@ -172,19 +172,20 @@ class CalibrationFile(Strict):
                 place = ("recordings", k, "parameters")
                 _check_names(place, recording.parameters, belongs_to_recording)
                 _check_complete(place, recording.parameters, expected)
+        self._check_counts(table.joints)
+        if self.covariance is not None:
+            self._check_unknowns(self.covariance, table)
+        return self
+
+    def _check_counts(self, joints: int) -> None:
+        """There is a range, and a mass where any is stated, for each joint."""
         counts: dict[Loc, int] = {("ranges",): len(self.ranges)}
         if self.masses is not None:
             counts["masses", "links"] = len(self.masses.links)
         for loc, count in counts.items():
-            if count not in (0, table.joints):
-                raise wrong_key(
-                    *loc,
-                    message=f"expected one for each of the {table.joints} joints that `parameters` "
-                    f"has, found {count}",
-                )
-        if self.covariance is not None:
-            self._check_unknowns(self.covariance, table)
-        return self
+            if count not in (0, joints):
+                expected = f"one for each of the {joints} joints that `parameters` has"
+                raise wrong_key(*loc, message=f"expected {expected}, found {count}")
 
     def _check_unknowns(self, stated: CovarianceEntry, table: ParameterTable) -> None:
         """The covariance names parameters in the order of the table, then all coefficients."""
@@ -203,14 +204,7 @@ class CalibrationFile(Strict):
                         "name once, parameters in the order ra, rd, ralpha, rtheta, rbeta, ba, bd, "
                         f"balpha, then the coefficients in the order of `corrections`. {RESTORE}",
                     )
-        size = TOOL + 4 * table.joints
-        for k, direction in enumerate(stated.masses):
-            if len(direction) != size:
-                raise wrong_key(
-                    *("covariance", "masses", k),
-                    message=f"expected {size} numbers, of the tool and of {table.joints} links, "
-                    f"found {len(direction)}",
-                )
+        _check_masses(stated, table.joints)
 
     @model_serializer(mode="wrap")
     def _with_keys_of_its_recordings(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -272,3 +266,15 @@ def _check_complete(place: Loc, entries: Iterable[str], expected: Sequence[str])
         raise wrong_key(*place, message=f"without {listed}{others}. Add what is missing{remove}")
     if extra:
         raise wrong_key(*place, extra[0], message="no parameter of this mechanism. Remove it")
+
+
+def _check_masses(stated: CovarianceEntry, joints: int) -> None:
+    """A direction of masses is of the tool and of all links."""
+    size = TOOL + 4 * joints
+    for k, direction in enumerate(stated.masses):
+        if len(direction) != size:
+            raise wrong_key(
+                *("covariance", "masses", k),
+                message=f"expected {size} numbers, of the tool and of {joints} links, found "
+                f"{len(direction)}",
+            )

@@ -129,11 +129,10 @@ def robot_comparison(
     """
     grid = accuracy_grid(model.cell.robot)
     offset, skew = clock or (None, None)
-    bare = model.rigid(nominal)
     return Comparison(
         compare_geometry(model.geometry, reference, names),
         position_error(model.tool(grid), actual),
-        position_error(bare.tool(grid), actual),
+        position_error(model.rigid(nominal).tool(grid), actual),
         offset,
         skew,
     )
@@ -157,15 +156,7 @@ def _compare_poses(first: Calibration, second: Calibration, target: str | None) 
     lower = np.maximum(first.ranges[:, 0], second.ranges[:, 0])
     upper = np.minimum(first.ranges[:, 1], second.ranges[:, 1])
     if (upper <= lower).any():
-        axis = int((upper - lower).argmin())
-        here, there = (
-            "{:.1f} to {:.1f} deg".format(*np.rad2deg(result.ranges[axis]))
-            for result in (first, second)
-        )
-        raise InputError(
-            f"axis {axis + 1} was fitted over {here} in one result and over "
-            f"{there} in the other: they have no pose in common to compare."
-        )
+        raise _nothing_in_common(first, second, int((upper - lower).argmin()))
     shared = [name for name in first.targets if name in second.targets]
     name = target or (shared or list(first.targets))[0]
     model = first.identified_robot(name)
@@ -180,6 +171,17 @@ def _compare_poses(first: Calibration, second: Calibration, target: str | None) 
         target=name,
         predicted=(first.cross_validated, second.cross_validated),
         unlike_ranges=tuple(int(j) + 1 for j in np.flatnonzero(upper - lower < 0.5 * spans)),
+    )
+
+
+def _nothing_in_common(first: Calibration, second: Calibration, axis: int) -> InputError:
+    here, there = (
+        "{:.1f} to {:.1f} deg".format(*np.rad2deg(result.ranges[axis]))
+        for result in (first, second)
+    )
+    return InputError(
+        f"axis {axis + 1} was fitted over {here} in one result and over {there} in the other: they "
+        "have no pose in common to compare."
     )
 
 

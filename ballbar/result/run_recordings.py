@@ -124,15 +124,19 @@ def identify_recordings(
     )
 
 
-def _identify_poses(
-    folders: Sequence[Path], validate: Sequence[Path], options: FitOptions, listener: Listener
-) -> RunData:
-    inputs = [*folders, *validate]
+def _refuse_logs(inputs: Sequence[Path]) -> None:
     if logs := [folder for folder in inputs if not gives_poses(folder)]:
         raise InputError(
             f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
             "is tried on still poses; name the recording among those that are fitted."
         )
+
+
+def _identify_poses(
+    folders: Sequence[Path], validate: Sequence[Path], options: FitOptions, listener: Listener
+) -> RunData:
+    inputs = [*folders, *validate]
+    _refuse_logs(inputs)
     names = distinct_names(inputs)
     listener.progress("reading the poses")
     read = read_tables(inputs, names)

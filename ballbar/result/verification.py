@@ -19,6 +19,7 @@ from ballbar.result.run_recordings import description_identity, distinct_names, 
 from cell.errors import InputError
 from ident.machine_at_rest import arm_at_rest, table_at_rest
 from ident.options import SILENT, Listener
+from ident.single_causes import Explanation
 from ident.start.automatic import StartError
 from ident.start.placements import PoseStartError
 from ident.verdict import Status
@@ -158,18 +159,19 @@ def verification_data(outcome: Verification, remarks: Sequence[str]) -> dict[str
         **outcome.figures,
         "sum_of_squares": outcome.square,
         "limit": outcome.limit,
-        "causes": [
-            {
-                "kind": e.cause.kind,
-                "name": e.cause.name,
-                "axis": e.cause.axis or None,
-                "parameters": list(e.cause.names),
-                "size": e.size.tolist(),
-                "sigma": e.sigma.tolist(),
-                "log_bayes_factor": e.evidence,
-                "sum_of_squares_left": outcome.square - e.gain,
-                "named": e in outcome.named,
-            }
-            for e in outcome.explanations[:5]
-        ],
+        "causes": [_cause_data(outcome, e) for e in outcome.explanations[:5]],
+    }
+
+
+def _cause_data(outcome: Verification, e: Explanation) -> dict[str, object]:
+    return {
+        "kind": e.cause.kind,
+        "name": e.cause.name,
+        "axis": e.cause.axis or None,
+        "parameters": list(e.cause.names),
+        "size": e.size.tolist(),
+        "sigma": e.sigma.tolist(),
+        "log_bayes_factor": e.evidence,
+        "sum_of_squares_left": outcome.square - e.gain,
+        "named": e in outcome.named,
     }

@@ -239,13 +239,20 @@ def _clock(clock: Clock | None, sigma: tuple[float, float]) -> ClockEntry | None
     return _entry(ClockEntry, clock, offset_sigma_s=sigma[0], skew_sigma=sigma[1])
 
 
+def _residuals(estimate: RecordingEstimate) -> ResidualEntry:
+    return ResidualEntry.model_construct(
+        samples=estimate.samples,
+        equations=int(estimate.whitened.size),
+        chi2=float((estimate.whitened**2).sum()),
+        position_rms_m=rms(np.linalg.norm(estimate.after.position, axis=1)),
+        angle_rms_rad=rms(np.linalg.norm(estimate.after.angle, axis=1)),
+    )
+
+
 def _recording(fitted: FittedRecording) -> RecordingEntry:
     estimate = fitted.estimate
-    after = estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
-    names_of_recording = [
-        name for name in estimate.geometry.table.names if belongs_to_recording(name)
-    ]
+    own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
     directions = cast(tuple[Direction, ...], estimate.directions)
     noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
     return _entry(
@@ -253,19 +260,13 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
         estimate,
         encoder_directions=dict(zip(names, directions, strict=True)),
         clock=_clock(estimate.clock, estimate.clock_sigma),
-        parameters=_parameters(names_of_recording, estimate),
+        parameters=_parameters(own, estimate),
         noise=NoiseEntry.model_construct(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
             length_m=estimate.noise.length or None,
         ),
-        residuals=ResidualEntry.model_construct(
-            samples=estimate.samples,
-            equations=int(estimate.whitened.size),
-            chi2=float((estimate.whitened**2).sum()),
-            position_rms_m=rms(np.linalg.norm(after.position, axis=1)),
-            angle_rms_rad=rms(np.linalg.norm(after.angle, axis=1)),
-        ),
+        residuals=_residuals(estimate),
         temperature_C=fitted.recording.description.temperature_C,
     )
 

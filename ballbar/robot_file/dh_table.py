@@ -127,10 +127,9 @@ def _moved(axis: int, angle: Array, shift: float) -> Array:
 
 def _read_csv(path: Path) -> _Table:
     """The table of a CSV file: comma, semicolon or tab; lines that begin with # are comments."""
+    numbered = enumerate(read_description(path).splitlines(), start=1)
     lines = [
-        (number, line)
-        for number, line in enumerate(read_description(path).splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
+        (k, line) for k, line in numbered if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
         raise InputError(f"{path}: the table is empty. Write a header and one row for each joint.")
@@ -173,12 +172,10 @@ def _table(rows: list[tuple[str, Mapping[str, Any]]], path: str, convention: Any
     if not rows:
         raise InputError(f"{path}: the table has no rows. Write one for each joint.")
     for where, row in rows:
-        for key in row:
-            if key not in _KNOWN:
-                raise InputError(
-                    f"{where}: unknown column {key}.{nearest(key, _KNOWN, noun='column')} The name "
-                    "carries the unit."
-                )
+        if unknown := [key for key in row if key not in _KNOWN]:
+            hint = nearest(unknown[0], _KNOWN, noun="column")
+            what = f"unknown column {unknown[0]}.{hint}"
+            raise InputError.at(where, what, "The name carries the unit.")
     values = {quantity: _column(quantity, rows) for quantity in _COLUMNS}
     conventions = {str(row["convention"]) for _, row in rows if "convention" in row}
     conventions |= set() if convention is None else {str(convention)}

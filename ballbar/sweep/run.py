@@ -16,6 +16,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ballbar.code_version import DISTRIBUTION
 from ballbar.sweep.check import LoadedSweep, check_points
@@ -26,6 +27,10 @@ from cell.processes import on_stop_signals, stop_signals_blocked
 from cell.processes import process_pool as processes_of
 
 POLL = 0.2  # [s] between two looks for an interrupt while no chunk returns
+if TYPE_CHECKING:  # an extra, and slow to import
+    from distributed import Client
+
+_AGAIN = "Run the same command again to go on."
 CONNECT_TIMEOUT = 10.0  # [s] for a Dask scheduler to answer
 COUNT_PERIOD = 1.0  # [s] between two looks at how many Dask workers there are
 
@@ -154,13 +159,9 @@ def _rows(future: Future[list[Row]], runs: Sequence[int]) -> list[Row]:
             "--workers need less; the same command goes on."
         ) from None
     except CancelledError:
-        raise SweepError(
-            f"{chunk}: cancelled by the scheduler. Run the same command again to go on."
-        ) from None
+        raise SweepError(f"{chunk}: cancelled by the scheduler. {_AGAIN}") from None
     except Exception as error:
-        raise SweepError(
-            f"{chunk}: {type(error).__name__}: {error}. Run the same command again to go on."
-        ) from error
+        raise SweepError(f"{chunk}: {type(error).__name__}: {error}. {_AGAIN}") from error
 
 
 def _count(missing: Mapping[int, Sequence[int]]) -> int:
@@ -213,27 +214,30 @@ def _ready() -> None:
     """A worker needs nothing beforehand."""
 
 
-@contextmanager
-def dask_cluster(task: Task, *, address: str) -> Iterator[Workers]:
-    """The workers of a Dask scheduler, such as `tcp://10.0.0.5:8786`.
-
-    Raises InputError when Dask is not installed or no scheduler answers.
-    """
+def _dask_client(address: str) -> Client:
     try:
-        from distributed import Client  # noqa: PLC0415  an extra, and slow to import
+        from distributed import Client  # noqa: PLC0415
     except ImportError:
         raise InputError(
             f"--scheduler {address} needs Dask, which is not installed: "
             f"pip install '{DISTRIBUTION}[dask]'."
         ) from None
     try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with "
             "`dask scheduler`."
         ) from None
-    with client:
+
+
+@contextmanager
+def dask_cluster(task: Task, *, address: str) -> Iterator[Workers]:
+    """The workers of a Dask scheduler, such as `tcp://10.0.0.5:8786`.
+
+    Raises InputError when Dask is not installed or no scheduler answers.
+    """
+    with _dask_client(address) as client:
         executor = client.get_executor(pure=False)
         # A task of its own: sent once to each worker, also to one that joins later.
         files = client.submit(tuple, task.files, pure=False)

@@ -67,13 +67,8 @@ def say_outcome(out: Console, outcome: SweepOutcome) -> bool:
     table = f"{escape(str(folder.table))} and {escape(folder.csv.name)}"
     out.print(f"Table {table}: {runs} runs{resumed}")
     failures = failures_of(folder.table)
-    if failures.count:
-        out.print(
-            f"[red]{failures.count} of {runs} runs failed;[/] most often ({failures.of_reason}): "
-            f"{escape(failures.reason)}"
-        )
-    else:
-        out.print("no run failed")
+    failed = f"[red]{failures.count} of {runs} runs failed;[/] most often ({failures.of_reason}): "
+    out.print(f"{failed}{escape(failures.reason)}" if failures.count else "no run failed")
     return failures.count < runs
 
 

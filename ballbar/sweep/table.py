@@ -78,6 +78,20 @@ def chunk_rows(chunk: Path) -> dict[int, Row]:
         raise InputError.at(chunk, f"cannot be read: {error}.", remedy) from None
 
 
+def _column_types(
+    chunks: Sequence[Path], varied: Mapping[str, list[Value]]
+) -> dict[str, pa.DataType]:
+    """Types of all columns: fixed ones, varied values, and results."""
+    types = _FIXED | {key: reduce(_common, map(_type, v), pa.null()) for key, v in varied.items()}
+    results: dict[str, pa.DataType] = {}
+    for row in _rows(chunks):
+        for name, value in row.items():
+            if name not in types:
+                results[name] = _common(results.get(name, pa.null()), _type(value))
+    none = pa.float64()
+    return types | {n: none if pa.types.is_null(kind) else kind for n, kind in results.items()}
+
+
 def write_table(
     chunks: Sequence[Path], varied: Mapping[str, list[Value]], files: Mapping[str, Path]
 ) -> None:
@@ -87,14 +101,7 @@ def write_table(
 
     Raises InputError when a chunk cannot be read.
     """
-    types = _FIXED | {key: reduce(_common, map(_type, v), pa.null()) for key, v in varied.items()}
-    results: dict[str, pa.DataType] = {}
-    for row in _rows(chunks):
-        for name, value in row.items():
-            if name not in types:
-                results[name] = _common(results.get(name, pa.null()), _type(value))
-    for name, kind in results.items():
-        types[name] = pa.float64() if pa.types.is_null(kind) else kind
+    types = _column_types(chunks, varied)
     schema = pa.schema(list(types.items()))
     with ExitStack() as stack:
         aside = {kind: stack.enter_context(written_whole(path)) for kind, path in files.items()}

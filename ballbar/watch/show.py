@@ -57,9 +57,8 @@ def _facts(data: Data) -> dict[str, str]:
     if data["clock_offset_s"] is not None:
         clock = Clock(data["clock_offset_s"], data["clock_skew"])
         offset, skew = data["clock_sigma"]
-        facts["clock"] = (
-            f"offset {clock_offset_text(clock, offset)}; skew {clock_skew_text(clock, skew)}"
-        )
+        shown = clock_offset_text(clock, offset), clock_skew_text(clock, skew)
+        facts["clock"] = "offset {}; skew {}".format(*shown)
     axes = " ".join(f"{100 * share:.0f}" for share in data["axes_covered"])
     facts["coverage"] = f"sphere {100 * data['sphere_covered']:.0f} %; axes {axes} %"
     facts["noise"] = " ".join(

@@ -14,7 +14,7 @@ from cell.statistics import rms
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
-from ident.result import Identification
+from ident.result import Identification, RecordingEstimate
 
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
 # Exponents with which the parts of the data fall while a path covers ever more. A repeated path
@@ -122,13 +122,15 @@ def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimat
     return estimate_of(result, logs, seconds_of(logs))
 
 
+def _noise_by_channel(recording: RecordingEstimate) -> dict[str, float]:
+    noise = {f"q{k}": float(x) for k, x in enumerate(recording.noise.joint, start=1)}
+    noise |= {f"b{j}": float(recording.noise.encoder[j - 1]) for j in recording.encoders}
+    return noise | ({"length": recording.noise.length} if recording.noise.length else {})
+
+
 def estimate_of(result: Identification, logs: Logs, until: float) -> Estimate:
     """The estimate that a result of one recording gives, of its rows until a time [s]."""
     (recording,) = result.recordings
-    noise = {f"q{k}": float(x) for k, x in enumerate(recording.noise.joint, start=1)}
-    noise |= {f"b{j}": float(recording.noise.encoder[j - 1]) for j in recording.encoders}
-    if recording.noise.length:
-        noise["length"] = recording.noise.length
     clock, step = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
     tool = robot_frames(recording.geometry, logs.robot.q[::step]).tip.T
     covered = coverage(logs.robot.t[::step], tool, recording.geometry.origin)
@@ -144,7 +146,7 @@ def estimate_of(result: Identification, logs: Logs, until: float) -> Estimate:
         acceptable=result.verdict.acceptable,
         clock=None if clock is None else (clock.offset, clock.skew),
         clock_sigma=recording.clock_sigma,
-        noise=noise,
+        noise=_noise_by_channel(recording),
         sphere=float(covered.share[-1]),
     )
 

@@ -238,11 +238,6 @@ class Watch:
 
         A young fit may know too little of where the path leads to, or be of a wrong start.
         """
-        cause = prediction.cause or "the latest rows contradict all earlier ones"
-        sentence = (
-            f"{cause} (from t = {prediction.since:.2f} s on; the residual is "
-            f"{prediction.ratio:.1f} times what the earlier rows explain)"
-        )
         if self._misfit is None:
             before = self._fitted
             assert before is not None  # it has predicted
@@ -254,7 +249,7 @@ class Watch:
                     self._take(cell, fitted, seconds)
                     return None
         sure = self._misfit is not None or prediction.ratio > CERTAIN or self._ended
-        self._misfit = Alarm("misfit", sentence, seconds)
+        self._misfit = Alarm("misfit", _contradiction(prediction), seconds)
         return self._misfit if sure else None
 
     def _take(self, cell: Cell, fitted: RecordingFit, until: float) -> None:
@@ -316,3 +311,11 @@ def _cell(folder: Path, recording: Recording) -> Cell:
     named = recording.description
     load = load_measured_cell if named.ballbar is None else load_cell
     return load(named.robot, named.measured_by, named.plate, relative_to=folder)
+
+
+def _contradiction(prediction: Prediction) -> str:
+    cause = prediction.cause or "the latest rows contradict all earlier ones"
+    return (
+        f"{cause} (from t = {prediction.since:.2f} s on; the residual is {prediction.ratio:.1f} "
+        "times what the earlier rows explain)"
+    )

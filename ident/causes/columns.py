@@ -8,6 +8,7 @@ Robot: the mistakes of ident.causes.robot_log. All are judged by ident.causes.ag
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -70,13 +71,18 @@ def encoder_orders(motion: LoggedMotion, path: ToolPath) -> list[ColumnReading]:
         held = dict(zip(declared, order, strict=True))
         if any(joint != column for joint, column in held.items()):
             readings.append(_ordered(held, share, path.rms))
-    if len(motion.encoders) == 2:
-        (i, j), (other,) = motion.gimbals[0], set(GIMBALS.values()) - {*motion.gimbals}
-        for a, b in ((i, j), (j, i)):
-            cause = f"the encoders b{a} and b{b} are those of b{other[0]} and b{other[1]}"
-            share = left([gimbals[a, b, other[0]]])
-            readings.append(ColumnReading(cause, "Name them so in recording.yaml", share, path.rms))
-    return readings
+    return [*readings, *(_other_gimbal(motion, path, gimbals) if len(motion.encoders) == 2 else ())]
+
+
+def _other_gimbal(
+    motion: LoggedMotion, path: ToolPath, gimbals: Mapping[tuple[int, int, int], Gimbal]
+) -> Iterator[ColumnReading]:
+    """Two encoders taken for those of the other gimbal, in both orders."""
+    (i, j), (other,) = motion.gimbals[0], set(GIMBALS.values()) - {*motion.gimbals}
+    for a, b in ((i, j), (j, i)):
+        cause = f"the encoders b{a} and b{b} are those of b{other[0]} and b{other[1]}"
+        share = left([gimbals[a, b, other[0]]])
+        yield ColumnReading(cause, "Name them so in recording.yaml", share, path.rms)
 
 
 def _ordered(held: dict[int, int], share: float, rms: float) -> ColumnReading:
@@ -154,6 +160,19 @@ def _speeds(angles: Array) -> Array:
     return np.asarray(speed / np.maximum(np.sqrt((speed * speed).mean(axis=0)), 1e-12))
 
 
+def _distance(nominal: Geometry, q: Array) -> float:
+    """[m] rms of the tool from its best sphere at q (N, J) [rad]; infinite where that says nothing.
+
+    A short path is on many spheres, and some joints hardly move the tool.
+    """
+    if np.ptp(q, axis=0).max() < MOVES:
+        return np.inf
+    try:
+        return tool_path(nominal, q).rms
+    except ValueError:
+        return np.inf
+
+
 def robot_columns(
     robot: Robot, nominal: Geometry, motion: LoggedMotion, declared: float
 ) -> list[ColumnReading]:
@@ -163,17 +182,10 @@ def robot_columns(
     further away is compared with the encoders.
     """
     some = motion.q[:: 1 + len(motion.q) // SPHERE_ROWS]
-    spheres = []
-    for mistake in other_angles(robot):
-        q = mistake.joints(some)
-        if np.ptp(q, axis=0).max() < MOVES:  # a short path is on many spheres
-            continue
-        try:
-            rms = tool_path(nominal, q).rms
-        except ValueError:  # the tool hardly moves that way
-            continue
-        if rms <= 1.5 * declared + 1e-3:
-            spheres.append((rms, mistake))
+    distances = (
+        (_distance(nominal, mistake.joints(some)), mistake) for mistake in other_angles(robot)
+    )
+    spheres = [(rms, mistake) for rms, mistake in distances if rms <= 1.5 * declared + 1e-3]
     readings = []
     for _, mistake in sorted(spheres, key=lambda sphere: sphere[0])[:CANDIDATES]:
         path = tool_path(nominal, mistake.joints(motion.q))

@@ -34,9 +34,9 @@ from ident.causes.agreement import (
     motion_of,
     tool_path,
 )
-from ident.causes.channels import channel_errors, channel_errors_beside
+from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
-from ident.causes.lengths import single_lengths
+from ident.causes.lengths import Length, single_lengths
 from ident.causes.robot_log import PLURAL
 from ident.estimator.fit import Fit
 from ident.recording_fit import Logs, RecordingFit
@@ -236,6 +236,21 @@ def _still_axes(cell: Cell, motion: LoggedMotion, rms: float) -> Iterator[Suspec
         )
 
 
+def _logged_wrongly(error: ChannelError, names: Sequence[str]) -> str:
+    """How a channel is logged; names : of the recordings."""
+    name, single = names[error.recording], len(names) == 1 or error.channel.startswith("encoder")
+    words = {
+        (True, True): ("late", "early"),
+        (True, False): ("too large", "too small"),
+        (False, True): ("later", "earlier"),
+        (False, False): ("larger", "smaller"),
+    }[single, error.late]
+    cause = f"{error.channel} is logged {words[0] if error.size > 0 else words[1]}"
+    if not single:
+        return f"{cause} in {name} than elsewhere"
+    return f"{name}: {cause}" if len(names) > 1 else cause
+
+
 def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
     """Sentences about errors of single channels that a complete fit cannot contain; may be empty.
 
@@ -247,24 +262,10 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
     for error in errors:
         if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE or error.channel in sentences:
             continue  # the same, seen from the other recording
-        name, encoder = names[error.recording], error.channel.startswith("encoder")
-        single = encoder or len(names) == 1
-        words = {
-            (True, True): ("late", "early"),
-            (True, False): ("too large", "too small"),
-            (False, True): ("later", "earlier"),
-            (False, False): ("larger", "smaller"),
-        }[single, error.late]
-        cause = f"{error.channel} is logged {words[0] if error.size > 0 else words[1]}"
-        if not single:
-            cause = f"{cause} in {name} than elsewhere"
-        elif len(names) > 1:
-            cause = f"{name}: {cause}"
-        evidence = (
-            f"so corrected, the complete model leaves {_percent(max(0.0, error.left))} of what it "
-            "leaves without"
-        )
-        sentences[error.channel] = str(Suspect(cause, evidence, error.remedy))
+        left = _percent(max(0.0, error.left))
+        evidence = f"so corrected, the complete model leaves {left} of what it leaves without"
+        suspect = Suspect(_logged_wrongly(error, names), evidence, error.remedy)
+        sentences[error.channel] = str(suspect)
     return " Or ".join(sentences.values())
 
 
@@ -284,17 +285,32 @@ def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:
         yield Suspect(cause, evidence, error.remedy, hopeless=hopeless)
 
 
+def _other_rod(cell: Cell, stated: float, path: ToolPath) -> Suspect:
+    return Suspect(
+        "the rod is not as long as stated",
+        f"the tool's path by the robot lies on a sphere of {path.radius * 1e3:.1f} mm radius, "
+        f"{path.rms * 1e3:.1f} mm rms off it, and the file of {cell.ballbar.name} states "
+        f"{stated * 1e3:.1f} mm",
+        "Name the ball-bar that was used, or correct bd3 in its file",
+        hopeless=False,
+    )
+
+
+def _wrong_length(cell: Cell, length: Length) -> str:
+    """The parameter that is wrong, and by how much."""
+    parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
+    what = f"{length.name} of the file of robot {cell.robot.name}"
+    if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":
+        what = f"the length of plate {cell.plate.name} ({length.name})"
+    elif parameter.kind == "theta":
+        joint, size = parameter.row + 1, f"{np.rad2deg(length.change):+.2f} deg"
+        what = f"the zero of joint {joint} in the robot's log or file ({length.name})"
+    return f"{what} is wrong by {size}"
+
+
 def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterator[Suspect]:
-    stated = nominal["bd3"]
-    if abs(path.radius - stated) > max(ROD_ERROR, ROD_SIGMAS * path.radius_sigma):
-        yield Suspect(
-            "the rod is not as long as stated",
-            f"the tool's path by the robot lies on a sphere of {path.radius * 1e3:.1f} mm radius, "
-            f"{path.rms * 1e3:.1f} mm rms off it, and the file of {cell.ballbar.name} states "
-            f"{stated * 1e3:.1f} mm",
-            "Name the ball-bar that was used, or correct bd3 in its file",
-            hopeless=False,
-        )
+    if abs(path.radius - nominal["bd3"]) > max(ROD_ERROR, ROD_SIGMAS * path.radius_sigma):
+        yield _other_rod(cell, nominal["bd3"], path)
     if path.rms <= LENGTH_RMS:
         return
     lengths = single_lengths(nominal, q)
@@ -302,15 +318,8 @@ def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterato
         if abs(length.change) < LENGTH_ERROR:
             continue
         if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms, OFF_SPHERE):
-            parameter, size = parameter_named(length.name), f"{length.change * 1e3:+.1f} mm"
-            what = f"{length.name} of the file of robot {cell.robot.name}"
-            if parameter.row == cell.robot.joints - 1 and parameter.kind == "a":
-                what = f"the length of plate {cell.plate.name} ({length.name})"
-            elif parameter.kind == "theta":
-                joint, size = parameter.row + 1, f"{np.rad2deg(length.change):+.2f} deg"
-                what = f"the zero of joint {joint} in the robot's log or file ({length.name})"
             yield Suspect(
-                f"{what} is wrong by {size}",
+                _wrong_length(cell, length),
                 f"so changed, the tool's path is {length.rms * 1e3:.1f} mm rms off a sphere, as "
                 f"stated {path.rms * 1e3:.1f} mm",
                 "Correct the file, or name that of the cell that was recorded",

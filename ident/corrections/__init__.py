@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import zip_longest
 
 from cell.descriptions import Cell, Key, Robot
 from cell.errors import InputError
@@ -140,19 +141,14 @@ def as_in_result(made: Correction, coefficients: Iterable[str], robot: Robot) ->
     coefficients : names in the result. Raises InputError where they are others, or of a joint that
     the robot does not have.
     """
-    stated, expected = list(coefficients), [c.name for c in made.coefficients]
-    if stated != expected:
-        wrong = next(
-            (k for k, pair in enumerate(zip(stated, expected, strict=False)) if pair[0] != pair[1]),
-            min(len(stated), len(expected)),
-        )
-        here = stated[wrong] if wrong < len(stated) else "nothing"
-        there = expected[wrong] if wrong < len(expected) else "nothing more"
-        raise InputError(
-            f"corrections.{made.name}: coefficient {wrong + 1} is {here}, expected {there} of "
-            f"robot {robot.title}. The order counts. Restore the file as it was "
-            "written, or identify again if the robot's file was changed since."
-        )
+    expected = [c.name for c in made.coefficients]
+    for k, (here, there) in enumerate(zip_longest(coefficients, expected), start=1):
+        if here != there:
+            raise InputError(
+                f"corrections.{made.name}: coefficient {k} is {here or 'nothing'}, expected "
+                f"{there or 'nothing more'} of robot {robot.title}. The order counts. Restore the "
+                "file as it was written, or identify again if the robot's file was changed since."
+            )
     for c in made.coefficients:
         if isinstance(c.channel, int) and c.channel >= robot.joints:
             raise InputError(

@@ -41,12 +41,11 @@ def bearing_tilt(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     def slopes(state: State) -> list[Array]:
         return tilts(state.loads.bearing_per_newton * np.ones_like(state.tension))
 
-    coefficients = []
-    for joint, k in axes:
-        axis, kind = AXES[k]
-        # a turn about x or y of the frame that the row before ends with
-        channel = Parameter(f"r{kind}{joint}", "robot", kind, joint - 1)
-        coefficients.append(
-            Coefficient(f"tilt{joint + 1}{axis}", "rad/(N m)", 0.0, SPREAD, channel)
-        )
-    return Correction("bearing_tilt", "tilting bearings", tuple(coefficients), regressors, slopes)
+    coefficients = tuple(_coefficient(joint, *AXES[k]) for joint, k in axes)
+    return Correction("bearing_tilt", "tilting bearings", coefficients, regressors, slopes)
+
+
+def _coefficient(joint: int, axis: str, kind: str) -> Coefficient:
+    """Compliance about x or y of the frame that the row before ends with."""
+    channel = Parameter(f"r{kind}{joint}", "robot", kind, joint - 1)
+    return Coefficient(f"tilt{joint + 1}{axis}", "rad/(N m)", 0.0, SPREAD, channel)

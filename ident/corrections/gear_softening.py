@@ -23,6 +23,12 @@ SPREAD = 1.0  # of the catalogue compliance: half as stiff
 _COEFFICIENT = re.compile(r"soft([1-9]\d*)_(\d+(?:\.\d+)?(?:e[+-]?\d+)?)")
 
 
+def _coefficient(gear: int, knee: float, compliance: float) -> Coefficient:
+    """The compliance [rad/(N m)] of a gear below a knee [N m]; compliance : of the whole gear."""
+    name = f"soft{gear + 1}_{knee:.10g}"
+    return Coefficient(name, "rad/(N m)", 0.0, SPREAD * compliance, GEAR + gear)
+
+
 @remade
 def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correction:
     """Compliances [rad/(N m)] of gears (from 0) below their knees [N m], beside the others.
@@ -31,9 +37,8 @@ def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correcti
     """
     compliance = 1.0 / robot.required("gears").stiffness
     if any(gear >= robot.joints for gear, _ in knees):
-        raise InputError(
-            f"corrections.{GEAR_SOFTENING}: robot {robot.title} has {robot.joints} gears"
-        )
+        what = f"robot {robot.title} has {robot.joints} gears"
+        raise InputError(f"corrections.{GEAR_SOFTENING}: {what}")
 
     def regressors(state: State) -> list[Array]:
         load = state.loads.gears(state.tension)
@@ -43,16 +48,7 @@ def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correcti
         load, per_newton = state.loads.gears(state.tension), state.loads.gear_per_newton
         return [-per_newton[gear] * (np.abs(load[gear]) < knee) for gear, knee in knees]
 
-    coefficients = tuple(
-        Coefficient(
-            f"soft{gear + 1}_{knee:.10g}",
-            "rad/(N m)",
-            0.0,
-            SPREAD * float(compliance[gear]),
-            GEAR + gear,
-        )
-        for gear, knee in knees
-    )
+    coefficients = tuple(_coefficient(gear, knee, float(compliance[gear])) for gear, knee in knees)
     return Correction(GEAR_SOFTENING, "gears softer below a knee", coefficients, regressors, slopes)
 
 

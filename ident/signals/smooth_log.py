@@ -125,10 +125,8 @@ def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
     noise : (C,) [rad] standard deviation of one row; zeros for exact angles.
     """
     spline = make_interp_spline(t, angles, k=DEGREE)
-    period, none = (
-        float(t[1] - t[0]),
-        LogOutliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size),
-    )
+    period = float(t[1] - t[0])
+    none = LogOutliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
     return SmoothLog(
         spline=spline,
         speed=spline.derivative(),

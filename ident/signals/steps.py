@@ -89,9 +89,8 @@ def find_steps(
     """The steps of a log in order of time.
 
     t : (N,) [s]. values : (N, C) [rad].
-    starts : rows at which the reader has joined two segments, whose stamps may be off though they
-        look
-        regular.
+    starts : rows at which the reader has joined two segments; their stamps may be off and still
+        look regular.
     checked : whether damaged values have been left out already.
     """
     period = float(np.median(np.diff(t)))
@@ -104,10 +103,8 @@ def find_steps(
         jumps = _jumps(clock[rows], values[rows, channel], period)
         steps += [(int(rows[row]), channel, size) for row, size in jumps]
     middle = 0.5 * (clock[1:] + clock[:-1])
-    return tuple(
-        LogStep(row, float(middle[row - 1]), channel, size)
-        for row, channel, size in sorted(steps, key=lambda step: step[0])
-    )
+    steps.sort(key=lambda step: step[0])
+    return tuple(LogStep(row, float(middle[row - 1]), own, size) for row, own, size in steps)
 
 
 def without_steps(t: Array, values: Array, steps: tuple[LogStep, ...]) -> tuple[Array, Array]:
@@ -220,8 +217,7 @@ def _misfit(log: _Log, around: Rows, known: Mask, row: int, step: float) -> _Mis
     residual, sigma = fits.residual(values), log.sigma[:, None]
     left = residual * fits.known / sigma
     moved = fits.residual(speed) * fits.known / sigma
-    # The angle behind is that of an earlier time: value(t) = P(t - step), so more step means less
-    # angle.
+    # Behind the step value(t) = P(t - step): more step means less angle.
     energy = float((moved * moved).sum())
     correction = -float((moved * left).sum()) / energy if energy > 0.0 else 0.0
     spread = float(np.sqrt((left * left).sum() / max(1.0, known.sum() - CUBIC * len(values))))

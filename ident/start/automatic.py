@@ -223,16 +223,10 @@ def length_hypotheses(
     q = np.asarray(robot.spline(_grid(robot, step)))
     frames, table = robot_frames(nominal, q), nominal.table
     free = [name for name in table.robot if name not in fixed_names(table)]
-    moves = [screw(frames, p.kind, p.row)[:3] for p in map(parameter_named, free)]
+    moves = np.array([screw(frames, p.kind, p.row)[:3] for p in map(parameter_named, free)])
+    moves *= GEOMETRY_SIGMA
     length = nominal["bd3"] + np.asarray(extension.spline(_grid(extension, step)))[:, 0]
-    best = best_lengths(
-        frames.tip.T,
-        GEOMETRY_SIGMA * np.array(moves),
-        length,
-        step,
-        zero_sigma=zero_sigma,
-        count=LAGS,
-    )
+    best = best_lengths(frames.tip.T, moves, length, step, zero_sigma=zero_sigma, count=LAGS)
     for scan, index in best:
         offset = subsample(scan.scan, index) * step + robot.start - extension.start
         zero = {"bd3": nominal["bd3"] + scan.zero(index)}

@@ -75,10 +75,8 @@ def best_lengths(
     first = best_lags(rigid.scan, count=1, separation=apart)
     if not first:
         return []
-    rods = [points - seat for seat in rigid.seats(first[0])]
-    free = [
-        _scan(data, 2.0 * np.einsum("ni,pin->pn", rod, moves), step, FREE_SIGMA) for rod in rods
-    ]
+    along = [np.einsum("ni,pin->pn", points - seat, moves) for seat in rigid.seats(first[0])]
+    free = [_scan(data, 2.0 * part, step, FREE_SIGMA) for part in along]
     best = max(free, key=lambda scan: scan.scan.score.max())
     lags = [(best, k) for k in best_lags(best.scan, count=count, separation=apart)]
     apart_from_all = all(abs(first[0] - k) >= apart for _, k in lags)

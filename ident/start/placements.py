@@ -100,11 +100,8 @@ def _points(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
             matrix[k, i, first + 9 + i] = 1.0
     matrix[:, :, 12 * s :] = -poses.rotation
     solution = _without_far(matrix, poses.origin)
-    rotations = []
-    for j in range(s):
-        linear = solution[12 * j : 12 * j + 9].reshape(3, 3)
-        rotations.append(_nearest_rotation(linear, poses))
-    turn = np.stack(rotations)
+    linear = solution[: 12 * s].reshape(s, 4, 3)[:, :3]
+    turn = np.stack([_nearest_rotation(each, poses) for each in linear])
     moved = poses.origin - np.einsum("nij,nj->ni", turn[poses.seat], poses.values[:, :3])
     matrix = _placements_matrix(poses)
     solution = _without_far(matrix, moved)

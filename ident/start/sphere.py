@@ -49,12 +49,8 @@ def sphere_candidates(points: Array, radius: float) -> list[FittedSphere]:
     best, *others = sorted(
         (_refined(points, start, radius) for start in starts), key=lambda sphere: sphere.cost
     )
-    apart = [
-        s
-        for s in others
-        if np.linalg.norm(s.centre - best.centre) > 0.01 * radius
-        and s.cost <= SAME_ORDER * best.cost
-    ]
+    as_good = (s for s in others if s.cost <= SAME_ORDER * best.cost)
+    apart = [s for s in as_good if np.linalg.norm(s.centre - best.centre) > 0.01 * radius]
     return [best, *apart[:1]]
 
 

@@ -78,7 +78,7 @@ def test_an_answer_is_checked_when_it_is_given(
     logs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     replies = in_turn(
-        *("irb24", "irb2400", "tracker_point", "lund_600"),
+        *("irb24", "irb2400", "dial_gauge", "lund_600"),
         *("comau-joint", "new", "Zeiten", "Zeit", "m1, m2", "", "gears", "motors", "°", "rad"),
         *("new", "", "b1=x", "", "0", "", "14", "12"),
     )
@@ -89,7 +89,7 @@ def test_an_answer_is_checked_when_it_is_given(
         again,
         (
             "unknown robot 'irb24'. Did you mean irb2400?",
-            "measures a point, not a length",
+            "not a length over time",
             "columns time, J1, J2, J3, J4, J5, J6 missing",
             "'Zeiten': expected Zeit, m1",
             "2 columns; expected one for each axis, 5 to 8.",
@@ -174,6 +174,6 @@ def test_an_answer_that_is_none_of_the_choices_is_told_them(choices: str, words:
 def test_options_of_logs_and_of_still_poses_are_not_mixed() -> None:
     with pytest.raises(InputError, match="--encoder, --bits: not for still poses"):
         Answers(robot="ur5", encoder=["b1=a"], bits=12).refuse_others(poses=True)
-    with pytest.raises(InputError, match="--value-unit: not for logs"):
-        Answers(instrument="drawwire_2m", unit="mm", value_unit="mm").refuse_others(poses=False)
+    with pytest.raises(InputError, match="--seat: not for logs"):
+        Answers(instrument="drawwire_2m", unit="mm", seat=["left"]).refuse_others(poses=False)
     Answers(robot="ur5", seat=["left"], joints="#1,#2").refuse_others(poses=True)

@@ -1,0 +1,424 @@
+"""Times of the rows of a regular source whose log has stamps of arrival.
+
+Software stamps a row when it gets it: rows come in bursts and late, a source that is asked too
+often repeats its last values, and one that is asked too seldom skips some. Row i shows the values
+of tick n_i of the source and arrives at
+
+    a_i = s + n_i T + d_i,    d_i >= 0 the delay, n_i whole numbers that increase.
+
+The values themselves tell n_i wherever the source moves: between two rows they go on by a whole
+number of times the way of one tick, whenever the rows arrive. Elsewhere a row has the latest tick
+that leaves none of the next rows an arrival before its tick. T and s come from the rows of the
+least delay among some dozens, whose phases against T are unwrapped over ever longer spans.
+
+Stamps are changed only where the values fit whole ticks at least twice as well as the stamps.
+A common delay cannot be seen in one log: s is chosen so that the usual delay of new values is zero,
+the mean of delays without the longest and the shortest tenth. It becomes part of the clock offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
+from acquisition.stamps.order import STAMP, amount
+from acquisition.table.table import Table
+from cell.arrays import Array
+from cell.neighbours import Mask, Rows
+
+IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows
+FEWEST = 100  # rows with new values
+HALVES = (0.05, 0.1, 0.2)  # [s] of arrivals on either side that show the speed at first
+ROWS = (16, 8, 5)  # on either side that show it then, in passes in which their ticks get right
+REGION = 16  # links on either side that must go on by whole ticks, for a link to be sure
+LOOKS, ENOUGH = 3, 0.999  # looks at the links; so many of them sure need no second one
+WHOLE = 0.2  # ticks off a whole number
+SURE, LIKELY = 0.6, 0.3  # mean cosine of the phases of a region
+BETTER = 0.5  # of what the stamps leave: as much whole ticks may leave
+SAMPLE = 20_000  # rows that show the period at first
+BLOCK, STEADY = 32, 0.15  # rows among which the least delay counts; ticks by which it may scatter
+MOST = 4000  # blocks
+SPANS = 10  # of rows with sure ticks, over which the period shows better
+AHEAD = 4  # blocks with a row that is hardly late, by all odds
+STEADIED = 32  # blocks on either side that show the phase of clocks that drift apart
+DRIFT = 10.0  # times the noise of that phase
+STILL = 0.01  # of the usual way of a tick: so slow is a source that stands
+SHARED = 0.3  # by how much likely ticks of several rows may differ from what they are together
+LONGEST = 10.0  # ticks between two rows that the values can tell
+HUBER = 2.0  # medians of what a line leaves, from where its points count less
+_REWEIGHTED, _CHUNK = 10, 4096
+_FINEST = 1e-9  # [s]
+
+
+class _Source(NamedTuple):
+    """A regular source behind stamps of arrival."""
+
+    period: float  # [s]
+    start: Array  # (F,) [ticks] time of tick 0, as it is when each row with new values arrives
+    ticks: Array  # (F,) of these rows
+    sigma: float  # [s] standard deviation of a row's time about its tick, by the values
+
+
+def _fresh(channels: Sequence[Array]) -> Rows:
+    """(F,) the rows that differ from the row before in some channel; channels : (N,) each."""
+    fresh = np.zeros(channels[0].size, dtype=bool)
+    fresh[0] = True
+    for channel in channels:
+        fresh[1:] |= channel[1:] != channel[:-1]
+    return np.flatnonzero(fresh)
+
+
+def _scaled(channels: Sequence[Array], rows: Rows) -> Array:
+    """(C, F) the rows (F,) of channels in units of their second differences; none without any."""
+    scaled, count = np.empty((len(channels), rows.size)), 0
+    for channel in channels:
+        values = channel if rows.size == channel.size else channel[rows]
+        bend = np.abs(np.diff(values[: 10 * SAMPLE], 2)[:: 1 + values.size // SAMPLE])
+        size = float(np.median(bend)) or float(np.sqrt(np.mean(bend * bend)))
+        if size > 0.0:
+            np.divide(values, size, out=scaled[count])
+            count += 1
+    return scaled[:count]
+
+
+def _progress(values: Array, clock: Array, half: int) -> tuple[Array, Array]:
+    """(F-1,) how far the clock went between two rows, by the way and the speed of their values.
+
+    values : (C, F). clock : (F,) about which the motion is smooth over 2 `half` + 1 rows. Second:
+    (F-1,) the speed.
+    """
+    along, power = np.zeros(clock.size - 1), np.zeros(clock.size - 1)
+    for first in range(half, clock.size - 1 - half, _CHUNK):
+        stop = min(first + _CHUNK, clock.size - 1 - half)
+        inner, chunk = slice(first, stop), values[:, first - half : stop + half + 1]
+        speed = chunk[:, 2 * half + 1 :] - chunk[:, : -2 * half - 1]
+        span = clock[first + half + 1 : stop + half + 1] - clock[first - half : stop - half]
+        speed /= np.maximum(span, _FINEST)
+        way = chunk[:, half + 1 : chunk.shape[1] - half] - chunk[:, half : -half - 1]
+        way *= speed
+        speed *= speed
+        way.sum(axis=0, out=along[inner])
+        speed.sum(axis=0, out=power[inner])
+    for first, row in ((0, half), (clock.size - 1 - half, clock.size - 2 - half)):  # both ends
+        speed = values[:, row + half + 1] - values[:, row - half]
+        speed /= max(_FINEST, clock[row + half + 1] - clock[row - half])
+        along[first : first + half] = speed @ np.diff(values[:, first : first + half + 1])
+        power[first : first + half] = speed @ speed
+    np.divide(along, power, out=along, where=power > 0.0)
+    return np.nan_to_num(along, posinf=0.0, neginf=0.0), np.sqrt(power, out=power)
+
+
+def _period(progress: Array, speed: Array) -> tuple[float, float]:
+    """[s] the longest period of which the progresses (K,) [s] are whole multiples, and how well.
+
+    Its second part is the mean cosine of the phases, 1 at best.
+    """
+    quick = progress[(speed > 0.3 * np.quantile(speed, 0.9)) & (progress > 0.0)]
+    if quick.size < FEWEST:
+        return 0.0, 0.0
+    quick = quick[:: 1 + quick.size // 1500]
+    tried = np.quantile(quick, 0.25) * np.geomspace(0.25, 1.4, 200)
+    fit = np.array([np.cos(2.0 * np.pi / period * quick).mean() for period in tried])
+    best = int(np.flatnonzero(fit >= 0.85 * fit.max())[-1])
+    while best > 0 and fit[best - 1] > fit[best]:
+        best -= 1
+    return float(tried[best]), float(fit[best])
+
+
+def _sample(values: Array) -> slice:
+    """The SAMPLE rows in which the channels (C, F) go the longest way."""
+    starts = np.arange(0, max(1, values.shape[1] - SAMPLE + 1), SAMPLE // 2)
+    way = [np.abs(np.diff(values[:, k : k + SAMPLE : 20])).sum() for k in starts.tolist()]
+    first = int(starts[np.argmax(way)])
+    return slice(first, first + SAMPLE)
+
+
+def _source(arrival: Array, values: Array) -> _Source | None:
+    """The source of rows with new values; None where the stamps fit better than whole ticks.
+
+    arrival : (F,) [s]. values : (C, F).
+    """
+    rate, part, fit, half = arrival.size / np.ptp(arrival), _sample(values), 0.0, 0
+    widest = min(SAMPLE, arrival.size) // 3
+    for width in HALVES:
+        tried = min(max(ROWS[-1], int(width * rate)), widest)
+        candidate = _period(*_progress(values[:, part], arrival[part], tried))
+        if candidate[1] > fit:
+            (period, fit), half = candidate, tried
+    if not half:
+        return None
+    count, sure, progress = _counted(
+        values,
+        np.clip(np.rint(np.diff(arrival) / period), 1.0, LONGEST),
+        _progress(values, arrival, half)[0] / period,
+    )
+    if np.count_nonzero(sure) < FEWEST:
+        return None
+    left = np.abs(progress - count)[sure]
+    stamped = np.abs(np.diff(arrival) / period - progress)[sure]
+    if np.mean(stamped > IRREGULAR) < SHARE or left.mean() > BETTER * stamped.mean():
+        return None
+    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, 1.0))))
+    period = _refined(arrival, ticks, sure, period)
+    for _ in range(LOOKS):  # again once ticks that were skipped count
+        ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, 1.0))))
+        period, phase, prompt, block = _blocks(arrival, ticks, period)
+        start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
+        ticks += _missed(arrival / period - start - ticks, sure, block)
+        if sure.mean() > ENOUGH:
+            break
+        count, sure, _ = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))
+    ticks = _between(ticks, count, sure)
+    period, phase, prompt, _ = _blocks(arrival, ticks, period)
+    start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
+    return _Source(period, start, ticks, float(np.sqrt(0.5 * np.mean(left**2))) * period)
+
+
+def _counted(
+    values: Array, likely: Array, progress: Array | None = None
+) -> tuple[Array, Mask, Array]:
+    """(F-1,) ticks from row to row, (F-1,) whether they are sure, and (F-1,) progress in ticks.
+
+    values : (C, F). likely : (F-1,) ticks where the values do not tell. progress : (F-1,) in ticks,
+    to begin with.
+    """
+    count, sure, begun = likely, np.zeros(likely.size, dtype=bool), progress is not None
+    for rows in (0, *ROWS) if begun else ROWS:
+        if rows or progress is None:
+            clock = np.concatenate(([0.0], np.cumsum(count)))
+            progress = _progress(values, clock, rows)[0]
+        whole = np.clip(np.rint(progress), 1.0, LONGEST)
+        region = uniform_filter1d(np.cos(2.0 * np.pi * progress), 2 * REGION + 1)
+        sure = (region > SURE) & (np.abs(progress - whole) < WHOLE)
+        before, count = count, np.where(region > LIKELY, whole, likely)
+        if rows and np.array_equal(before, count):
+            break
+    return count, sure, np.asarray(progress)
+
+
+def _promptest(late: Array, block: int) -> Rows:
+    """(B,) rows of the least delays late (F,) of each block of rows; fewer rows at the end go."""
+    first = block * np.arange(max(1, late.size // block))
+    blocks = late[: first.size * block].reshape(first.size, -1)
+    return np.asarray(first + blocks.argmin(axis=1))
+
+
+def _refined(arrival: Array, ticks: Array, sure: Mask, period: float) -> float:
+    """[s] period by arrivals (F,) [s] of prompt rows over ticks (F,), where these are all sure.
+
+    It is the median slope over the longest spans in which they are.
+    """
+    prompt = _promptest(arrival - period * ticks, min(BLOCK, arrival.size // 8))
+    unsure, t, n = np.concatenate(([0], np.cumsum(~sure)))[prompt], arrival[prompt], ticks[prompt]
+    span, whole = prompt.size // 2, np.zeros(0, dtype=np.intp)
+    while span and whole.size < SPANS:
+        whole = np.flatnonzero(unsure[span:] == unsure[:-span])
+        slope = (t[whole + span] - t[whole]) / (n[whole + span] - n[whole])
+        span //= 2
+    return float(np.median(slope)) if whole.size else period
+
+
+def _blocks(arrival: Array, ticks: Array, period: float) -> tuple[float, Array, Rows, int]:
+    """[s] period, (B,) [ticks] phases and rows of the promptest rows of blocks, and their length.
+
+    arrival : (F,) [s]. ticks : (F,) right up to whole numbers.
+    """
+    block, coarse = max(BLOCK, arrival.size // MOST), period
+    while True:
+        period, prompt = coarse, _promptest(arrival - coarse * ticks, block)
+        t, n, lag = arrival[prompt], ticks[prompt], 1
+        while lag <= prompt.size // 2:
+            apart = n[lag:] - n[:-lag]
+            off = t[lag:] - t[:-lag] - apart * period
+            period += float(np.median((off - period * np.rint(off / period)) / apart))
+            lag *= 2
+        phase = t / period - n
+        step = np.diff(phase)
+        noise = 1.05 * np.median(np.abs(step - np.rint(step)))  # 1.4826 / sqrt(2)
+        if noise < STEADY or prompt.size < 2 * STEADIED:
+            period *= 1.0 + _tilt(n, phase)
+            return period, t / period - n, prompt, block
+        block *= 2
+
+
+def _tilt(ticks: Array, phase: Array) -> float:
+    """Slope of phases (B,), which are right up to whole numbers, over ticks (B,): a robust line."""
+    off = phase - np.angle(np.exp(2j * np.pi * phase).mean()) / (2.0 * np.pi)
+    off -= np.rint(off)
+    columns, weight = np.stack((np.ones(ticks.size), ticks - ticks.mean())), np.ones(ticks.size)
+    for _ in range(_REWEIGHTED):
+        line = np.linalg.solve((columns * weight) @ columns.T, (columns * weight) @ off)
+        left = np.abs(off - line @ columns)
+        weight = 1.0 / np.maximum(1.0, left / (HUBER * np.median(left) + 1e-9))
+    return float(line[1])
+
+
+def _starts(phase: Array) -> Array:
+    """(B,) [ticks] smooth phase of the source against the clock, from those of prompt rows (B,).
+
+    A constant, unless clocks that drift apart move it by more than it scatters.
+    """
+    turn = np.exp(2j * np.pi * phase)
+    centre = np.angle(turn.mean()) / (2.0 * np.pi)
+    off = phase - centre - np.rint(phase - centre)
+    usual = centre + float(np.median(off))
+    sums = np.concatenate(([0.0], np.cumsum(turn)))
+    first = np.clip(np.arange(phase.size) - STEADIED, 0, None)
+    stop = np.clip(np.arange(phase.size) + STEADIED + 1, None, phase.size)
+    moving = np.unwrap(np.angle((sums[stop] - sums[first]) / turn.mean())) / (2.0 * np.pi)
+    noise = 1.4826 * float(np.median(np.abs(off - (usual - centre)))) / np.sqrt(2.0 * STEADIED)
+    drifts = np.ptp(moving) > DRIFT * noise and phase.size > 4 * STEADIED
+    return usual + moving if drifts else np.full(phase.size, usual)
+
+
+def _missed(late: Array, sure: Mask, block: int) -> Array:
+    """(F,) ticks that the rows have beyond those that were counted.
+
+    They are as many as none of the next rows contradicts by an arrival before its tick, and one
+    number for rows between which all ticks are sure; only where these are many, they may differ.
+    late : (F,) [ticks] of the arrivals after the ticks that were counted.
+    """
+    piece = np.concatenate(([True], ~sure))
+    first, ahead = np.flatnonzero(piece), AHEAD * block
+    missed = minimum_filter1d(late, 2 * ahead, origin=-ahead, mode="nearest")[piece]
+    missed = missed[np.cumsum(piece) - 1]
+    stop = np.append(first[1:], late.size)
+    for a, b in zip(first[long := stop - first >= 2 * block], stop[long], strict=True):
+        # A wrong count shows on one side of it alone.
+        size = min(ahead, int(b - a) // 2)
+        after = minimum_filter1d(late[a:b], size, origin=-(size // 2))
+        before = minimum_filter1d(late[a:b], size, origin=(size - 1) // 2)
+        after[-size:] = before[:size] = -np.inf
+        missed[a:b] = np.maximum(after, before)
+    return np.asarray(np.floor(missed + 0.5))
+
+
+def _between(ticks: Array, count: Array, sure: Mask) -> Array:
+    """(F,) ticks, those between sure ones shared out where the likely counts about add up to them.
+
+    ticks : (F,). count : (F-1,) likely ticks of the links. sure : (F-1,).
+    """
+    edge = np.diff(sure.astype(np.int8), prepend=1, append=1)
+    first, last = np.flatnonzero(edge < 0), np.flatnonzero(edge > 0)  # rows around unsure links
+    way = np.concatenate(([0.0], np.cumsum(count)))
+    share = (ticks[last] - ticks[first]) / (way[last] - way[first])
+    short = last - first <= 2 * REGION
+    for k in np.flatnonzero(short & (np.abs(share - 1.0) <= SHARED)).tolist():
+        inner = slice(first[k], last[k])
+        ticks[inner] = ticks[first[k]] + share[k] * (way[inner] - way[first[k]])
+    return ticks
+
+
+class _Times(NamedTuple):
+    """Times of the rows of one stretch of a log."""
+
+    row: Rows  # (K,) those with new values, and those in which the source stands
+    time: Array  # (K,) [s]
+    period: float  # [s]
+    sigma: float  # [s] of a time
+    latest: float  # [s] the longest delay, against the usual one
+
+
+def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
+    """The times of the rows of one stretch; None where its stamps stay.
+
+    arrival : (N,) [s]. channels : (N,) each.
+    """
+    fresh = _fresh(channels)
+    if fresh.size < FEWEST or arrival[-1] == 0.0 or not _irregular(np.diff(arrival[fresh])):
+        return None
+    new, at = _scaled(channels, fresh), arrival[fresh]
+    source = _source(at, new) if len(new) else None
+    if source is None:
+        return None
+    period, start, ticks, sigma = source
+    forward = np.concatenate(([True], ticks[1:] > np.maximum.accumulate(ticks)[:-1]))
+    fresh, ticks, start, at = fresh[forward], ticks[forward], start[forward], at[forward]
+    late = at - (start + ticks) * period
+    row, tick = _with_standing(fresh, ticks, new[:, forward], arrival, period)
+    usual = float(np.mean(np.sort(late)[late.size // 10 : late.size - late.size // 10]))
+    time = (np.interp(tick, ticks, start) + tick) * period + usual
+    return _Times(row, time, period, sigma, float(late.max()) - usual)
+
+
+def _irregular(step: Array) -> bool:
+    """Whether steps (K,) differ from each other as those of no device's clock do."""
+    usual = float(np.median(step))
+    return bool(np.mean(np.abs(step - usual) > IRREGULAR * usual) > SHARE)
+
+
+def _with_standing(
+    fresh: Rows, ticks: Array, new: Array, arrival: Array, period: float
+) -> tuple[Rows, Array]:
+    """Rows (K,) that are measurements, and their ticks (K,).
+
+    They are those with new values: fresh (F,) with their ticks (F,) and values (C, F). Repeated
+    values are too where the source stands, as many as it has ticks. arrival : (N,) [s].
+    """
+    after = np.floor((arrival[-1] - arrival[fresh[-1]]) / period)
+    passed = np.append(np.diff(ticks), after + 1.0)
+    way = np.append(np.sqrt((np.diff(new) ** 2).sum(axis=0)), 0.0) / passed
+    repeats = np.diff(fresh, append=arrival.size) - 1
+    count = np.minimum(repeats, passed - 1.0).astype(np.intp)
+    count[way > STILL * np.quantile(way, 0.9)] = 0
+    link = np.repeat(np.arange(fresh.size), count)
+    place = np.arange(link.size) - np.repeat(np.cumsum(count) - count, count) + 1
+    row = fresh[link] + place * repeats[link] // np.maximum(1, count[link])
+    tick = ticks[link] + place * passed[link] / (count[link] + 1.0)
+    row, tick = np.concatenate((fresh, row)), np.concatenate((ticks, tick))
+    order = np.argsort(row, kind="stable")
+    return row[order], tick[order]
+
+
+def with_source_times(table: Table, names: Sequence[str]) -> Table:
+    """The table with the source's times in place of stamps of arrival, without held values.
+
+    names : columns of the values that the source measures. Each start of the logger, and each
+    stamp that goes back, begins a stretch with a line of its own.
+    """
+    stamps = table.columns[STAMP]
+    if len(table) < FEWEST or not names:
+        return table
+    values = [_continuous(table.columns[name]) for name in names]
+    cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
+    used, moved, stretches = np.ones(stamps.size, dtype=bool), stamps.copy(), list[_Times]()
+    for first, stop in pairwise([0, *cuts.tolist(), stamps.size]):
+        arrival = (stamps[first:stop] - stamps[first]) * 1e-9
+        with np.errstate(all="ignore"):  # of damaged values
+            times = _times(arrival, [channel[first:stop] for channel in values])
+        if times is not None:
+            used[first:stop] = False
+            used[first + times.row] = True
+            moved[first + times.row] = stamps[first] + np.rint(times.time * 1e9).astype(np.int64)
+            stretches.append(times)
+    if not stretches:
+        return table
+    period, sigma = (
+        float(np.median([getattr(t, n) for t in stretches])) for n in ("period", "sigma")
+    )
+    sentence = (
+        f"rows came up to {amount(max(t.latest for t in stretches))} late, from a source with new "
+        f"values every {amount(period)}; each has the time of the source's tick (standard "
+        f"deviation {amount(sigma)}). The usual delay, a mean without the longest and the shortest "
+        "tenth, is part of the clock offset."
+    )
+    count = sum(t.row.size for t in stretches)
+    table = table.remarked("stamps of arrival", sentence, count=count)
+    if not used.all():
+        sentence = "the row before again, before the source had new values: held; left out."
+        table = table.remarked("held values", sentence, rows=np.flatnonzero(~used))
+    return replace(table, columns={**table.columns, STAMP: moved}).take(used)
+
+
+def _continuous(column: NDArray[Any]) -> Array:
+    """(N,) values of a column, of a counter's words (N,) without wraps."""
+    if column.dtype.kind != "i":
+        return column
+    step = np.diff(column).astype(np.int32)  # the low 32 bits, signed
+    return np.concatenate(([0.0], np.cumsum(step, dtype=np.float64)))
