@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ballbar.outputs import Progress, write_outputs
+from ballbar.plan.found_path import with_found_path
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_files
@@ -58,19 +60,23 @@ def simulate_scenario(
     what was really measured.
     """
     simulation: Simulation | PoseSimulation
-    with _simulating(scenario_file, folder, progress, still=scenario.path is None) as files:
-        if scenario.path is None:
-            simulation = simulate_poses(scenario, relative_to=files)
+    with (
+        _simulating(scenario_file, folder, progress, still=scenario.path is None) as files,
+        tempfile.TemporaryDirectory() as temporary,
+    ):
+        whole = with_found_path(scenario, files, Path(temporary) / "path.yaml")
+        if whole.path is None:
+            simulation = simulate_poses(whole, relative_to=files)
         else:
             simulation = simulate(
-                scenario,
+                whole,
                 relative_to=files,
-                recorded=recorded_log(scenario.path, files),
+                recorded=recorded_log(whole.path, files),
                 on_motion=live.moved if live else None,
             )
         progress("writing the files")
-        write_scenario(scenario, files, folder)
-        copied = with_copied_descriptions(scenario, files, folder)
+        write_scenario(whole, files, folder)
+        copied = with_copied_descriptions(whole, files, folder)
         if simulation.still is True:
             write_poses(simulation, copied, folder)
         else:

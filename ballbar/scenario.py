@@ -116,12 +116,14 @@ class Scenario(SimulationSettings):
         ml, files = settings.cost == "ml", settings.data == "files"
         needed = () if settings.cost == "ml" else ENCODERS_NEEDED[settings.cost]
         missing = [f"b{j}" for j in needed if j not in fitted]
-        other_path = self.accept.held_out_file and self.path.kind != "lissajous"
+        other_path = self.accept.held_out_file and (
+            self.path.kind != "lissajous" or not self.path.file
+        )
         not_kinematic = not files and self.plant.kind != "kinematic"
         of_samples = "is of the thesis's costs on samples; set cost and data = samples"
         for wrong, section, key, message in (
             (other_path, "accept", "held_out_file",
-             "another path needs path.kind = lissajous; leave it out"),
+             "another path needs path.kind = lissajous and its file; leave it out"),
             (not_kinematic, "identify", "data",
              "samples come from the kinematic plant only; set plant.kind = kinematic"),
             (ml and "form" in stated, "identify", "form",

@@ -34,10 +34,12 @@ ROUNDS = 15
 ROBOT_ROWS, BAR_ROWS = 150_000, 60_000
 
 
-def write_recording(folder: Path) -> None:
-    """A clean recording of ten minutes."""
+def write_recording(
+    folder: Path, *, robot_rows: int = ROBOT_ROWS, robot_period: float = 0.004
+) -> None:
+    """A clean recording of ten minutes; robot_period : [s]."""
     robot = load_robot("irb2400")
-    t = 0.004 * np.arange(ROBOT_ROWS)
+    t = robot_period * np.arange(robot_rows)
     q = np.stack(
         [0.2 * (i - 2.5) + 0.4 * np.sin((0.3 + 0.1 * i) * t + i) for i in range(6)], axis=1
     )

@@ -67,7 +67,7 @@ def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
         spec.delete(element)
     stiffness = np.concatenate((_HOLD * cell.robot.required("servo")["soft"].kp, np.zeros(5)))
     for name, angle, spring in zip(
-        (*ROBOT_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True
+        (*ROBOT_JOINTS[: q.size], *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True
     ):
         joint = spec.joint(name)
         body = joint.parent

@@ -37,7 +37,12 @@ Knees = list[tuple[int, float]]
 
 
 def fit_softening(cell: Cell, fit: Fit, listener: Listener) -> Fit:
-    """A complete fit with the softer first slopes that the data ask for; the same if with none."""
+    """A complete fit with the softer first slopes that the data ask for; the same if with none.
+
+    The same too for a robot whose file states no gears: no slope is known that could be softer.
+    """
+    if cell.robot.gears is None:
+        return fit
     listener.progress("searching gears that are softer below a knee")
     knees = search_knees(fit)
     for _ in range(MOVES if knees else 0):

@@ -114,7 +114,7 @@ def _examined(
     over = np.zeros(count)
     if evaluator.force_model is not None:
         forces = predicted_forces(evaluator.force_model, trajectory)
-        largest = np.abs(forces.tension).max(axis=0).reshape(count, -1).max(axis=1)
+        largest = forces.magnitude.reshape(count, -1).max(axis=1)
         over += np.maximum(np.log(largest / limits.force_N), 0.0)
     bar, instants = bar_frames(trajectory.nominal, trajectory.b), trajectory.t.size // count
     closest = evaluator.clearance.nearest_of_runs(

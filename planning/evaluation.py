@@ -15,12 +15,12 @@ from scipy.linalg import solve_triangular
 
 from cell.arrays import Array
 from cell.closed_form import has_closed_form
-from cell.descriptions import Cell, Key
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import nominal_chain, nominal_geometry
 from cell.load import load_instrument, load_measured_cell
+from cell.typical_machine import Spread
 from ident.estimator.unknowns import Unknowns
-from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import aligned_columns
 from ident.robot.identified import IdentifiedRobot
 from planning.candidate import PathCandidate, Space, space_of
@@ -47,7 +47,7 @@ from planning.limits import Violation, violations
 from planning.request import PlanLimits, PlanRequest, tightened
 from planning.screen import UNREACHED, screen
 from planning.trajectory import Trajectory, trajectories
-from sim.plant.effects import servo_gains
+from sim.path import LEAST_AXES
 
 NEARLY = 0.5  # excess of the motion's limits up to which forces and clearance are computed
 UNEXAMINED = 10.0  # added to the excess otherwise: more than forces and clearance come to
@@ -56,7 +56,6 @@ ROBOTS = 2  # of planning.force, whose tension enters an evaluation; the report 
 # In a search one robot counts: random paths then rank as with all robots at a correlation of 0.982
 # instead of 0.988 with two, which take half as long again.
 SEARCH_ROBOTS = 1
-FORCE_AXES = 6  # of robots whose errors planning.force knows, those of thesis Table 3.1
 # Margins that arms have from their singular postures, with a closed form and without.
 OF_OTHER_ARMS = ("singular_value",)
 OF_CLOSED_FORM = ("wrist_margin_deg", "elbow_margin_deg", "shoulder_margin_m")
@@ -78,6 +77,11 @@ class Evaluator:
     clearance: Clearance
     gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
     coarse: CoarsePredictor  # of many candidates at once
+
+    @property
+    def typical(self) -> Spread:
+        """What typical values stand for in the force of the rod."""
+        return Spread(()) if self.force_model is None else self.force_model.typical
 
     @property
     def space(self) -> Space:
@@ -106,7 +110,7 @@ def evaluators(request: PlanRequest, known: Known | None = None) -> dict[str, Ev
     """An evaluator for each rod of a request, by its name; known : from results of the machine.
 
     Raises InputError or DescriptionError for a robot, rod, plate or servo that does not exist, and
-    InputError for a robot whose file lacks what a path needs.
+    InputError for a robot of fewer axes than a path needs.
     """
     chosen = request.cell
     cells = {rod: load_measured_cell(chosen.robot, rod, chosen.plate) for rod in chosen.rods}
@@ -133,8 +137,13 @@ def evaluator_of(
     """The evaluator of a request on a given cell; known : from results of the machine.
 
     Raises InputError for an unknown servo, limits that the robot's structure does not have, or a
-    robot whose file lacks what a path needs.
+    robot of fewer axes than a path needs.
     """
+    if cell.robot.joints < LEAST_AXES:
+        raise InputError(
+            f"robot {cell.robot.name} has {cell.robot.joints} axes; a path of the tool in place "
+            f"and direction needs {LEAST_AXES}. Plan still poses (ballbar-pose-plan/1)."
+        )
     closed = has_closed_form(nominal_chain(cell.robot))
     wrong, right = (OF_OTHER_ARMS, OF_CLOSED_FORM) if closed else (OF_CLOSED_FORM, OF_OTHER_ARMS)
     if stated := [key for key in wrong if key in request.limits.model_fields_set]:
@@ -144,7 +153,9 @@ def evaluator_of(
             f"limits.{', '.join(right)} instead"
         )
     on = predictor(cell, request.sensors, request.timing, request.workspace, known=known)
-    forces = _force_model(request, rod, cell) if cell.ballbar.stroke is None else None
+    forces = None
+    if cell.ballbar.stroke is None:
+        forces = force_model(cell, request.servo, seed=request.seed)
     nominal = nominal_geometry(cell, np.zeros(3))  # the columns do not depend on the base pose
     layout, x = planned_unknowns(on, nominal, ())
     robot = IdentifiedRobot(cell, nominal, on.corrections, x[layout.coefficients])
@@ -162,27 +173,6 @@ def evaluator_of(
         gram=np.asarray(columns.T @ columns),
         coarse=coarse_predictor(on),
     )
-
-
-def _force_model(request: PlanRequest, rod: str, cell: Cell) -> ForceModel:
-    """The force model of a ball-bar. Raises InputError naming what the robot's file lacks."""
-    robot = cell.robot
-    keys: tuple[Key, ...] = ("links", "servo", "gears")
-    lacking = [f"`{key}`" for key in keys if robot.lacks(key)]
-    if lacking:
-        raise InputError(
-            f"robot {robot.name} has no {', '.join(lacking)}: a path on ball-bar {rod} needs them "
-            "for the force in its rod. Add them to the robot's file; or plan for a bar that "
-            "measures its length (cell.instrument: qc20w_300), or still poses "
-            "(ballbar-pose-plan/1), which need none."
-        )
-    if robot.joints != FORCE_AXES:
-        raise InputError(
-            f"robot {robot.name} has {robot.joints} axes; the force in the rod of a ball-bar is "
-            f"computed for {FORCE_AXES}. Plan for a bar that measures its length (cell.instrument)"
-        )
-    gains = servo_gains(robot, request.servo, key="servo")
-    return force_model(cell, mass_model(cell), gains, seed=request.seed)
 
 
 def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOTS) -> float:
@@ -249,10 +239,10 @@ def _violations_when_loaded(
 ) -> Iterator[Violation]:
     """Violations of the limits of force and clearance."""
     limit, clear = evaluator.limits.force_N, evaluator.limits.clearance_m
-    if forces is not None and forces.largest > limit:
-        k = int(np.abs(forces.tension).max(axis=0).argmax())
-        text = f"{forces.largest:.0f} N in the rod at t = {trajectory.t[k]:.1f} s, limit {limit:g}"
-        yield Violation("force_N", float(np.log(forces.largest / limit)), text)
+    if forces is not None and (largest := float(forces.magnitude.max())) > limit:
+        at = trajectory.t[int(forces.magnitude.argmax())]
+        text = f"{largest:.0f} N in the rod at t = {at:.1f} s, limit {limit:g}"
+        yield Violation("force_N", float(np.log(largest / limit)), text)
     motion = (trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
     closest = evaluator.clearance.nearest(*motion, within=clear)
     if closest.distance < clear:

@@ -140,9 +140,10 @@ def _rod_data(plan: PathPlan) -> dict[str, object]:
     """Expected force in the rod of a ball-bar, or length of a telescoping bar."""
     data: dict[str, object] = {}
     if plan.forces is not None:
-        tension = plan.forces.tension
         data["load_sign_changes"] = [int(n) for n in plan.reversals]
-        data["rod_force_N"] = [float(tension.min()), float(tension.max())]
+        data["rod_force_N"] = list(plan.forces.interval)
+        if keys := plan.evaluator.typical.keys:
+            data["typical"] = list(keys)  # keys of the robot's file
     if plan.lengths is not None:
         length = plan.lengths.length
         data["length_m"] = {

@@ -7,35 +7,43 @@ that no feed-forward carries (ball-bar, motion, friction),
 
     F (1/k_rod + sum tau_1^2 (1/k_gear + 1/kp)) = g - sum tau_1 (tau_0 / k_gear + tau_b / kp)
 
-The prediction is quasi-static and without backlash; planning.verify simulates the rest.
+The prediction is quasi-static and without backlash; planning.verify simulates the rest. Where the
+robot's file lacks masses, gears or servo, typical ones stand for them (cell.typical_machine), and
+as many robots as MACHINES, drawn from their spread, give the interval of the force.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.bodies import carried_bodies
+from cell.bodies import carried_bodies, link_bodies
 from cell.chain import Frames, screw
 from cell.descriptions import Cell, ServoGains
-from cell.dynamics import joint_torques
+from cell.dynamics import joint_torques, torques_of_each
 from cell.geometry import (
     Geometry,
     bar_frames,
     nominal_geometry,
     parameter_named,
     parameter_screw,
+    parameter_table,
     robot_frames,
 )
-from ident.loads.gear_loads import Loads, MassModel, loads, on_ballbar
+from cell.typical_machine import Spread, with_typical
+from ident.loads.gear_loads import Loads, MassModel, loads, mass_model, on_ballbar
 from planning.trajectory import Trajectory
 from sim.errors.static_errors import THESIS_3_1
+from sim.plant.effects import servo_gains
 
 CREEP = 1e-3  # [rad/s] speed at which Coulomb friction has most of its size; assumed
 DRAWS = 8  # robots whose force is predicted
+# Robots drawn from the spread about a typical one: another one is outside of what N of them reach
+# with a probability of 2 / (N + 1)
+MACHINES = 63
 # [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
 ERROR = 1e-3
 
@@ -46,27 +54,70 @@ class Forces:
 
     carried: Loads
     tension: Array  # (DRAWS, N) [N]
+    # (2, N) [N] least and largest over the spread of a robot whose file lacks data, else of these
+    extent: Array
 
     @property
-    def largest(self) -> float:
-        """[N] largest magnitude over robots and time."""
-        return float(np.abs(self.tension).max())
+    def magnitude(self) -> Array:
+        """(N,) [N] largest magnitude over the robots."""
+        return np.asarray(np.abs(self.extent).max(axis=0))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """[N] least and largest over robots and time."""
+        return float(self.extent.min()), float(self.extent.max())
+
+
+@dataclass(frozen=True, eq=False)
+class Machines:
+    """R robots drawn from the spread about a typical one."""
+
+    errors: Array  # (P, R) [m, rad] deviations as those of ForceModel
+    mass: Array  # (R, J) of each link over the typical one
+    gear: Array  # (R, J) [rad/(N m)] compliance
+    servo: Array  # (R, J) [rad/(N m)] compliance
+    coulomb: Array  # (R, J) [N m]
+    viscous: Array  # (R, J) [N m s/rad]
 
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
     """The part of a prediction that does not depend on the trajectory."""
 
-    cell: Cell
+    cell: Cell  # with typical values for what the robot's file lacks
     masses: MassModel
     gains: ServoGains
-    errors: Array  # (P, DRAWS) [m, rad] deviations of the parameters of thesis Table 3.1
+    names: tuple[str, ...]  # of P parameters that deviate
+    errors: Array  # (P, DRAWS) [m, rad] their deviations
+    typical: Spread  # of the robot
+    machines: Machines | None  # None for a robot whose file is complete
 
 
-def force_model(cell: Cell, masses: MassModel, gains: ServoGains, *, seed: int) -> ForceModel:
-    """The force model of a cell with drawn robots."""
-    errors = ERROR * np.random.default_rng(seed).standard_normal((len(THESIS_3_1), DRAWS))
-    return ForceModel(cell, masses, gains, errors)
+def force_model(cell: Cell, servo: str, *, seed: int) -> ForceModel:
+    """The force model of a cell with drawn robots; servo : name of the gain set.
+
+    Raises InputError where the robot has no such set.
+    """
+    robot, typical = with_typical(cell.robot)
+    cell, table = replace(cell, robot=robot), parameter_table(robot)
+    wrist = (n for n in table.robot if int(n[-1]) >= 6 and n != table.plate)
+    names = tuple(dict.fromkeys((*THESIS_3_1, *(wrist if robot.joints > 6 else ()))))
+    rng = np.random.default_rng(seed)
+    errors = ERROR * rng.standard_normal((len(names), DRAWS))
+    gains, machines = servo_gains(robot, servo, key="servo"), None
+    if typical.keys:
+        drawn = [typical.drawn(robot, rng) for _ in range(MACHINES)]
+        masses = np.array([[link.mass for link in r.required("links")[1:]] for r in drawn])
+        gears = [r.required("gears") for r in drawn]
+        machines = Machines(
+            errors=ERROR * rng.standard_normal((len(names), MACHINES)),
+            mass=masses / [link.mass for link in robot.required("links")[1:]],
+            gear=1.0 / np.array([g.stiffness for g in gears]),
+            servo=1.0 / np.array([servo_gains(r, servo, key="servo").kp for r in drawn]),
+            coulomb=np.array([g.coulomb for g in gears]),
+            viscous=np.array([g.viscous for g in gears]),
+        )
+    return ForceModel(cell, mass_model(cell), gains, names, errors, typical, machines)
 
 
 def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
@@ -75,7 +126,8 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     carried = loads(model.masses, geometry, q, b, trajectory.speed, trajectory.acceleration)
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     wrench = on_ballbar(model.masses, bar, b)[1]
-    gap = _gaps(model, geometry, robot, bar, wrench, first=trajectory.first)
+    levers = _levers(model, geometry, robot, bar, wrench)
+    gap = _gaps(levers, model.errors, bar.z[2], trajectory.first)
     per_newton = carried.gear_per_newton
     weight = joint_torques(robot, carried_bodies(cell), q, gravity=cell.robot.gravity)
     gears = cell.robot.required("gears")
@@ -86,30 +138,51 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     friction = coulomb + gears.viscous[:, None] * speed
     uncompensated = carried.gear - cell.robot.gear_to_joint @ weight + friction
     sag = (per_newton * (carried.gear * gear + uncompensated * servo)).sum(axis=0)
-    return Forces(carried, np.asarray((gap - sag) / compliance))
+    tension = np.asarray((gap - sag) / compliance)
+    extent = np.stack((tension.min(axis=0), tension.max(axis=0)))
+    if model.machines is None:
+        return Forces(carried, tension, extent)
+    drawn, tip = model.machines, np.tanh(speed / CREEP)
+    bodies = list(enumerate(link_bodies(cell.robot)))
+    each = torques_of_each(robot, bodies, q, gravity=cell.robot.gravity)
+    links = np.einsum("gj,bjn->bgn", cell.robot.gear_to_joint, each) * per_newton
+    steady = per_newton * (uncompensated - friction)
+    # (R, N) of the drawn robots: of one axis after the other, all of them at once
+    gap = _gaps(levers, drawn.errors, bar.z[2], trajectory.first)
+    sag, yielding = np.zeros_like(gap), np.full_like(gap, 1.0 / cell.ballbar.axial_stiffness)
+    for j, lever in enumerate(per_newton):
+        at_gear = lever * carried.gear[j] + (drawn.mass - 1.0) @ links[:, j]
+        rubbing = np.outer(drawn.coulomb[:, j], lever * tip[j])
+        rubbing += np.outer(drawn.viscous[:, j], lever * speed[j])
+        gear, servo = drawn.gear[:, j, None], drawn.servo[:, j, None]
+        sag += gear * at_gear + servo * (steady[j] + rubbing)
+        yielding += (gear + servo) * lever**2
+    every = np.concatenate((extent, (gap - sag) / yielding))
+    return Forces(carried, tension, np.stack((every.min(axis=0), every.max(axis=0))))
 
 
-def _gaps(
-    model: ForceModel,
-    geometry: Geometry,
-    robot: Frames,
-    bar: Frames,
-    wrench: Array,
-    *,
-    first: NDArray[np.intp],
+def _levers(
+    model: ForceModel, geometry: Geometry, robot: Frames, bar: Frames, wrench: Array
 ) -> Array:
-    """(DRAWS, N) [m] distance along the rod between tool and rod's end of the drawn robots.
+    """(P, N) [-, m] distance along the rod between tool and rod's end per unit of each error.
 
-    wrench : (6, N) on the ball-bar per newton of tension. first : (N,) index of the first target
-        of each run, at which the base was set without force: there the gap along the rod is none.
+    wrench : (6, N) on the ball-bar per newton of tension.
     """
     levers = []
-    for parameter in map(parameter_named, THESIS_3_1):
+    for parameter in map(parameter_named, model.names):
         away = 1.0 if parameter.side == "robot" else -1.0  # the tool moves out, or the rod's end
         motion = parameter_screw(geometry, robot, bar, parameter)
         levers.append(away * (wrench * motion).sum(axis=0))
-    gap = model.errors.T @ np.stack(levers)
-    rod = bar.z[2]
+    return np.stack(levers)
+
+
+def _gaps(levers: Array, errors: Array, rod: Array, first: NDArray[np.intp]) -> Array:
+    """(R, N) [m] distance along the rod between tool and rod's end of robots with errors (P, R).
+
+    rod : (3, N) its direction. first : (N,) index of the first target of each run, at which the
+        base was set without force: there the gap along the rod is none.
+    """
+    gap = errors.T @ levers
     return np.asarray(gap - gap[:, first] * (rod * rod[:, first]).sum(axis=0))
 
 

@@ -49,9 +49,10 @@ from planning.trajectory import Trajectory
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, lissajous
 
-SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
+SECONDS = 60.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
-GENERATIONS = 20  # of one descent
+# Generations without a gain that end a descent, and of one descent at most
+GENERATIONS, MOST_GENERATIONS = 20, 100
 # Screened candidates that are tried before one, without the force that excludes most of them: those
 # that are farthest from the limits move least and identify least.
 TRIED = 32
@@ -106,15 +107,17 @@ def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tupl
     """
     free = free_numbers(space)
     search = evolution(start[free], seed=seed)
-    best, least = start, objective(evaluator, start)
-    for _ in range(GENERATIONS):
+    best, least, gained = start, objective(evaluator, start), 0
+    for generation in range(MOST_GENERATIONS):
+        if generation - gained >= GENERATIONS:
+            break
         points, values = search.ask(), []
         for x in points:
             genome = start.copy()
             genome[free] = x
             values.append(objective(evaluator, genome))
             if values[-1] < least:
-                best, least = folded(genome), values[-1]
+                best, least, gained = folded(genome), values[-1], generation
             if least < INFEASIBLE:
                 return best, least
         search.tell(points, values)

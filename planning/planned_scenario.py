@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from cell.descriptions import Key, Robot
+from cell.descriptions import Robot
+from cell.typical_machine import KEYS
 from planning.force import ERROR, Lengths
 from planning.plan import PathPlan
-from sim.plant.mjcf import ROBOT_JOINTS
 
 PATH = "path.yaml"  # of the plan, beside the scenario
-PLANT_AXES = len(ROBOT_JOINTS)
-PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 # All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.
 EVERYTHING_ON: dict[str, object] = {
     "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "robot"},
@@ -64,9 +62,13 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
     }
     if plan.lengths is not None:
         return common | length_data(plan.lengths, plan.evaluator.cell.robot)
+    plant: dict[str, object] = {"servo": request.servo}
+    if plan.evaluator.typical.keys:
+        plant["typical_spread"] = 1.0
+        common["cell"] = {**cell, "ballbar_set": "without_strain"}
     return {
         **common,
-        "plant": {"servo": request.servo},
+        "plant": plant,
         "errors": EVERYTHING_ON,
         "encoders": {
             "fitted": list(sensors.encoders),
@@ -88,7 +90,7 @@ def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
         "static": {"sigma_m": size, "sigma_rad": size},
         "joint_noise": {"sigma_rad": 5e-6},
     }
-    dynamic = robot.joints == PLANT_AXES and not any(robot.lacks(key) for key in PLANT_KEYS)
+    dynamic = not any(robot.lacks(key) for key in KEYS)
     if dynamic:
         errors["joint_compliance"] = {}
     return {

@@ -10,12 +10,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from cell.descriptions import Robot
 from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
+from cell.load import ballbar_names, load_ballbar, load_robot
 from cell.schema import Positive, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
+from cell.typical_machine import arm_length
 from planning.pose_request import POSE_SCHEMA, Cone, PlanName, PosePlanRequest, Seed
 from planning.workspace import AxisMargin, KeepOut, Region, StatedWorkspace
 from sim.errors.sensor_errors import EncoderNumber
@@ -45,7 +49,9 @@ class PlanCell(Strict):
     robot: str
     """A file of cell/robots, or a path that ends in .yaml."""
     ballbar: str | None = None
-    """A file of cell/instruments, or a path: a ball-bar with encoders."""
+    """A file of cell/instruments, or a path: a ball-bar with encoders; by default the one that fits
+    the robot's reach.
+    """
     instrument: str | None = None
     """In place of `ballbar`: an instrument that measures its length, such as qc20w_300."""
     seat: Cup | None = None
@@ -59,7 +65,9 @@ class PlanCell(Strict):
     ballbar_position_m: Vector3 | None = None
     """Centre of the sphere in the robot's base frame, if it is fixed."""
     ballbar_region_m: Region | None = None
-    """Region of the centre of the sphere, if it is free."""
+    """Region of the centre of the sphere, if it is free; by default in front of the robot, by its
+    reach.
+    """
     keep_out: tuple[KeepOut, ...] = ()
     """Boxes to stay clear of."""
     floor_m: float = 0.0
@@ -67,7 +75,7 @@ class PlanCell(Strict):
 
     @model_validator(mode="after")
     def _placed(self) -> PlanCell:
-        if (self.ballbar_position_m is None) == (self.ballbar_region_m is None):
+        if self.ballbar_position_m is not None and self.ballbar_region_m is not None:
             raise ValueError(
                 "give either ballbar_position_m, or ballbar_region_m where the position is free"
             )
@@ -75,7 +83,7 @@ class PlanCell(Strict):
 
     @model_validator(mode="after")
     def _one_instrument(self) -> PlanCell:
-        if (self.ballbar is None) == (self.instrument is None):
+        if self.ballbar is not None and self.instrument is not None:
             raise ValueError(
                 "give either ballbar, a ball-bar with encoders, or instrument, which measures its "
                 "length"
@@ -175,7 +183,8 @@ class PlanLimits(Strict):
     """
     force_N: Positive = 200.0
     """Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad (a third above
-    the thesis's 150 N: notes/parameters, experiment).
+    the thesis's 150 N: notes/parameters, experiment). Where the robot's file states no servo, the
+    default is up to 500, by the length of the arm.
     """
     clearance_m: Positive = 0.03
     """Distance of robot, plate and rod from each other and everything else."""
@@ -193,6 +202,14 @@ OF_BALLBARS = {
     ),
     "limits": ("ballbar_margin_deg", "cable_turns", "force_N"),
 }
+
+# Of the arm's length (cell.typical_machine): rod of the ball-bar, and lower and upper corner of the
+# region of its centre, wider than in the shipped requests, since reach and height of arms differ.
+ROD_SHARE = 0.32
+REGION_SHARES = ((0.3, -0.2, 0.15), (0.8, 0.2, 0.45))
+# Limit of the force [N] over the length [m] of arms whose servo is not known: that of PlanLimits up
+# to an IRB 2400, and for an NJ 220 that of its request (scenarios/plans).
+FORCE_OF_LENGTH = ((1.7, 2.95), (200.0, 500.0))
 
 # Reserves for the motion under soft servo, measured by planning.verify: added to margins, and
 # factors on rates and force.
@@ -293,4 +310,24 @@ def load_request(path: Path, *, overrides: Sequence[str] = ()) -> PlanRequest | 
     keys = ("robot", "ballbar", "instrument", "plate")
     files: dict[str, object] = {key: located(getattr(cell, key)) for key in keys}
     files["ballbar_choices"] = tuple(map(located, cell.ballbar_choices))
-    return request.model_copy(update={"cell": cell.model_copy(update=files)})
+    named = request.model_copy(update={"cell": cell.model_copy(update=files)})
+    return completed(named, load_robot(str(files["robot"])))
+
+
+def completed(request: PlanRequest, robot: Robot) -> PlanRequest:
+    """The request with a ball-bar, a region and a limit of the force that fit the robot's size.
+
+    What the request states itself stays, and so does the limit of a robot whose servo is known.
+    """
+    cell, limits, length = request.cell, request.limits, arm_length(robot)
+    chosen: dict[str, object] = {}
+    if not (cell.ballbar or cell.instrument):
+        bars = {name: load_ballbar(name).length for name in ballbar_names()}
+        chosen["ballbar"] = min(bars, key=lambda name: abs(bars[name] - ROD_SHARE * length))
+    if not (cell.ballbar_position_m or cell.ballbar_region_m):
+        lower, upper = (tuple(length * share for share in corner) for corner in REGION_SHARES)
+        chosen["ballbar_region_m"] = Region(lower=lower, upper=upper)
+    if robot.lacks("servo") and "force_N" not in limits.model_fields_set:
+        force = round(float(np.interp(length, *FORCE_OF_LENGTH)))
+        limits = limits.model_copy(update={"force_N": force})
+    return request.model_copy(update={"cell": cell.model_copy(update=chosen), "limits": limits})

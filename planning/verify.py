@@ -6,13 +6,14 @@ backlash and friction. The result counts the instants that violate a limit; a va
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.geometry import bar_frames, nominal_geometry
+from cell.typical_machine import with_typical
 from planning.candidate import PathCandidate
 from planning.clearance import Clearance
 from planning.limits import CROSSING, LimitedValue, limited, measures
@@ -27,13 +28,14 @@ from sim.errors.plant_errors import (
     RodBacklash,
     RodStrain,
 )
-from sim.errors.static_errors import StaticErrors, true_geometry
+from sim.errors.static_errors import StaticErrors, set_without_strain, true_geometry
 from sim.motion import Motion
 from sim.path import reference_path
 from sim.path_files import PATH_STEP
 from sim.plant.effects import Plant, plant_effects, servo_gains
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings
+from sim.streams import stream
 
 TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 # [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion
@@ -82,6 +84,7 @@ def run_in_plant(
     """Motion of one robot on the path; seed 0 is the robot of thesis Table 3.1.
 
     beginning : (J,) [rad] as of `reference_path`: the configuration of the arm that was planned.
+    What the robot's file lacks is typical for seed 0, else drawn about it.
 
     Raises PlantError where the simulation fails.
     """
@@ -98,19 +101,12 @@ def run_in_plant(
     )
     errors = plant_errors(table=seed == 0)
     true = set_without_strain(true_geometry(nominal, errors, cell, seed=seed), path.q[:1])
-    gains = servo_gains(cell.robot, request.servo, key="servo")
+    robot, typical = with_typical(cell.robot)
+    if typical.keys and seed:
+        robot = typical.drawn(robot, stream(seed, "typical_machine"))
+    cell, gains = replace(cell, robot=robot), servo_gains(robot, request.servo, key="servo")
     plant = Plant(cell, true, plant_effects(errors, cell, seed), gains)
     return run_plant(plant, path, timestep=TIMESTEP)
-
-
-def set_without_strain(true: Geometry, q: Array) -> Geometry:
-    """The geometry with the ball-bar's base moved along the rod so that the rod is not strained.
-
-    q : (1, 6) [rad] first target, at which the base is set with the robot at rest.
-    """
-    rod = robot_frames(true, q).tip[:, 0] - true.origin
-    origin = true.origin + rod * (1.0 - true["bd3"] / np.linalg.norm(rod))
-    return true.replaced({f"o{axis}": float(v) for axis, v in zip("xyz", origin, strict=True)})
 
 
 def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:

@@ -30,13 +30,13 @@ class Motion:
     """One run on a uniform grid of true time; before and after it the mechanism does not move."""
 
     t: Array  # (K,) [s]
-    q: Array  # (K, 6) [rad] robot joint angles
-    shown: Array  # (K, 6) [rad] joint angles that the motors show, without effects of the gears
+    q: Array  # (K, J) [rad] robot joint angles
+    shown: Array  # (K, J) [rad] joint angles that the motors show, without effects of the gears
     b: Array  # (K, 5) [rad] ball-bar joint angles, without encoder offsets and errors
     rod_stretch: Array  # (K,) [m] beyond the true bd3; of a wire too
     rod_force: Array  # (K,) [N] tension positive
     geometry: Geometry  # true parameters; btheta holds the mechanical errors only
-    # (K, 6) [N m] of the servos at the gears' outputs, in the step that ends at t
+    # (K, J) [N m] of the servos at the gears' outputs, in the step that ends at t
     torque: Array | None = None
     # (K, 6) [N, N m] that plate and ball-bar exert on the flange, in its frame, where measured
     wrench: Array | None = None
@@ -48,7 +48,7 @@ class Motion:
     growth: Array = field(default_factory=lambda: np.zeros((1, 3)))
 
     def shown_at(self, times: Array) -> Array:
-        """(N, 6) [rad] joint angles that the motors show at true times (N,) [s]."""
+        """(N, J) [rad] joint angles that the motors show at true times (N,) [s]."""
         return self._at(times, self.shown)
 
     def bar_at(self, times: Array) -> Array:
@@ -116,7 +116,7 @@ def deflect(
 ) -> Deflected:
     """Both ends of the loop of a deflected mechanism.
 
-    q, b : (N, 6), (N, 5) [rad] joint angles. stretch : (N,) [m] elongation of the rod. plate : (N,)
+    q, b : (N, J), (N, 5) [rad] joint angles. stretch : (N,) [m] elongation of the rod. plate : (N,)
         or (1,) [rad] bending angle about the plate's y. base : (N, 3) or (1, 3) [m] shift of the
         base.
     """
@@ -133,7 +133,7 @@ def bent_plate(geometry: Geometry, robot: Frames, plate: Array) -> tuple[Array, 
 
     robot : its frames up to the undeflected tool. plate : (N,) [rad] bending angle about its y.
     """
-    hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
+    hinge = robot.tip - (2.0 / 3.0 * geometry[geometry.table.plate]) * robot.x[-1]
     if not plate.any():
         return robot.rotation(), robot.tip, hinge
     bend = matrix_from_rotvec(plate * robot.y[-1])

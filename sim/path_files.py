@@ -112,6 +112,11 @@ def scenario_path(
                 "simulation. Take another path.kind, or run the scenario with `ballbar run`."
             )
         return _recorded_path(settings, cell, nominal, recorded)
+    if not settings.file:
+        raise InputError(
+            "path.file: a lissajous path has no file here. `ballbar simulate` and `ballbar run` "
+            "find one; elsewhere name a file, such as the path.yaml of `ballbar plan`."
+        )
     file = relative_to / settings.file
     beginning = None
     if settings.kind == "push_pull":

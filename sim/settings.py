@@ -64,6 +64,10 @@ class CellSettings(Strict):
     path, whose angles turn about it also where a tracker follows the robot. Still poses have
     poses.seats.
     """
+    ballbar_set: Literal["at_position", "without_strain"] = "at_position"
+    """Whether the base of a ball-bar stands at ballbar_position_m with its error, or was moved
+    along the rod until nothing strained it at the first pose of the path, as one sets it in a cell.
+    """
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> CellSettings:
@@ -90,7 +94,10 @@ class PathSettings(Strict):
     a recording.
     """
     file: str = ""
-    """Path file for lissajous and push_pull, relative to the scenario."""
+    """Path file for lissajous and push_pull, relative to the scenario. For lissajous without a file
+    `ballbar simulate` and `run` take the first feasible path that they find, and where
+    ballbar_position_m is not stated either, a place for the ball-bar.
+    """
     recording: str = ""
     """Folder of the recording for recorded, relative to the scenario."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)]
@@ -106,7 +113,7 @@ class PathSettings(Strict):
         needed, unused = "file", ["recording"]
         if self.kind == "recorded":
             needed, unused = "recording", ["file", "dwell_s", "stops"]
-        if not getattr(self, needed):
+        if not getattr(self, needed) and self.kind != "lissajous":
             raise ValueError(f"kind {self.kind} needs {needed}")
         for key in unused:
             if getattr(self, key) != PathSettings.model_fields[key].default:
@@ -141,6 +148,10 @@ class PlantSettings(RodAndWire):
     """A gain set of the robot's file."""
     gravity_compensation: bool = True
     """Whether the servo command carries the robot's nominal weight."""
+    typical_spread: NotNegative = 0.0
+    """Factor on the spread with which masses, gears, servo and rotors that the robot's file does
+    not state are drawn about what is typical of its size (docs/how_to/own_robot.md); for MuJoCo.
+    """
 
 
 class ErrorSettings(CellErrors, PlantErrors, ArmErrors, SensorErrors, SampleErrors):
@@ -281,13 +292,16 @@ OF_BALLBAR = (
     *(f"errors.{name}" for name in SensorErrors.model_fields if name != "resolver_error"),
     *(f"errors.{name}" for name in SampleErrors.model_fields),
     *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
-    *("errors.bar_friction", "errors.base_compliance", "errors.outliers"),
+    *("errors.bar_friction", "errors.base_compliance", "errors.outliers", "cell.ballbar_set"),
 )
 OF_LENGTH = ("length", *(f"plant.{name}" for name in RodAndWire.model_fields))
 OF_PATH = (
-    *("cell.ballbar", "cell.plate", "cell.ballbar_position_m"),
+    *("cell.ballbar", "cell.plate", "cell.ballbar_position_m", "cell.ballbar_set"),
     *("encoders", "length", "clocks", "logs", "recording"),
-    *(f"plant.{name}" for name in ("timestep_s", "servo", "gravity_compensation")),
+    *(
+        f"plant.{name}"
+        for name in ("timestep_s", "servo", "gravity_compensation", "typical_spread")
+    ),
     *(
         f"errors.{name}"
         for part in (CellErrors, PlantErrors, SensorErrors, SampleErrors)
@@ -381,7 +395,8 @@ class SimulationSettings(Strict):
             refuse_keys(self, OF_LENGTH, "cell.instrument")
         if of_length and self.path.kind == "push_pull":
             raise wrong_key("path", "kind", message="push_pull needs a ball-bar with a rigid rod")
-        if self.cell.ballbar_position_m is None:
+        found = self.path.kind == "lissajous" and not self.path.file
+        if self.cell.ballbar_position_m is None and not found:
             raise missing_key("cell", "ballbar_position_m")
         return self
 

@@ -16,6 +16,7 @@ from cell.instrument import Instrument
 from cell.logs import RobotLog
 from sim.errors.sample_errors import refuse_sample_errors
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects
+from sim.errors.static_errors import set_without_strain
 from sim.logging.clocks import LoggedRows, LogTimes, log_times, logged_rows
 from sim.logging.encoders import BarEncoder, joint_lags, with_lags
 from sim.logging.load_logs import drawn_loads, drawn_tracker
@@ -32,7 +33,6 @@ from sim.plant.kinematic_plant import (
     run_kinematic,
     with_growth,
 )
-from sim.plant.mjcf import ROBOT_JOINTS
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import SimulationSettings
 from sim.streams import stream
@@ -71,7 +71,7 @@ class Simulation:
         return (
             f"plant: loop closed within {closure.position_m * 1e6:.3f} um and "
             f"{closure.angle_rad * 1e6:.3f} urad, rod force {force.min_N:.0f} to "
-            f"{force.max_N:.0f} N"
+            f"{force.max_N:.0f} N{self.truth.typical_words}"
         )
 
     @property
@@ -113,6 +113,8 @@ def simulate(
     path = scenario_path(
         settings.needed_path, cell, machine.nominal, relative_to=relative_to, recorded=recorded
     )
+    if settings.cell.ballbar_set == "without_strain":
+        machine = replace(machine, true=set_without_strain(machine.true, path.q[:1]))
     run = _in_mujoco if machine.dynamic else _kinematic
     motion = run(settings, machine, path, on_motion)
     motion = with_growth(motion, robot, machine.effects, free=instrument is not None)
@@ -167,11 +169,6 @@ def _in_mujoco(
 ) -> Motion:
     """The motion of the dynamic plant."""
     chosen, robot = settings.plant, machine.cell.robot
-    if robot.joints != len(ROBOT_JOINTS):
-        raise InputError(
-            f"plant.kind = mujoco: the dynamic plant is built for {len(ROBOT_JOINTS)} axes, "
-            f"robot {robot.name} has {robot.joints}. Use plant.kind = kinematic."
-        )
     fastest = float(np.abs(path.speed[0]).max())
     if settings.needed_path.kind == "recorded" and fastest > AT_REST:
         raise InputError(
@@ -240,7 +237,7 @@ def _truth(
         robot_clock_wander=times.robot_wander,
         clock_step=clocks.step,
         restart=clocks.restart,
-        loads=drawn_loads(settings.logs, settings.seed),
+        loads=drawn_loads(settings.logs, len(motion.q[0]), settings.seed),
         tracker=drawn_tracker(settings.tracker(machine.instrument), settings.seed),
         rows=rows.counts if clocks.dropped_rows or clocks.duplicated_rows else {},
     )
@@ -254,7 +251,7 @@ def _truth(
         "rod_force": ForceRange(
             min_N=float(motion.rod_force.min()), max_N=float(motion.rod_force.max())
         ),
-        "plant": plant_truth(machine.effects),
+        "plant": plant_truth(machine),
         "logs": logs,
     }
     return Truth.model_validate(content)

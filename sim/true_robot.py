@@ -10,7 +10,7 @@ Nothing of it is shared with the identification but cell.chain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.instrument import Instrument
 from cell.load import load_cell, load_instrument, load_plate, load_robot, load_telescoping_bar
+from cell.typical_machine import Spread, motor_turns, with_typical
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from sim.errors.static_errors import true_geometry
 from sim.plant.effects import PlantEffects, Ripple, plant_effects
@@ -47,6 +48,7 @@ class TrueMachine:
     effects: PlantEffects
     resolvers: ResolverEffects | None
     dynamic: bool  # whether MuJoCo moves it
+    typical: Spread = field(default_factory=lambda: Spread(()))  # what of it no file states
 
 
 def scenario_cell(chosen: CellSettings, *, relative_to: Path | None = None) -> Cell:
@@ -72,8 +74,15 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
     Raises InputError for effects that cannot be together, DescriptionError for a bad file.
     """
     chosen, errors, seed = settings.cell, settings.errors, settings.seed
-    cell = scenario_cell(chosen, relative_to=relative_to)
-    instrument = None
+    cell, typical = scenario_cell(chosen, relative_to=relative_to), Spread(())
+    turns, instrument, dynamic = None, None, settings.plant.kind != "kinematic"
+    if dynamic:
+        robot, typical = with_typical(cell.robot)
+        turns = motor_turns(robot) if typical.keys else None
+        if typical.keys:
+            rng = stream(seed, "typical_machine")
+            robot = typical.drawn(robot, rng, settings.plant.typical_spread)
+        cell = replace(cell, robot=robot)
     if chosen.instrument is not None:
         instrument = load_instrument(chosen.instrument, relative_to=relative_to)
     nominal = nominal_geometry(cell, chosen.position)
@@ -82,6 +91,7 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
         errors,
         cell,
         zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
+        turns=turns,
         seed=seed,
     )
     return TrueMachine(
@@ -90,8 +100,11 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
         nominal=nominal,
         true=true,
         effects=plant_effects(errors, cell, seed),
-        resolvers=resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed),
-        dynamic=settings.plant.kind != "kinematic",
+        resolvers=resolver_effects(
+            errors.resolver_error, joints=cell.robot.joints, seed=seed, turns=turns
+        ),
+        dynamic=dynamic,
+        typical=typical,
     )
 
 

@@ -25,8 +25,8 @@ from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.errors.sensor_errors import ClockStep, LoggerRestart
 from sim.logging.clocks import RowCounts, WanderCurve
 from sim.logging.load_logs import DrawnLoads, TrackerTruth
-from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple
-from sim.true_robot import TrueArm
+from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple, stated_masses
+from sim.true_robot import TrueArm, TrueMachine
 
 Vector = tuple[float, ...]
 
@@ -74,6 +74,8 @@ class PlantTruth(Strict):
     base_stiffness_N_per_m: float | None
     bodies: dict[str, BodyTruth] = Field(default_factory=dict)
     thermal_growth: ThermalGrowth | None = None  # its parameters are those at the start
+    # keys of the robot's file that it lacks; what is typical of its size stood for them
+    typical: tuple[str, ...] = ()
 
     @property
     def masses(self) -> MassDistribution | None:
@@ -87,9 +89,12 @@ class PlantTruth(Strict):
         )
 
 
-def plant_truth(effects: PlantEffects) -> PlantTruth:
+def plant_truth(machine: TrueMachine) -> PlantTruth:
     """The effects of one machine as the truth file states them."""
+    effects = machine.effects
     stiffness, masses = effects.gear_stiffness, effects.masses
+    if masses is None and machine.typical.keys:
+        masses = stated_masses(machine.cell)
     bodies = {}
     if masses is not None:
         rows = zip(masses.names, masses.mass.tolist(), masses.centre.tolist(), strict=True)
@@ -107,6 +112,7 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         base_stiffness_N_per_m=effects.base_stiffness,
         bodies=bodies,
         thermal_growth=effects.growth,
+        typical=machine.typical.keys,
     )
 
 
@@ -190,6 +196,12 @@ class Truth(Strict):
     plant: PlantTruth
     logs: LogTruth
 
+    @property
+    def typical_words(self) -> str:
+        """Says what of the robot was typical of its size, to follow a sentence; else empty."""
+        lacking = ", ".join(self.plant.typical)
+        return f"; typical of a robot of its size: {lacking}" if lacking else ""
+
     @cached_property
     def geometry(self) -> Geometry:
         """True parameters, with the encoders' offsets."""
@@ -205,6 +217,8 @@ class Truth(Strict):
     def write(self, path: Path) -> None:
         """Write the truth file, whole or not at all."""
         content = self.model_dump(mode="json", by_alias=True)
+        if not self.plant.typical:
+            content["plant"].pop("typical")
         write_yaml(path, content | {"logs": self.logs.stated()})
 
 

@@ -32,6 +32,7 @@ from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.neighbours import Mask, Rows
 
+ARRIVAL = "stamps of arrival"  # the finding
 IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows
 FEWEST = 100  # rows with new values
 HALVES = (0.05, 0.1, 0.2)  # [s] of arrivals on either side that show the speed at first
@@ -42,6 +43,7 @@ WHOLE = 0.2  # ticks off a whole number
 SURE, LIKELY = 0.6, 0.3  # mean cosine of the phases of a region
 BETTER = 0.5  # of what the stamps leave: as much whole ticks may leave
 SAMPLE = 20_000  # rows that show the period at first
+MANY = 100_000  # delays, whose mean is the usual one
 BLOCK, STEADY = 32, 0.15  # rows among which the least delay counts; ticks by which it may scatter
 MOST = 4000  # blocks
 SPANS = 10  # of rows with sure ticks, over which the period shows better
@@ -342,13 +344,15 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     fresh, ticks, start, at = fresh[forward], ticks[forward], start[forward], at[forward]
     late = at - (start + ticks) * period
     row, tick = _with_standing(fresh, ticks, new[:, forward], arrival, period)
-    usual = float(np.mean(np.sort(late)[late.size // 10 : late.size - late.size // 10]))
+    delays = np.sort(late[:: 1 + late.size // MANY])
+    usual = float(delays[delays.size // 10 : delays.size - delays.size // 10].mean())
     time = (np.interp(tick, ticks, start) + tick) * period + usual
     return _Times(row, time, period, sigma, float(late.max()) - usual)
 
 
 def _irregular(step: Array) -> bool:
     """Whether steps (K,) differ from each other as those of no device's clock do."""
+    step = step[:: 1 + step.size // SAMPLE]
     usual = float(np.median(step))
     return bool(np.mean(np.abs(step - usual) > IRREGULAR * usual) > SHARE)
 
@@ -365,6 +369,8 @@ def _with_standing(
     passed = np.append(np.diff(ticks), after + 1.0)
     way = np.append(np.sqrt((np.diff(new) ** 2).sum(axis=0)), 0.0) / passed
     repeats = np.diff(fresh, append=arrival.size) - 1
+    if not repeats.any():
+        return fresh, ticks
     count = np.minimum(repeats, passed - 1.0).astype(np.intp)
     count[way > STILL * np.quantile(way, 0.9)] = 0
     link = np.repeat(np.arange(fresh.size), count)
@@ -409,11 +415,16 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
         "tenth, is part of the clock offset."
     )
     count = sum(t.row.size for t in stretches)
-    table = table.remarked("stamps of arrival", sentence, count=count)
+    table = table.remarked(ARRIVAL, sentence, count=count)
     if not used.all():
         sentence = "the row before again, before the source had new values: held; left out."
         table = table.remarked("held values", sentence, rows=np.flatnonzero(~used))
     return replace(table, columns={**table.columns, STAMP: moved}).take(used)
+
+
+def of_arrival(table: Table) -> bool:
+    """Whether the stamps of a table were of arrival and have been undone."""
+    return any(entry.kind == ARRIVAL for entry in table.findings)
 
 
 def _continuous(column: NDArray[Any]) -> Array:

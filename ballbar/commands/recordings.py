@@ -55,8 +55,8 @@ def new(
     """
     if poses and robot_log is not None:
         raise InputError("give either --poses or two logs, not both.")
-    one = options.instrument is not None  # whose rows may stand in the robot's table
-    if not poses and (robot_log is None or (ballbar_log is None and not one)):
+    shared = options.instrument is not None  # whose rows may stand in the robot's table
+    if not poses and (robot_log is None or (ballbar_log is None and not shared)):
         raise InputError(
             "name the robot's log and that of the ball-bar or instrument, or a table of still "
             "poses with --poses."

@@ -85,7 +85,11 @@ def read_krl(path: Path, options: FrameOptions) -> list[RobotProgram]:
     for file in files:
         used = [name for name, target in file.own.items() if target or name in file.uses]
         file.guarded(file.declared_targets, used)
-        file.notes += file.external_notes()
+        file.notes += [
+            f"{axis} of poses is not 0 (first in line {line}): it is taken to move neither the "
+            "robot nor a base; state the targets as axis angles if it does"
+            for axis, line in file.external.items()
+        ]
     return [file.program() for file in files]
 
 
@@ -130,14 +134,6 @@ class _Krl(ProgramSource):
         elif kind != "frame" or set(POSE) <= set(_components(value)):
             self.declare(name, [self.target(value, name, line)])
             self.own[name.lower()] = kind != "frame"
-
-    def external_notes(self) -> list[str]:
-        """Notes about external axes of poses."""
-        return [
-            f"{axis} of poses is not 0 (first in line {line}): it is taken to move neither the "
-            "robot nor a base; state the targets as axis angles if it does"
-            for axis, line in self.external.items()
-        ]
 
     def target(self, value: Value, name: str, line: int) -> ProgramTarget:
         """The target of axis angles, or of a pose with S and T or without."""

@@ -14,6 +14,8 @@ from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slo
 from ballbar.terminal import wide_console
 from ballbar.units import MM, UM, URAD
 from cell.number_text import significant_text
+from cell.typical_machine import arm_length
+from planning.force import MACHINES
 from planning.next_step import EVERY_ENCODER, ROD_SIGMA
 from planning.plan import COVERED_WITHIN, PathPlan
 from planning.pose_plan import PosePlan
@@ -52,6 +54,13 @@ def say_plan(out: Console, plan: PathPlan) -> None:
         f"sphere covered {plan.coverage:.0%} (within {np.degrees(COVERED_WITHIN):.0f} deg of the "
         f"path; shipped plans cover 5 to 21%, and the sigma above counts it), {_expected(plan)}"
     )
+    if keys := plan.evaluator.typical.keys:
+        robot = plan.evaluator.cell.robot
+        out.print(
+            f"the file of {escape(robot.name)} states no {', '.join(keys)}: the force in the rod "
+            f"is that of a robot typical of its size ({arm_length(robot):.2f} m), and its limit "
+            "holds for the spread over published robots; the fit uses no typical value"
+        )
     if plan.lengths is not None and plan.lengths.warning:
         out.print(f"[yellow]warning:[/] {plan.lengths.warning}")
     if plan.forces is not None:
@@ -72,8 +81,9 @@ def say_plan(out: Console, plan: PathPlan) -> None:
 def _expected(plan: PathPlan) -> str:
     """Force in the rod of a ball-bar, or length of a telescoping bar beside its stroke."""
     if plan.forces is not None:
-        tension = plan.forces.tension
-        return f"rod force {tension.min():.0f} to {tension.max():.0f} N expected"
+        least, most = plan.forces.interval
+        over = f" over the spread of {MACHINES} robots" if plan.evaluator.typical.keys else ""
+        return f"rod force {least:.0f} to {most:.0f} N expected{over}"
     if plan.lengths is None:
         return ""
     nominal = plan.evaluator.cell.ballbar.length

@@ -108,7 +108,7 @@ def named_columns(
 ) -> list[str]:
     """The columns of an answer; raises InputError unless they are among names, and so many.
 
-    expected : how many, in words.
+    expected : the number of columns, as the error says it.
     """
     chosen = [part.strip() for part in reply.split(",")]
     if unknown := [name for name in chosen if name not in names]:

@@ -160,8 +160,8 @@ def _rotation(columns: ColumnNames, position: Sequence[str]) -> tuple[str, ...]:
             return tuple(chosen)
     following = names[names.index(position[-1]) + 1 :][:4]  # a quaternion, such as ov_x to ov_w
     order = "".join(name[-1:].lower() for name in following)
-    one = len({name[:-1] for name in following}) == 1  # stem of all names
-    return tuple(following) if one and order in ("xyzw", "wxyz") else ()
+    alone = len({name[:-1] for name in following}) == 1  # stem of all names
+    return tuple(following) if alone and order in ("xyzw", "wxyz") else ()
 
 
 def sigma_columns(columns: ColumnNames, values: Sequence[str]) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from cell.geometry import (
     robot_frames,
     robot_geometry,
 )
+from cell.typical_machine import with_typical
 from ident.estimator.build_unknowns import arm_parameters
 from ident.loads.at_rest import backlash_flanks
 from ident.loads.gear_loads import mass_model, own_weight
@@ -220,6 +221,8 @@ def true_tool(
             )
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
+        if plant.typical:  # masses and centres are all that counts, and those are stated
+            cell = replace(cell, robot=with_typical(robot)[0])
         loaded = cell if plant.masses is None else plant.masses.on(cell)
         weight = own_weight(mass_model(loaded), geometry, q).gear.T
         side = backlash_flanks(weight.T).T

@@ -19,6 +19,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.geometry import Parameter
+from cell.typical_machine import with_typical
 from ident.loads.gear_loads import Loads
 
 # First channel of each kind. Those behind the gears count from the end, since the number of gears
@@ -78,10 +79,11 @@ class State:
 
 
 def backlash_transition(robot: Robot) -> Array:
-    """(J,) [N m] width of the smooth transition between the flanks of each gear's backlash."""
-    gears = robot.gears
-    if gears is None:
-        return np.zeros(robot.joints)
+    """(J,) [N m] width of the smooth transition between the flanks of each gear's backlash.
+
+    That of typical gears where the robot's file states none (cell.typical_machine).
+    """
+    gears = with_typical(robot)[0].required("gears")
     return np.asarray(0.5 * gears.lost_motion * gears.stiffness / BACKLASH_SHARE)
 
 

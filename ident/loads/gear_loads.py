@@ -22,6 +22,7 @@ from cell.chain import Frames, cross, joint_screws, screw
 from cell.descriptions import Cell, Link, Robot
 from cell.dynamics import joint_moments, joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.typical_machine import with_typical
 
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
 
@@ -70,12 +71,10 @@ class MassModel:
 def mass_model(cell: Cell) -> MassModel:
     """The cell files' masses.
 
-    A robot without stated masses has none: its gears carry the ball-bar alone.
+    A robot without stated masses has those that are typical of its size (cell.typical_machine).
     """
     return MassModel(
-        [[] for _ in range(cell.robot.joints)]
-        if cell.robot.links is None
-        else carried_bodies(cell),
+        carried_bodies(replace(cell, robot=with_typical(cell.robot)[0])),
         [[link] for link in bar_bodies(cell)],
         cell.robot.gravity,
         cell.robot.gear_to_joint,

@@ -125,15 +125,28 @@ def encoder_effects(
 
 
 def resolver_effects(
-    errors: ResolverError | None, *, joints: int, seed: int
+    errors: ResolverError | None, *, joints: int, seed: int, turns: Array | None = None
 ) -> ResolverEffects | None:
-    """Errors of the resolvers of so many motors by a scenario; None where it states none."""
+    """Errors of the resolvers of so many motors by a scenario; None where it states none.
+
+    turns : (J,) of each motor per turn of what the robot's file takes for its motor, the gear's
+        output where it states no ratio; None for a file that states them.
+    """
     if errors is None:
         return None
-    rng = stream(seed, "resolver_error")
+    rng, turns = stream(seed, "resolver_error"), np.ones(joints) if turns is None else turns
+    drawn = [_drawn((1, 2), errors.amplitude_rad, rng) for _ in range(joints)]
+    motors = [
+        tuple(
+            Harmonic(
+                order=h.order * round(n), amplitude_rad=h.amplitude_rad / n, phase_rad=h.phase_rad
+            )
+            for h in harmonics
+        )
+        for harmonics, n in zip(drawn, turns.tolist(), strict=True)
+    ]
     return ResolverEffects(
-        motors=tuple(_drawn((1, 2), errors.amplitude_rad, rng) for _ in range(joints)),
-        quantum_rad=errors.quantum_rad,
+        motors=tuple(motors), quantum_rad=errors.quantum_rad / float(turns.min())
     )
 
 

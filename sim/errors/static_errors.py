@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
+from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, ParameterTable, parameter_named
+from cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
 from cell.schema import NotNegative, Strict
 from cell.schema_errors import wrong_key
 from sim.streams import stream
@@ -115,13 +116,20 @@ class CellErrors(Strict):
 
 
 def true_geometry(
-    nominal: Geometry, errors: CellErrors, cell: Cell, *, seed: int, zero_sigma: float | None = None
+    nominal: Geometry,
+    errors: CellErrors,
+    cell: Cell,
+    *,
+    seed: int,
+    zero_sigma: float | None = None,
+    turns: Array | None = None,
 ) -> Geometry:
     """The nominal geometry with its static errors.
 
     cell : nominal, for the sigma of its plate's length and its robot's transmission.
     zero_sigma : [m] of the zero of a sensed length; None for a ball-bar. Universal joint and ball
         of an instrument are points, so its rows have no other errors.
+    turns : (J,) of the motors as in `resolver_effects`.
     """
     axes, tilt, plate = errors.ballbar_axes, errors.base_tilt, errors.plate_length
     drawn: list[dict[str, float]] = []
@@ -146,13 +154,24 @@ def true_geometry(
         )
     if errors.motor_offsets:
         z = stream(seed, "motor_offsets").standard_normal(cell.robot.joints)
-        joints = (errors.motor_offsets.sigma_rad * z) @ cell.robot.transmission
+        at_motors = errors.motor_offsets.sigma_rad * z / (1.0 if turns is None else turns)
+        joints = at_motors @ cell.robot.transmission
         offsets = {f"rtheta{i + 1}": float(angle) for i, angle in enumerate(joints)}
         drawn.append({n: v for n, v in offsets.items() if n not in nominal.table.gauge})
     true = nominal
     for source in drawn:
         true = true.replaced({name: true[name] + value for name, value in source.items()})
     return true
+
+
+def set_without_strain(true: Geometry, q: Array) -> Geometry:
+    """The geometry with the ball-bar's base moved along the rod so that the rod is not strained.
+
+    q : (1, J) [rad] first target, at which the base is set with the robot at rest.
+    """
+    rod = robot_frames(true, q).tip[:, 0] - true.origin
+    origin = true.origin + rod * (1.0 - true["bd3"] / np.linalg.norm(rod))
+    return true.replaced({f"o{axis}": float(v) for axis, v in zip("xyz", origin, strict=True)})
 
 
 def static_deviations(

@@ -35,13 +35,14 @@ DISTANCE = 3.0  # [m] of the tracker from the robot's base; assumed
 
 
 class TorqueLog(Strict):
-    """Motor torques stand in the robot's log, in columns tau1..tau6."""
+    """Motor torques stand in the robot's log, in columns tau1, tau2, ...."""
 
     noise_N_m: NotNegative = 2.0
-    """Standard deviation of white noise at the outputs of gears 1-3 (notes/identification sec. 1).
+    """Standard deviation of white noise at the outputs of the main gears (notes/identification sec.
+    1).
     """
     wrist_noise_N_m: NotNegative = 0.3
-    """Standard deviation of white noise at the outputs of gears 4-6."""
+    """Standard deviation of white noise at the outputs of the last three gears, the wrist's."""
     gain_sigma: NotNegative = 0.02
     """Standard deviation of the gain error of each axis, drawn per run."""
 
@@ -171,13 +172,13 @@ class DrawnLoads(Strict):
     force_bias: tuple[float, ...] = ()  # [N, N m]
 
 
-def drawn_loads(logs: LoadLogs, seed: int) -> DrawnLoads:
-    """Gains and biases of the signals that are logged."""
+def drawn_loads(logs: LoadLogs, joints: int, seed: int) -> DrawnLoads:
+    """Gains and biases of the signals that are logged, of a robot of so many axes."""
     torque_gain: tuple[float, ...] = ()
     force_gain: tuple[float, ...] = ()
     force_bias: tuple[float, ...] = ()
     if torque := logs.torque:
-        gain = 1.0 + torque.gain_sigma * stream(seed, "torque_gain").standard_normal(6)
+        gain = 1.0 + torque.gain_sigma * stream(seed, "torque_gain").standard_normal(joints)
         torque_gain = tuple(gain.tolist())
     if sensor := logs.force_sensor:
         rng = stream(seed, "force_sensor_mounting")
@@ -190,12 +191,12 @@ def drawn_loads(logs: LoadLogs, seed: int) -> DrawnLoads:
 def motor_torques(
     robot: Robot, motion: Motion, times: Array, *, log: TorqueLog, drawn: DrawnLoads, seed: int
 ) -> Array:
-    """(N, 6) [N m] logged torques, at the motors, at true times (N,) [s].
+    """(N, J) [N m] logged torques, at the motors, at true times (N,) [s].
 
     Raises ValueError if the plant of the motion has no torques.
     """
-    noise = stream(seed, "torque_noise").standard_normal((times.size, 6))
-    sigma = np.array([log.noise_N_m] * 3 + [log.wrist_noise_N_m] * 3)
+    noise = stream(seed, "torque_noise").standard_normal((times.size, robot.joints))
+    sigma = np.array([log.noise_N_m] * (robot.joints - 3) + [log.wrist_noise_N_m] * 3)
     torque = _sampled(motion.t, motion.torque, times) * drawn.torque_gain + sigma * noise
     return np.asarray(torque * np.diag(robot.transmission))
 

@@ -56,8 +56,8 @@ class HeldPoses:
     """N targets as the plant held them."""
 
     tool: Array  # (N, 4, 4) T_base_tool
-    joints: Array  # (N, 6) [rad] of the links
-    miss: Array  # (N, 6) [rad] readings less targets as joint angles: the controller's remainder
+    joints: Array  # (N, J) [rad] of the links
+    miss: Array  # (N, J) [rad] readings less targets as joint angles: the controller's remainder
     drift: Array  # (N,) [m/s] speed of the tool at the end
 
 
@@ -80,7 +80,7 @@ def hold_poses(
 ) -> HeldPoses:
     """Poses in MuJoCo of the true robot at joint targets.
 
-    targets : (N, 6) [rad] DH joint angles as the controller reads them.
+    targets : (N, J) [rad] DH joint angles as the controller reads them.
 
     Raises PlantError when the simulation diverges.
     """
@@ -97,9 +97,11 @@ def _held(
 ) -> tuple[Array, Array, Array, Array]:
     """Values of HeldPoses of one batch of targets."""
     robot, effects, data = plant.cell.robot, plant.effects, mujoco.MjData(model)
-    links = [int(model.joint(name).qposadr[0]) for name in ROBOT_JOINTS]
+    links = [int(model.joint(name).qposadr[0]) for name in ROBOT_JOINTS[: robot.joints]]
     elastic = effects.gear_stiffness is not None
-    outputs = [int(model.joint(name).qposadr[0]) for name in ROTORS] if elastic else []
+    outputs = (
+        [int(model.joint(name).qposadr[0]) for name in ROTORS[: robot.joints]] if elastic else []
+    )
     gears = targets @ robot.joint_to_gear
     weight = gravity_torque(plant.cell, plant.geometry, targets) @ robot.gear_to_joint.T
     command = gears + weight / plant.gains.kp

@@ -45,8 +45,9 @@ BAR_STRIBECK = 0.01  # [rad/s] of the ball-bar's bearings; no effect, static is 
 BASE_MASS = 5.0  # [kg] steel base adapter, assumed; its weight belongs to the base pose
 BASE_DAMPING = 1e-3  # [s] of the base's stiffness
 
-ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(6))
-ROTORS = tuple(f"g{i + 1}" for i in range(6))
+MOST_AXES = 8  # of a robot's file (cell.description_files)
+ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(MOST_AXES))
+ROTORS = tuple(f"g{i + 1}" for i in range(MOST_AXES))
 BAR_JOINTS = tuple(f"b{i + 1}" for i in range(BAR_ROWS))
 BASE_JOINTS = ("base_x", "base_y", "base_z")
 ROD_JOINT, PLATE_JOINT = "rod", "plate"
@@ -61,8 +62,8 @@ class PlantModel:
     """A compiled model and the indices of its coordinates in qpos, empty where an effect is off."""
 
     model: mujoco.MjModel
-    joints: NDArray[np.intp]  # (6,) q1..q6
-    rotors: NDArray[np.intp]  # (6,) or (0,) g1..g6
+    joints: NDArray[np.intp]  # (J,) q1..qJ
+    rotors: NDArray[np.intp]  # (J,) or (0,) g1..gJ
     bar: NDArray[np.intp]  # (5,) b1..b5, or (0,)
     rod: NDArray[np.intp]  # (1,) or (0,) elongation of the ball-bar's rod
     slide: NDArray[np.intp]  # (1,) or (0,) of a telescoping rod
@@ -134,7 +135,8 @@ def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
     if effects.plate_stiffness is None:
         plate.add_site(name="tool", pos=tool[1], quat=quat_wxyz(tool[0]))
     else:
-        _add_bending_plate(plate, tool, geometry["ra6"], effects.plate_stiffness)
+        length = geometry[geometry.table.plate]
+        _add_bending_plate(plate, tool, length, effects.plate_stiffness)
     if effects.force_sensor:
         plate.add_site(name="flange")
         site = mujoco.mjtObj.mjOBJ_SITE

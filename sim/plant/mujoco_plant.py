@@ -17,8 +17,10 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
+from cell.closed_form import has_closed_form
 from cell.descriptions import Cell
 from cell.errors import FailureError
+from cell.geometry import nominal_chain
 from sim.motion import CLOSURE_STRIDE, Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
 from sim.plant.effects import Plant
@@ -42,7 +44,7 @@ class PlantRun:
     plant: Plant
     compiled: PlantModel
     start: Array  # (nstate,) full physics state
-    command: Array  # (K, 6) [rad] of the gears; state k answers entry k
+    command: Array  # (K, J) [rad] of the gears; state k answers entry k
     timestep: float  # [s]
 
 
@@ -88,7 +90,7 @@ def prepare(
 def servo_command(
     plant: Plant, path: ReferencePath, t: Array, *, gravity_compensation: bool
 ) -> Array:
-    """(K, 6) [rad] servo commands at the gears at times t (K,) [s]."""
+    """(K, J) [rad] servo commands at the gears at times t (K,) [s]."""
     robot, gains = plant.cell.robot, plant.gains
     reference = CubicSpline(path.t, path.q @ robot.joint_to_gear)
     command = reference(t) + gains.kv / gains.kp * reference(t, 1)
@@ -200,7 +202,7 @@ def bending(compiled: PlantModel, states: Array) -> Array:
 
 
 def servo_motion(run: PlantRun, states: Array) -> tuple[Array, Array]:
-    """Joint angles that the motors show (K, 6) [rad], and torques (K, 6) [N m] of the servos.
+    """Joint angles that the motors show (K, J) [rad], and torques (K, J) [N m] of the servos.
 
     states : (K, nstate) of the run, one for each command.
     """
@@ -233,16 +235,16 @@ def _check_closure(motion: Motion) -> None:
 def check_motion(cell: Cell, motion: Motion) -> None:
     """Raise PlantError where an axis leaves its range or a joint passes its singularity.
 
-    Singular are axis 5 of the robot, and b2 and b4 of the ball-bar, at multiples of half a turn.
+    Singular are b2 and b4 of the ball-bar, and axis 5 of a robot with a spherical wrist, at
+    multiples of half a turn.
     """
     fault = axis_range_fault(cell.robot, motion.t, motion.q)
     if fault is not None:
         raise PlantError(fault[1])
-    for name, angle in (
-        ("robot joint q5", motion.q[:, 4]),
-        ("ball-bar joint b2", motion.b[:, 1]),
-        ("ball-bar joint b4", motion.b[:, 3]),
-    ):
+    singular = [("ball-bar joint b2", motion.b[:, 1]), ("ball-bar joint b4", motion.b[:, 3])]
+    if has_closed_form(nominal_chain(cell.robot)):
+        singular.insert(0, ("robot joint q5", motion.q[:, 4]))
+    for name, angle in singular:
         side = np.sin(angle)
         flipped = np.flatnonzero(side * side[0] < 0.0)
         if flipped.size:

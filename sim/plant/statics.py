@@ -26,9 +26,7 @@ from cell.rotation import rotvec_from_matrix
 from sim.motion import Deflected, deflect, turning
 from sim.plant.effects import Plant
 
-MOTOR, GEAR, BAR = slice(0, 6), slice(6, 12), slice(12, 17)
-ROD, PLATE, BASE = 17, 18, slice(19, 22)
-COORDINATES = 22
+BAR, ROD, PLATE, BASE = slice(-10, -5), -5, -4, slice(-3, None)  # coordinates behind the robot's
 INSIDE_BACKLASH = 1e-4  # stiffness inside a dead band, relative to that outside
 _MAX_STEPS = 400
 _PATIENCE = 12  # full Newton steps; without backlash ten suffice
@@ -45,8 +43,8 @@ class NoEquilibriumError(FailureError):
 class Equilibrium:
     """One held pose."""
 
-    motor: Array  # (6,) [rad] m
-    gear: Array  # (6,) [rad] e, joint by joint
+    motor: Array  # (J,) [rad] m
+    gear: Array  # (J,) [rad] e, joint by joint
     b: Array  # (5,) [rad]
     stretch: float  # [m] of the rod
     plate: float  # [rad] bending
@@ -56,7 +54,7 @@ class Equilibrium:
 
     @property
     def q(self) -> Array:
-        """(6,) [rad] robot joint angles."""
+        """(J,) [rad] robot joint angles."""
         return self.motor + self.gear
 
 
@@ -64,7 +62,7 @@ class Equilibrium:
 class _Solution:
     """Where the Newton steps ended."""
 
-    x: Array  # (22,)
+    x: Array  # (2 J + 10,)
     multipliers: Array  # (6,)
     rod: float  # [N] force in it
     open: float  # [m, rad] of the loop
@@ -76,11 +74,26 @@ class _Machine:
     """Quantities that do not change during the search."""
 
     plant: Plant
-    joint_to_gear: Array  # (6, 6)
-    command: Array  # (6,) [rad] of the gears
+    joint_to_gear: Array  # (J, J)
+    command: Array  # (J,) [rad] of the gears
     robot: list[list[Link]]  # of each joint, in the frame that turns with it
     bar: list[list[Link]]
     active: NDArray[np.intp]  # coordinates that can move
+
+    @property
+    def motor(self) -> slice:
+        """The coordinates m of the motors."""
+        return slice(0, self.command.size)
+
+    @property
+    def gear(self) -> slice:
+        """The coordinates e of the gears."""
+        return slice(self.command.size, 2 * self.command.size)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates: 2 J of the robot, 10 of ball-bar, plate and base."""
+        return 2 * self.command.size + 10
 
     @property
     def gravity(self) -> Array:
@@ -91,13 +104,13 @@ class _Machine:
 def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium:
     """The equilibrium of the mechanism whose servos hold a command.
 
-    command : (6,) [rad] of the gears. q, b : (6,), (5,) [rad] joint angles to start from, close by.
+    command : (J,) [rad] of the gears. q, b : (J,), (5,) [rad] joint angles to start from, close by.
 
     Raises NoEquilibriumError when the steps do not converge.
     """
     machine = _machine(plant, command)
-    x = np.zeros(COORDINATES)
-    x[MOTOR], x[BAR] = q, b
+    x = np.zeros(machine.coordinates)
+    x[machine.motor], x[BAR] = q, b
     solution = _solved(machine, x, np.zeros(6))
     if not solution.still:  # where nothing has play the steps do not jump from flank to flank
         rigid = _machine(replace(plant, effects=plant.effects.without_backlash), command)
@@ -112,11 +125,11 @@ def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium
 
 
 def _solved(machine: _Machine, x: Array, multipliers: Array) -> _Solution:
-    """Newton steps from x (22,) and multipliers (6,) of the loop until everything is still."""
+    """Newton steps from x (2 J + 10,) and multipliers (6,) of the loop, until all is still."""
     x, multipliers, active = x.copy(), multipliers.copy(), machine.active
     for k in range(_MAX_STEPS):
         ends = _ends(machine, x)
-        closed, columns = _closure(ends), _closure_columns(ends)[:, active]
+        closed, columns = _closure(ends), _closure_columns(machine, ends)[:, active]
         force, hessian = _forces(machine, ends, x)
         imbalance = force[active] + columns.T @ multipliers
         gap = float(np.abs(closed).max())
@@ -127,7 +140,7 @@ def _solved(machine: _Machine, x: Array, multipliers: Array) -> _Solution:
             [[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]]
         )
         solution = np.linalg.solve(system, -np.concatenate((force[active], closed)))
-        step = np.zeros(COORDINATES)
+        step = np.zeros(machine.coordinates)
         step[active] = np.clip(solution[: active.size], -0.1, 0.1)
         share = 1.0 if k < _PATIENCE else _to_end_of_backlash(machine, x, step)
         x += share * step
@@ -136,9 +149,9 @@ def _solved(machine: _Machine, x: Array, multipliers: Array) -> _Solution:
 
 
 def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:
-    """(N, 6) [N m] torque that holds the unloaded robot with its plate against gravity.
+    """(N, J) [N m] torque that holds the unloaded robot with its plate against gravity.
 
-    q : (N, 6) [rad] joint angles.
+    q : (N, J) [rad] joint angles.
     """
     frames = robot_frames(geometry, q)
     return _weight(geometry.robot, q, frames, _robot_links(cell), cell.robot.gravity).T
@@ -147,8 +160,9 @@ def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:
 def _machine(plant: Plant, command: Array) -> _Machine:
     effects, cell = plant.effects, plant.loaded
     bar = cell.ballbar
-    movable = np.ones(COORDINATES, dtype=bool)
-    movable[GEAR] = effects.gear_stiffness is not None
+    joints = cell.robot.joints
+    movable = np.ones(2 * joints + 10, dtype=bool)
+    movable[joints : 2 * joints] = effects.gear_stiffness is not None
     movable[PLATE] = effects.plate_stiffness is not None
     movable[BASE] = effects.base_stiffness is not None
     bar_chain = Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5))
@@ -166,11 +180,11 @@ def _robot_links(cell: Cell) -> list[list[Link]]:
     robot, plate = cell.robot, cell.plate.body
     chain = nominal_chain(robot)
     links = _turning_links(chain, robot.required("links")[1:])
-    flange = forward(chain, np.zeros((1, 6)))
+    flange = forward(chain, np.zeros((1, chain.rows)))
     on_base = Link(
         plate.mass, flange.tip[:, 0] + flange.rotation()[:, :, 0] @ plate.com, plate.inertia
     )
-    links[5] += _turning_links(chain, (*robot.required("links")[1:6], on_base))[5]
+    links[-1] += _turning_links(chain, (*robot.required("links")[1:-1], on_base))[-1]
     return links
 
 
@@ -185,13 +199,13 @@ def _turning_links(chain: Chain, links: tuple[Link, ...]) -> list[list[Link]]:
 
 
 def _ends(machine: _Machine, x: Array) -> Deflected:
-    q = (x[MOTOR] + x[GEAR])[None]
+    q = (x[machine.motor] + x[machine.gear])[None]
     return deflect(
         machine.plant.geometry,
         q,
         x[None, BAR],
-        stretch=x[ROD : ROD + 1],
-        plate=x[PLATE : PLATE + 1],
+        stretch=x[[ROD]],
+        plate=x[[PLATE]],
         base=x[None, BASE],
     )
 
@@ -202,41 +216,48 @@ def _closure(ends: Deflected) -> Array:
     return np.concatenate((ends.bar.tip - ends.tool, rotvec_from_matrix(turned)))[:, 0]
 
 
-def _closure_columns(ends: Deflected) -> Array:
-    """(6, 22) derivative of the loop-closure error, exact where the loop is closed."""
-    columns = np.zeros((COORDINATES, 6))
-    joints = turning(ends.robot.z[:6], ends.robot.origin[:6], ends.tool)[:, :, 0]
-    columns[MOTOR] = columns[GEAR] = -joints
+def _closure_columns(machine: _Machine, ends: Deflected) -> Array:
+    """(6, 2 J + 10) derivative of the loop-closure error, exact where the loop is closed."""
+    columns = np.zeros((machine.coordinates, 6))
+    joints = turning(ends.robot.z[:-1], ends.robot.origin[:-1], ends.tool)[:, :, 0]
+    columns[machine.motor] = columns[machine.gear] = -joints
     columns[BAR] = joint_screws(ends.bar)[:, :, 0]
     columns[ROD, :3] = ends.bar.z[2, :, 0]
-    columns[PLATE] = -turning(ends.robot.y[6:7], ends.hinge[None], ends.tool)[0, :, 0]
+    columns[PLATE] = -turning(ends.robot.y[-1:], ends.hinge[None], ends.tool)[0, :, 0]
     columns[BASE, :3] = np.eye(3)
     return columns.T
 
 
 def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]:
-    """(22,) derivative of the energy, and stiffness (22, 22) without the curvature of gravity."""
-    force, stiffness = np.zeros(COORDINATES), np.zeros((COORDINATES, COORDINATES))
+    """Derivative of the energy, and stiffness without the curvature of gravity.
+
+    Shapes are (2 J + 10,) and (2 J + 10, 2 J + 10).
+    """
+    size, motors, deflections = machine.coordinates, machine.motor, machine.gear
+    force, stiffness = np.zeros(size), np.zeros((size, size))
     to_gear, gains, effects = machine.joint_to_gear, machine.plant.gains, machine.plant.effects
-    motor = x[MOTOR] @ to_gear
+    motor = x[motors] @ to_gear
     servo = gains.kp * (motor - effects.transmission_error(motor[None])[0] - machine.command)
-    force[MOTOR], stiffness[MOTOR, MOTOR] = to_gear @ servo, to_gear @ np.diag(gains.kp) @ to_gear.T
+    force[motors] = to_gear @ servo
+    stiffness[motors, motors] = to_gear @ np.diag(gains.kp) @ to_gear.T
     if effects.gear_stiffness is not None:
         torque, slope = _with_backlash(
-            x[GEAR] @ to_gear, effects.gear_stiffness, effects.gear_backlash
+            x[deflections] @ to_gear, effects.gear_stiffness, effects.gear_backlash
         )
-        force[GEAR], stiffness[GEAR, GEAR] = to_gear @ torque, to_gear @ np.diag(slope) @ to_gear.T
+        force[deflections] = to_gear @ torque
+        stiffness[deflections, deflections] = to_gear @ np.diag(slope) @ to_gear.T
     if effects.plate_stiffness is not None:
         # A cantilever under a tip load F deflects by F / k and tilts by 3 F / (2 k L); the lever of
         # the load about the hinge is 2 L / 3.
-        length = machine.plant.geometry["ra6"]
+        geometry = machine.plant.geometry
+        length = geometry[geometry.table.plate]
         bending = (2.0 / 3.0 * length) * effects.plate_stiffness / (1.5 / length)
         force[PLATE], stiffness[PLATE, PLATE] = bending * x[PLATE], bending
     if effects.base_stiffness is not None:
         force[BASE] = effects.base_stiffness * x[BASE]
         stiffness[BASE, BASE] = effects.base_stiffness * np.eye(3)
     rod, slope = _with_backlash(
-        x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_backlash])
+        x[[ROD]], np.array([effects.rod_stiffness]), np.array([effects.rod_backlash])
     )
     force[ROD], stiffness[ROD, ROD] = rod[0], slope[0]
     return force + _weights(machine, ends, x), stiffness
@@ -251,11 +272,11 @@ def _with_backlash(deflection: Array, stiffness: Array, backlash: Array) -> tupl
 
 
 def _weights(machine: _Machine, ends: Deflected, x: Array) -> Array:
-    """(22,) derivative of the potential energy of all masses."""
-    load = np.zeros(COORDINATES)
-    geometry, gravity, q = machine.plant.geometry, machine.gravity, (x[MOTOR] + x[GEAR])[None]
+    """(2 J + 10,) derivative of the potential energy of all masses."""
+    load, geometry, gravity = np.zeros(machine.coordinates), machine.plant.geometry, machine.gravity
+    q = (x[machine.motor] + x[machine.gear])[None]
     robot = _weight(geometry.robot, q, ends.robot, machine.robot, gravity)
-    load[MOTOR] = load[GEAR] = robot[:, 0]
+    load[machine.motor] = load[machine.gear] = robot[:, 0]
     load[BAR] = _weight(geometry.bar, x[None, BAR], ends.bar, machine.bar, gravity)[:, 0]
     load[ROD] = _rod_weight(machine, ends)
     load[BASE] = -sum(link.mass for links in machine.bar for link in links) * machine.gravity
@@ -298,7 +319,7 @@ def _to_end_of_backlash(machine: _Machine, x: Array, step: Array) -> float:
     """
     effects = machine.plant.effects
     backlash = np.append(effects.gear_backlash, effects.rod_backlash)
-    start, moved = (np.append(v[GEAR] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
+    start, moved = (np.append(v[machine.gear] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
     beyond = np.sign(moved) * _BEYOND * backlash
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.concatenate([(end + beyond - start) / moved for end in (-backlash, backlash)])
@@ -308,10 +329,10 @@ def _to_end_of_backlash(machine: _Machine, x: Array, step: Array) -> float:
 
 def _as_equilibrium(machine: _Machine, x: Array, rod_force: float) -> Equilibrium:
     effects = machine.plant.effects
-    inside = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_backlash
+    inside = np.abs(x[machine.gear] @ machine.joint_to_gear) < effects.gear_backlash
     return Equilibrium(
-        motor=x[MOTOR],
-        gear=x[GEAR],
+        motor=x[machine.motor],
+        gear=x[machine.gear],
         b=x[BAR],
         stretch=float(x[ROD]),
         plate=float(x[PLATE]),

@@ -216,6 +216,17 @@ def test_a_burst_log_is_read_as_a_robot_that_moves_smoothly(tmp_path: Path) -> N
     assert of_robot == {"stamps of arrival", "held values"}
 
 
+def test_quick_bursts_are_not_taken_for_two_publishers(tmp_path: Path) -> None:
+    """At 1 kHz rows lay in pairs by chance of the bursts, a tick of the motion apart."""
+    t = 0.001 * np.arange(20_000)
+    motors = joints_to_motors(ROBOT, joint_trajectory(t))
+    stamped = np.column_stack((100.0 + bursts(t), motors))
+    lines = [",".join(map(repr, row)) for row in stamped.tolist()]
+    write(tmp_path, robot=["time,m1,m2,m3,m4,m5,m6", *lines])
+    log = read_recording(tmp_path).robot_log
+    assert np.mean(np.abs(np.diff(log.t) - 0.001) < 1e-6) > 0.999
+
+
 def test_align_reads_a_table_by_the_clock_of_its_source(tmp_path: Path) -> None:
     t, angles = source()
     lines = ["t_s," + ",".join(NAMES)]

@@ -118,7 +118,7 @@ def test_simulated_torques_and_forces_are_those_of_the_plant(
     """Same run, loggers without noise, gain or bias: the loads read are those of the plant."""
     perfect = settings(logs=PERFECT)
     truth = loaded.simulation.truth
-    quiet = truth.logs.model_copy(update={"loads": drawn_loads(perfect.logs, perfect.seed)})
+    quiet = truth.logs.model_copy(update={"loads": drawn_loads(perfect.logs, 6, perfect.seed)})
     write_recording(
         replace(loaded.simulation, truth=truth.model_copy(update={"logs": quiet})),
         perfect,

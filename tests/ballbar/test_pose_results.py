@@ -342,7 +342,7 @@ EDITED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "ranges too few": (lambda d: d["ranges"].pop(), "ranges of 5 joints, robot ur10 has 6"),
     "correction unknown": (
         lambda d: d["corrections"].update(magic={}),
-        "corrections.magic: no correction of still poses. Valid names: joint_compliance, ",
+        "corrections.magic: no correction of still poses. Valid names: gear_backlash, ",
     ),
 }
 
@@ -509,7 +509,7 @@ def test_an_option_that_is_not_of_what_is_fitted_is_refused(tmp_path: Path) -> N
     out = ("--out", tmp_path / "out")
     code, _, error = ballbar("identify", poses, "--model", "dh", "--samples", 300, *out)
     assert code == 2
-    assert f"{poses}: holds still poses, and these settings are of recordings: sam" in error
+    assert f"{poses}: gives poses, and these settings are of a ball-bar's logs: sam" in error
     for folders in ([tmp_path / "logs"], [poses, tmp_path / "logs"]):
         code, _, error = ballbar("identify", *folders, "--joint-errors", "none", *out)
         assert code == 2

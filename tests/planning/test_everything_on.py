@@ -19,7 +19,8 @@ OF_A_LOGGER = {"quantum"}  # whole ms are those of EGM, whose rows have no jitte
 
 
 def sources(section: type[ErrorSettings | ClockSettings]) -> set[str]:
-    left_out = FAULTS | OTHER_SHAPES | OF_A_LOGGER | OF_A_RECORDING | set(SampleErrors.model_fields)
+    left_out = FAULTS | OTHER_SHAPES | OF_A_LOGGER | OF_A_RECORDING
+    left_out |= set(SampleErrors.model_fields)
     of_still_poses = {key.removeprefix("errors.") for key in OF_POSES}
     return set(section.model_fields) - left_out - of_still_poses
 

@@ -195,7 +195,7 @@ def friction(**errors: Any) -> tuple[Array, Array]:
         plant = Plant(CELL, NOMINAL, effects, CELL.robot.servo["soft"])
         model = plant_model(plant, timestep=1e-3).model
         data = mujoco.MjData(model)
-        turning = [model.joint(name).dofadr[0] for name in (*ROTORS, *BAR_JOINTS)]
+        turning = [model.joint(name).dofadr[0] for name in (*ROTORS[:6], *BAR_JOINTS)]
         start = data.qpos.copy()
         for _ in range(200):
             data.qpos[:], data.qvel[:] = start, 0.0
@@ -203,7 +203,7 @@ def friction(**errors: Any) -> tuple[Array, Array]:
             mujoco.mj_step(model, data)
         rubbing = data.qfrc_damper + data.qfrc_actuator
         forces.append(-rubbing[turning])
-    gears, bearings = np.split(forces[0] - forces[1], [len(ROTORS)])
+    gears, bearings = np.split(forces[0] - forces[1], [6])
     return gears, bearings
 
 
@@ -518,7 +518,7 @@ def loaded(size: float, seconds: float) -> Motion:
 def felt(size: float, seconds: float, seed: int = 1, **changes: float) -> tuple[Array, Array]:
     """Stamps and readings of a force sensor."""
     sensor = ForceSensor.model_validate(EXACT_SENSOR | changes)
-    drawn = drawn_loads(LoadLogs(force_sensor=sensor), seed)
+    drawn = drawn_loads(LoadLogs(force_sensor=sensor), 6, seed)
     motion = loaded(size, seconds)
     return sensor_rows(motion, 0.0, seconds, sensor=sensor, drawn=drawn, seed=seed)
 
@@ -526,7 +526,7 @@ def felt(size: float, seconds: float, seed: int = 1, **changes: float) -> tuple[
 def shown(size: float, seconds: float, seed: int = 1, **changes: float) -> Array:
     """(N, 6) [N m] logged torques at the gears' outputs."""
     log = TorqueLog.model_validate(EXACT_TORQUE | changes)
-    drawn, times = drawn_loads(LoadLogs(torque=log), seed), np.arange(0.0, seconds, ABB_PERIOD)
+    drawn, times = drawn_loads(LoadLogs(torque=log), 6, seed), np.arange(0.0, seconds, ABB_PERIOD)
     motion = loaded(size, seconds)
     motors = motor_torques(CELL.robot, motion, times, log=log, drawn=drawn, seed=seed)
     return np.asarray(motors / np.diag(CELL.robot.transmission))
@@ -545,7 +545,7 @@ def ramp_felt(**clock: float) -> tuple[Array, Array]:
     """Stamps and readings of a load that grows by 1 N/s in every channel, over 10 s."""
     ramp = replace(loaded(0.0, 10.0), wrench=np.array([[0.0] * 6, [10.0] * 6]))
     sensor = ForceSensor.model_validate(EXACT_SENSOR | {"offset_s": 0.3} | clock)
-    drawn = drawn_loads(LoadLogs(force_sensor=sensor), 1)
+    drawn = drawn_loads(LoadLogs(force_sensor=sensor), 6, 1)
     return sensor_rows(ramp, 0.0, 10.0, sensor=sensor, drawn=drawn, seed=1)
 
 

@@ -15,9 +15,9 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
-from planning.verify import plant_errors, set_without_strain
+from planning.verify import plant_errors
 from sim.errors.plant_errors import PlantErrors
-from sim.errors.static_errors import true_geometry
+from sim.errors.static_errors import set_without_strain, true_geometry
 from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
 from sim.path_files import load_lissajous

@@ -512,7 +512,7 @@ def written(loaded: Simulation, folder: Path, **logs: Any) -> Path:
     """The raw files of the run with other loggers."""
     asked = quiet(logs=logs)
     truth = loaded.truth
-    log_truth = truth.logs.model_copy(update={"loads": drawn_loads(asked.logs, asked.seed)})
+    log_truth = truth.logs.model_copy(update={"loads": drawn_loads(asked.logs, 6, asked.seed)})
     write_recording(
         replace(loaded, truth=truth.model_copy(update={"logs": log_truth})), asked, folder
     )
