@@ -46,6 +46,12 @@ class JointMotion(Protocol):
     def arm(self, at: Array) -> tuple[Array, Array]:
         """Speed (N, J) [rad/s] and acceleration (N, J) [rad/s^2] of the arm as a rigid body."""
 
+    def carried(self, at: Array) -> Array | None:
+        """(J + 6, N) [N m] loads of the gears, and of the first three bearings about x and y.
+
+        None where nothing holds the tool: they follow from the robot's masses alone.
+        """
+
     def within(self, at: Array) -> Array:
         """The times, kept inside the robot's log."""
 

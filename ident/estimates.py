@@ -215,7 +215,8 @@ def _recording(
     nominal, tracker = nominal_robot_fit(single, fit.model.recordings[k]), None
     if single.logs.tracker is not None:
         both = fit.linear.evaluations[k], nominal.linear.evaluations[0]
-        tracker = check_tracker(single.logs.tracker, *both, tcp_sigma=tcp_sigma)
+        log, name = single.logs.tracker, single.logs.name
+        tracker = check_tracker(log, *both, tcp_sigma=tcp_sigma, name=name)
     return RecordingEstimate(
         name=single.logs.name,
         encoders=samples.encoders,

@@ -39,6 +39,7 @@ from ident.tracker import judged_by_tracker
 from ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
+LEFT_OUT = "the points of the tracker were left out: ball-bar and tracker together fit worse"
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
 
 
@@ -101,6 +102,7 @@ def identify_together(
         result = result_of(cell, single, single[0].fit, options)
     else:
         result = _fitted(cell, single, options, listener, still)
+        result = _with_points(cell, single, result, table, options, listener)
     if result.verdict.status in UNEXPLAINED:
         causes = Causes.of(cell, recordings, single) if causes is None else causes
         if causes:
@@ -134,6 +136,38 @@ def _with_trackers(result: Identification, recordings: Sequence[Logs]) -> Identi
         name = logs.name if len(recordings) > 1 else ""
         verdict = judged_by_tracker(verdict, logs.tracker, estimate.tracker, name=name)
     return replace(result, verdict=verdict)
+
+
+def _with_points(
+    cell: Cell,
+    single: Sequence[RecordingFit],
+    result: Identification,
+    table: PoseTable | None,
+    options: FitOptions,
+    listener: Listener,
+) -> Identification:
+    """The result of a fit that takes in the trackers that do not contradict the first one.
+
+    table : still poses of the fit. What contradicts it stays out, for `_with_trackers` to name, and
+    so does what makes the verdict worse.
+    """
+    checks = [estimate.tracker for estimate in result.recordings]
+    followed = [check.followed for check in checks if check is not None and check.acceptable]
+    if not followed:
+        return result
+    listener.progress("fitting the points of the tracker too")
+    groups = (*(() if table is None else table.groups), *followed)
+    distances = () if table is None else table.distances
+    still = placed_by(
+        result.robot.identified.geometry, PoseTable(followed[0].file, cell.robot, groups, distances)
+    )
+    alone = [replace(each, logs=replace(each.logs, tracker=None)) for each in single]
+    chosen = replace(options, model="dh") if result.model == "dh" else options
+    both = _fitted(cell, alone, chosen, listener, still)
+    if both.verdict.status.severity > result.verdict.status.severity:
+        return replace(result, verdict=result.verdict.with_warning(LEFT_OUT))
+    pairs = zip(both.recordings, checks, strict=True)
+    return replace(both, recordings=tuple(replace(e, tracker=check) for e, check in pairs))
 
 
 def _is_other_machine(recording: RecordingFit) -> bool:

@@ -44,7 +44,7 @@ class Logs:
     force: ForceLog | None = None  # of a sensor at the flange
     name: str = ""
     length: LengthLog | None = None  # of a telescoping bar or a draw-wire, in place of `ballbar`
-    tracker: TrackerLog | None = None  # validates the result, takes no part in the fit
+    tracker: TrackerLog | None = None  # beside a ball-bar; by itself it is ident.start.followed's
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
         """Source of the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.

@@ -37,6 +37,7 @@ CONTRADICTION = 3.0
 UNLIKE_OTHERS = 4.0
 OVERFITTED = 1.8  # cross-validated error over that of the fitted poses
 NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
+UNDETERMINED = 0.5  # information gain below which the prior tells more than the data
 LOST = 0.1  # of the poses: so many outliers have a cause
 MORE_POSES = "measure more poses, spread over all joints."
 
@@ -179,6 +180,23 @@ def _uncertain(e: Evidence) -> Iterator[str]:
         )
 
 
+def _undetermined(e: Evidence) -> Iterator[str]:
+    """A path along which an instrument saw less of the robot than its file tells."""
+    poses = e.judged_by
+    if poses is None or not (poses.alone and poses.table.moving.any()):
+        return
+    layout, known = poses.fit.model.unknowns, float(poses.sigma_at_poses.mean())
+    nominal = float(poses.residual_nominal.mean())
+    if known > nominal:
+        gains = zip(layout.names, poses.information_gain[layout.geometric], strict=False)
+        open_ones = ", ".join(name for name, gain in gains if gain < UNDETERMINED)
+        yield (
+            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses), "
+            f"and the nominal robot is off by {nominal * 1e3:.3g} mm. This path does not determine "
+            f"{open_ones or 'the parameters together'}. Move every joint further and turn the tool."
+        )
+
+
 def _lost(e: Evidence) -> Iterator[str]:
     if (poses := e.judged_by) and poses.ignored > LOST * poses.table.size:
         yield (
@@ -278,6 +296,7 @@ RULES: tuple[tuple[Status, Rule], ...] = (
     (Status.AMBIGUOUS, _ambiguous),
     (Status.MISFIT, _unexplained),
     (Status.UNCERTAIN, _uncertain),
+    (Status.UNCERTAIN, _undetermined),
     (Status.SUSPECT, _lost),
     (Status.MISFIT, _worse),
     (Status.SUSPECT, _extrapolated),

@@ -1,14 +1,17 @@
-"""Validation by an optical tracker: are the points that it measured where the robot is predicted?
+"""A tracker beside a ball-bar: are its points where the robot of the ball-bar alone is predicted?
 
 The tracker follows an LED that sits at a point l of the tool, in a frame and on a clock of its own.
-No fit of the robot uses it. With position x and rotation F of the tool by a given robot, its
-logged angles and loads, the point at the tracker's time t is predicted at
+Before it joins the fit it is held against the robot that the ball-bar identified. With position x
+and rotation F of the tool by a given robot, its logged angles and loads, the point at the tracker's
+time t is predicted at
 
     p(t) = R (x(s) + F(s) l) + o,      s = offset + (1 + skew) t.
 
 R, o, l and the clock, 11 unknowns, are fitted to the points by least squares (Gauss-Newton), for
 the identified and for the nominal robot each. They absorb what a shift or a turn of the whole robot
-and another place of the LED explain: a calibration that is wrong in these alone is not seen.
+and another place of the LED explain: a calibration that is wrong in these alone is not seen. Points
+that noise, accuracy and the stated uncertainty explain are fitted together with the ball-bar
+(ident.identify); two instruments that contradict each other are not averaged.
 
 The noise is that of the log about a smooth motion, whatever the robot. A tracker is also off by
 what changes slowly with place and time; that is allowed for by its stated accuracy.
@@ -16,30 +19,31 @@ what changes slowly with place and time; that is allowed for by its stated accur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from cell.arrays import Array
 from cell.clock import Clock
-from cell.logs import TrackerLog, segment_starts
+from cell.logs import TrackerLog
 from cell.neighbours import Rows
+from cell.poses import PoseGroup
 from cell.rigid_fit import kabsch
 from cell.rotation import matrix_from_rotvec
 from cell.splines import DEGREE
 from cell.statistics import rms
 from ident.estimator.model import Evaluation
-from ident.signals.smooth_log import SmoothLog, smooth_log
-from ident.start.lag_scan import best_lags, subsample
-from ident.start.speed_scan import scan_speeds
+from ident.loads.gear_loads import BEARINGS
+from ident.signals.motion import MotionByLog
+from ident.signals.smooth_log import SmoothLog
+from ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows, tracker_motion
 from ident.verdict import SUSPECT, Verdict
 
-WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
-SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
-LAGS, LAG_SEPARATION = 4, 0.5  # peaks of the scan that are refined, and [s] between them
 CLOSE = 0.75  # row periods of the tracker between a sample of the fit and the row compared
+MIN_OVERLAP = 10.0  # [s] of motion; less validates nothing
 LEAST = 50  # points
+MOST = 3000  # rows that enter a fit beside a ball-bar, evenly taken
 NOT_COMPARED = (
     f"the tracker's log shares no {MIN_OVERLAP:g} s of motion with the others, or has fewer than "
     f"{LEAST} points beside the samples of the fit, so it validates nothing"
@@ -81,6 +85,7 @@ class TrackerCheck:
     noise: float  # [m] rms distance by the noise that the log shows
     accuracy: float  # [m] along each axis, as stated for the tracker
     tcp_sigma: float  # [m] stated TCP uncertainty, rms over the workspace
+    followed: PoseGroup  # the points as a fit takes them
 
     @property
     def degrees(self) -> int:
@@ -123,23 +128,26 @@ class TrackerCheck:
 
 
 def check_tracker(
-    log: TrackerLog, identified: Evaluation, nominal: Evaluation, *, tcp_sigma: float
+    log: TrackerLog,
+    identified: Evaluation,
+    nominal: Evaluation,
+    *,
+    tcp_sigma: float,
+    name: str = "",
 ) -> TrackerCheck | None:
     """The points of a tracker against both robots at the samples of a fit.
 
-    tcp_sigma : [m] stated for the identified robot. None where log and samples share too little.
+    tcp_sigma : [m] stated for the identified robot. name : of the recording. None where log and
+    samples share too little.
     """
-    smooth = smooth_log(
-        log.t,
-        log.points,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(log.segment),
-        checked=True,
-    )
+    smooth = tracker_motion(log)
     good = ~np.isin(log.t, smooth.outliers.times)
     t, points = log.t[good], log.points[good]
     path, within = _tool_path(identified), CLOSE * smooth.row_period
-    starts = (Clock(offset, 0.0) for offset in _offsets(smooth, path))
+    velocity = path.speed(np.arange(path.t[0], path.t[-1], SCAN_STEP))[:, :3]
+    starts = (
+        Clock(offset, 0.0) for offset in likely_offsets(smooth, path.t[0], velocity, MIN_OVERLAP)
+    )
     fits = [fit for clock in starts if (fit := _refined(t, points, path, clock, within))]
     if not fits:
         return None
@@ -151,7 +159,26 @@ def check_tracker(
         noise=float(np.linalg.norm(smooth.noise)),
         accuracy=float(log.sigma[:, :3].max()),
         tcp_sigma=tcp_sigma,
+        followed=_followed(log, smooth, identified, best.clock, name),
     )
+
+
+def _followed(
+    log: TrackerLog, smooth: SmoothLog, point: Evaluation, clock: Clock, name: str
+) -> PoseGroup:
+    """The rows of a tracker beside a ball-bar, with the loads that the fit of it found."""
+    loads, state, samples = None, point.state, point.recording
+    t, first = np.unique(point.robot_time, return_index=True)
+    if state is not None:
+        bearing = state.loads.bearings(state.tension).reshape(2 * BEARINGS, -1)
+        every = np.concatenate((state.loads.gears(state.tension), bearing))
+        loads = make_interp_spline(t, every[:, first].T, k=3)
+    motion = MotionByLog(name or "tracker", samples.robot, clock, loads)
+    group = poses_at_rows(log, smooth, motion)
+    at = np.asarray(clock.robot_time(np.asarray(group.time)))
+    rows = np.flatnonzero(samples.robot.covers(at) & (at >= t[0]) & (at <= t[-1]))
+    group = group.part(rows[:: max(1, -(-rows.size // MOST))])
+    return replace(group, seat=f"{motion.name} seat", target=f"{motion.name} target")
 
 
 def judged_by_tracker(
@@ -191,21 +218,6 @@ def _tool_path(point: Evaluation) -> _ToolPath:
     poses = np.concatenate((position, rotation.reshape(9, -1)))[:, chosen]
     spline = make_interp_spline(t, poses.T, k=DEGREE)
     return _ToolPath(t, spline, spline.derivative())
-
-
-def _offsets(smooth: SmoothLog, path: _ToolPath) -> list[float]:
-    """[s] likely clock offsets: those at which LED and tool are equally fast."""
-    grids = (path.t[0], path.t[-1]), (smooth.start, smooth.end)
-    t_path, t_log = (np.arange(first, last, SCAN_STEP) for first, last in grids)
-    velocities = (
-        path.speed(t_path)[:, :3],
-        np.where(smooth.covers(t_log)[:, None], smooth.speed(t_log), 0.0),
-    )
-    a, b = (np.linalg.norm(v, axis=1, keepdims=True) for v in velocities)
-    least = round(MIN_OVERLAP / SCAN_STEP)
-    scan = scan_speeds(a / rms(a), b / rms(b), [(0, 0)], least=least, paired=True)
-    best = best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / SCAN_STEP))
-    return [float(path.t[0] - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best]
 
 
 def _refined(

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import add_normal, gradient_of, jacobian
+from ident.estimator.observations import FollowedPoses
+from ident.estimator.samples import Samples
 
 BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
 LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/unknown_machines)
@@ -149,17 +151,23 @@ class Block:
     cost: float
 
 
-def each_block(fit: Fit, length: float) -> Iterator[Block]:
-    """The blocks of `length` [s] of a fit in order of time; none spans two recordings."""
-    model, count = fit.model, fit.model.unknowns.count
-    for k, (point, _, residual) in enumerate(fit.recorded):
-        samples = point.recording
-        number = block_numbers(samples.times, length)
+def each_block(fit: Fit, length: float, *, followed: bool = False) -> Iterator[Block]:
+    """The blocks of `length` [s] of a fit in order of time; none spans two recordings.
+
+    followed : whether those of what followed the robot come too, after the recordings.
+    """
+    model, linear, count = fit.model, fit.linear, fit.model.unknowns.count
+    for k, part in enumerate(model.parts):
+        if (isinstance(part, FollowedPoses) and followed) or isinstance(part, Samples):
+            times = part.times
+        else:
+            continue
+        number, residual = block_numbers(times, length), linear.residuals[k]
         firsts = np.searchsorted(number, np.arange(number[-1] + 1)).tolist()
-        for part in jacobian(model, fit.linear, k, firsts=firsts):
-            normal, own = np.zeros((count, count)), residual[:, part.samples]
-            add_normal(model, k, part, normal)
-            start, gradient = samples.times[part.samples.start], gradient_of(model, k, part, own)
+        for block in jacobian(model, linear, k, firsts=firsts):
+            normal, own = np.zeros((count, count)), residual[:, block.samples]
+            add_normal(model, k, block, normal)
+            start, gradient = times[block.samples.start], gradient_of(model, k, block, own)
             yield Block(k, float(start), normal, gradient, float((own * own).sum()))
 
 

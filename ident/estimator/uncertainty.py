@@ -132,7 +132,7 @@ def _left_out(fit: Fit) -> tuple[Array, int]:
     single blocks hold alone counts for what it is.
     """
     variance, count = np.zeros(fit.model.unknowns.count), 0
-    for block in each_block(fit, BLOCK):
+    for block in each_block(fit, BLOCK, followed=True):
         own = np.flatnonzero(np.diag(block.normal))
         normal, covariance = block.normal[np.ix_(own, own)], fit.covariance[:, own]
         without = np.eye(own.size) - normal @ covariance[own]

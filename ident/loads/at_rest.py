@@ -13,7 +13,14 @@ from cell.geometry import BAR_ROWS, Geometry, robot_geometry
 from cell.poses import PoseGroup
 from cell.robot_angles import by_axis
 from ident.corrections.base import Channel, Correction, State, backlash_transition
-from ident.loads.gear_loads import MassModel, link_masses, mass_model, no_loads, own_weight
+from ident.loads.gear_loads import (
+    BEARINGS,
+    MassModel,
+    link_masses,
+    mass_model,
+    no_loads,
+    own_weight,
+)
 
 # [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
 UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
@@ -87,7 +94,10 @@ def state_in_motion(
     assert motion is not None  # the caller's condition
     speed, acceleration = motion.arm(at)
     state = state_at_rest(None, geometry, group.q, to_gear, width)
-    if masses is not None:
+    if (held := motion.carried(at)) is not None:
+        gear, bearing = held[: len(to_gear)], held[len(to_gear) :].reshape(BEARINGS, 2, -1)
+        state = replace(state, loads=replace(state.loads, gear=gear, bearing=bearing))
+    elif masses is not None:
         carried = own_weight(masses, geometry, group.q, speed, acceleration)
         state = replace(state, loads=carried)
     return replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from cell.arrays import Array
 from cell.clock import Clock
@@ -21,6 +22,7 @@ class MotionByLog:
     name: str  # of the recording
     log: SmoothLog
     clock: Clock  # of the instrument, about
+    loads: BSpline | None = None  # (J + 6,) [N m] as of `carried`, where a ball-bar holds the tool
 
     def angles(self, at: Array) -> Array:
         """(N, J) [rad] at robot times (N,) [s]."""
@@ -33,6 +35,10 @@ class MotionByLog:
     def arm(self, at: Array) -> tuple[Array, Array]:
         """(N, J) [rad/s] and (N, J) [rad/s^2] speed and acceleration of the arm as a rigid body."""
         return np.asarray(self.log.arm(at, 1)), np.asarray(self.log.arm(at, 2))
+
+    def carried(self, at: Array) -> Array | None:
+        """(J + 6, N) [N m] loads of gears and bearings; None where nothing holds the tool."""
+        return None if self.loads is None else np.asarray(self.loads(at)).T
 
     def within(self, at: Array) -> Array:
         """(N,) [s] the times, kept inside the log."""

@@ -26,7 +26,8 @@ from ident.start.placements import PoseStartError, placed_fit
 from ident.start.speed_scan import scan_speeds
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
-SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
+SCAN_STEP = 0.02  # [s] of the lags
+MIN_OVERLAP = 5.0  # [s] of motion; points of less cannot tell one motion from another
 LAGS, LAG_SEPARATION = 4, 0.5  # peaks of the scan that are tried, and [s] between them
 TRIED_ROWS = 600  # from which clock, seat and target are found from each of them
 # [m] along each axis, that a robot by its file leaves at the right lag, and never at a wrong one
@@ -54,27 +55,8 @@ def followed_table(
     too little motion, PoseStartError where their measurements and the robot cannot be brought
     together.
     """
-    smooth = smooth_log(
-        log.t,
-        log.points,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(log.segment),
-        checked=True,
-    )
-    rows = ~np.isin(log.t, smooth.outliers.times)
-    times, number = smooth.stamps[rows], np.flatnonzero(rows) + 1
-    whole = PoseGroup(
-        measured=log.measured,
-        seat=SEAT,
-        target=TARGET,
-        q=motion.spline(np.clip(times, motion.start, motion.end)),
-        values=log.values[rows],
-        sigma=log.sigma[rows],
-        rows=number,
-        file=name,
-        time=times,
-        motion=MotionByLog(name, motion, Clock(0.0, 0.0)),
-    )
+    smooth = tracker_motion(log)
+    whole = poses_at_rows(log, smooth, MotionByLog(name, motion, Clock(0.0, 0.0)))
     best, clock, refused = np.inf, None, None
     for offset in _offsets(smooth, motion, geometry):
         trial = Clock(offset, 0.0)
@@ -101,6 +83,36 @@ def followed_table(
     return PoseTable(name, robot, (_covered(whole, motion, clock),))
 
 
+def tracker_motion(log: TrackerLog) -> SmoothLog:
+    """The points of a tracker's log as a function of time."""
+    return smooth_log(
+        log.t,
+        log.points,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(log.segment),
+        checked=True,
+    )
+
+
+def poses_at_rows(log: TrackerLog, smooth: SmoothLog, motion: MotionByLog) -> PoseGroup:
+    """The rows of a log that do not stand out, as poses; smooth : its points."""
+    rows = ~np.isin(log.t, smooth.outliers.times)
+    times = smooth.stamps[rows]
+    at = motion.within(np.asarray(motion.clock.robot_time(times)))
+    return PoseGroup(
+        measured=log.measured,
+        seat=SEAT,
+        target=TARGET,
+        q=motion.angles(at),
+        values=log.values[rows],
+        sigma=log.sigma[rows],
+        rows=np.flatnonzero(rows) + 1,
+        file=motion.name,
+        time=times,
+        motion=motion,
+    )
+
+
 def _covered(group: PoseGroup, motion: SmoothLog, clock: Clock) -> PoseGroup:
     """The poses that lie in the robot's log and in no gap of it, by a clock."""
     assert group.time is not None
@@ -108,17 +120,27 @@ def _covered(group: PoseGroup, motion: SmoothLog, clock: Clock) -> PoseGroup:
 
 
 def _offsets(smooth: SmoothLog, motion: SmoothLog, geometry: Geometry) -> list[float]:
-    """[s] likely clock offsets: those at which target and flange are equally fast."""
-    t_robot, t_log = (np.arange(s.start, s.end, SCAN_STEP) for s in (motion, smooth))
-    flange = forward(geometry.robot, np.asarray(motion.spline(t_robot))).origin[-1].T
-    speeds: list[Array] = [
-        np.linalg.norm(np.gradient(flange, SCAN_STEP, axis=0), axis=1),
-        np.where(smooth.covers(t_log), np.linalg.norm(smooth.speed(t_log), axis=1), 0.0),
-    ]
+    """[s] likely clock offsets by the speed of the flange."""
+    t = np.arange(motion.start, motion.end, SCAN_STEP)
+    flange = forward(geometry.robot, np.asarray(motion.spline(t))).origin[-1].T
+    return likely_offsets(smooth, motion.start, np.gradient(flange, SCAN_STEP, axis=0))
+
+
+def likely_offsets(
+    smooth: SmoothLog, start: float, velocity: Array, overlap: float = MIN_OVERLAP
+) -> list[float]:
+    """[s] likely clock offsets: those at which the target and the tool are equally fast.
+
+    velocity : (K, 3) [m/s] of the tool, every SCAN_STEP from the robot's time `start` [s].
+    overlap : [s] that both have to share.
+    """
+    t = np.arange(smooth.start, smooth.end, SCAN_STEP)
+    seen = np.where(smooth.covers(t)[:, None], smooth.speed(t), 0.0)
+    speeds = [np.linalg.norm(v, axis=1) for v in (velocity, seen)]
     a, b = (speed[:, None] / max(rms(speed), np.finfo(float).tiny) for speed in speeds)
-    least = round(MIN_OVERLAP / SCAN_STEP)
+    least = round(overlap / SCAN_STEP)
     if min(len(a), len(b)) < least:
         return []
     scan = scan_speeds(a, b, [(0, 0)], least=least, paired=True)
     best = best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / SCAN_STEP))
-    return [float(motion.start - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best]
+    return [float(start - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best]

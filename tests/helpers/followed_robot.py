@@ -54,6 +54,7 @@ class FollowedRobot:
     noise_rad: float = 9e-5  # of poses
     angle_noise: float = 1e-6  # [rad] of the robot's log
     speed: float = 1.0  # of the motion
+    resting: tuple[int, ...] = ()  # joints, from 0, that do not move
     turned: tuple[int, float] = (0, 0.0)  # joint, from 0, and [rad] by which its zero went since
 
     def _drawn(self, name: int) -> np.random.Generator:
@@ -82,6 +83,7 @@ class FollowedRobot:
         rate = 2.0 * np.pi * rng.uniform(0.03, 0.16, (6, 4))
         phase, size = rng.uniform(0.0, 2.0 * np.pi, (6, 4)), rng.normal(size=(6, 4))
         size *= np.array([0.5, 0.3, 0.4, 0.5, 0.6, 1.0])[:, None] / 1.5
+        size[list(self.resting)] = 0.0
         waves = np.sin(self.speed * rate * t[:, None, None] + phase)
         return np.asarray(MIDDLE + (size * waves).sum(axis=2))
 

@@ -1,4 +1,4 @@
-"""Validation by an optical tracker: what it sees, what it does not, and what it must not change."""
+"""A tracker beside a ball-bar: what it sees, what it does not, and when it joins the fit."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from acquisition.recording import Recording, read_recording
+from ballbar.truth.compare import identification_against_truth
 from cell.arrays import Array
 from cell.geometry import Geometry
 from cell.logs import TrackerLog
@@ -110,14 +111,44 @@ def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
 
 
 @pytest.mark.slow
-def test_it_takes_no_part_in_the_fit(
+def test_points_that_agree_are_in_the_fit_and_tell_the_scale(
     tracked: Recorded, recording: Recording, result: Identification
 ) -> None:
     without = identified(tracked, recording, None)
     assert without.recordings[0].tracker is None
-    np.testing.assert_array_equal(without.robot.geometry.values, result.robot.geometry.values)
-    np.testing.assert_array_equal(without.robot.covariance.values, result.robot.covariance.values)
-    assert without.verdict == result.verdict
+    assert without.poses is None
+    assert result.poses is not None
+    clock, sigma = result.poses.clocks["tracker"]
+    assert abs(clock.offset - 3.7) < 4.0 * sigma[0]
+    assert abs(clock.skew - 4e-5) < 4.0 * sigma[1]
+    assert result.robot.tcp_sigma.mean() < 0.5 * without.robot.tcp_sigma.mean()
+    truth = tracked.simulation.truth
+    error = identification_against_truth(result, truth).tcp.mean
+    assert error < 2.0 * result.robot.tcp_sigma.mean()
+
+
+@pytest.mark.slow
+def test_points_that_contradict_take_no_part_in_the_fit(
+    tracked: Recorded, recording: Recording
+) -> None:
+    without = identified(tracked, recording, None)
+    wrong = identified(tracked, recording, log_of_another_robot(tracked, rtheta3=1e-3))
+    assert not check_of(wrong).acceptable
+    assert wrong.poses is None
+    np.testing.assert_array_equal(without.robot.geometry.values, wrong.robot.geometry.values)
+    np.testing.assert_array_equal(without.robot.covariance.values, wrong.robot.covariance.values)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_the_force_in_the_rod_is_in_the_points_that_are_fitted(tmp_path: Path) -> None:
+    """Elastic gears yield by a tenth of a millimetre; a tracker of 20 um must not see it left."""
+    errors = {"static": {"table": "thesis_3_1"}, "joint_compliance": {}}
+    done = record(tmp_path / "recording", errors=errors, logs={"tracker": {"noise_m": 2e-5}})
+    read = read_recording(done.folder)
+    result = identified(done, read, log_of(read))
+    assert result.poses is not None
+    assert result.poses.unexplained < 1e-5
 
 
 def log_of_another_robot(tracked: Recorded, **off: float) -> TrackerLog:
