@@ -7,9 +7,10 @@ of tick n_i of the source and arrives at
     a_i = s + n_i T + d_i,    d_i >= 0 the delay, n_i whole numbers that increase.
 
 The values themselves tell n_i wherever the source moves: between two rows they go on by a whole
-number of times the way of one tick, whenever the rows arrive. Elsewhere a row has the latest tick
-that leaves none of the next rows an arrival before its tick. T and s come from the rows of the
-least delay among some dozens, whose phases against T are unwrapped over ever longer spans.
+number of times the way of one tick, whenever the rows arrive. Elsewhere the most likely sequence of
+ticks is taken, in which hardly any row arrives before its tick and few are late. T and s come from
+the rows of the least delay among some dozens, whose phases against T are unwrapped over ever longer
+spans.
 
 Stamps are changed only where the values fit whole ticks at least twice as well as the stamps.
 A common delay cannot be seen in one log: s is chosen so that the usual delay of new values is zero,
@@ -50,8 +51,17 @@ SPANS = 10  # of rows with sure ticks, over which the period shows better
 AHEAD = 4  # blocks with a row that is hardly late, by all odds
 STEADIED = 32  # blocks on either side that show the phase of clocks that drift apart
 DRIFT = 10.0  # times the noise of that phase
+PASSES = 4  # in which the most likely sequence is sought
+CHANGES = 3  # ticks by which it may differ from that of the pass before
+EARLY = 0.15  # [ticks] standard deviation of an arrival before its tick
+TOGETHER, LEAST_DELAY = 4.0, 0.2  # rows that are late together; [ticks] of the usual delay
+SIGMA, UNEVEN = 0.1, 0.3  # [ticks] of a link by its values, at least; where the speed changes
+# [ticks] of a link of two rows of one tick: a source that was read while it renewed its values, and
+# how well the values have to tell it.
+TORN, SEEN = 0.5, 0.25
+SCATTER = 1.4826  # standard deviation over the median of absolute values
+WORST, MISSED = 12.0, 4.0  # cost of a link that its values contradict; of a tick that no row shows
 STILL = 0.01  # of the usual way of a tick: so slow is a source that stands
-SHARED = 0.3  # by how much likely ticks of several rows may differ from what they are together
 LONGEST = 10.0  # ticks between two rows that the values can tell
 HUBER = 2.0  # medians of what a line leaves, from where its points count less
 _REWEIGHTED, _CHUNK = 10, 4096
@@ -175,8 +185,8 @@ def _source(arrival: Array, values: Array) -> _Source | None:
         ticks += _missed(arrival / period - start - ticks, sure, block)
         if sure.mean() > ENOUGH:
             break
-        count, sure, _ = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))
-    ticks = _between(ticks, count, sure)
+        count, sure, progress = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))
+    ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
     period, phase, prompt, _ = _blocks(arrival, ticks, period)
     start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
     return _Source(period, start, ticks, float(np.sqrt(0.5 * np.mean(left**2))) * period)
@@ -244,15 +254,14 @@ def _blocks(arrival: Array, ticks: Array, period: float) -> tuple[float, Array, 
         step = np.diff(phase)
         noise = 1.05 * np.median(np.abs(step - np.rint(step)))  # 1.4826 / sqrt(2)
         if noise < STEADY or prompt.size < 2 * STEADIED:
-            period *= 1.0 + _tilt(n, phase)
+            off = phase - np.angle(np.exp(2j * np.pi * phase).mean()) / (2.0 * np.pi)
+            period *= 1.0 + _tilt(n, off - np.rint(off))
             return period, t / period - n, prompt, block
         block *= 2
 
 
-def _tilt(ticks: Array, phase: Array) -> float:
-    """Slope of phases (B,), which are right up to whole numbers, over ticks (B,): a robust line."""
-    off = phase - np.angle(np.exp(2j * np.pi * phase).mean()) / (2.0 * np.pi)
-    off -= np.rint(off)
+def _tilt(ticks: Array, off: Array) -> float:
+    """Slope of phases off (B,), about zero, over ticks (B,): a robust line."""
     columns, weight = np.stack((np.ones(ticks.size), ticks - ticks.mean())), np.ones(ticks.size)
     for _ in range(_REWEIGHTED):
         line = np.linalg.solve((columns * weight) @ columns.T, (columns * weight) @ off)
@@ -283,38 +292,96 @@ def _missed(late: Array, sure: Mask, block: int) -> Array:
     """(F,) ticks that the rows have beyond those that were counted.
 
     They are as many as none of the next rows contradicts by an arrival before its tick, and one
-    number for rows between which all ticks are sure; only where these are many, they may differ.
+    number for rows between which all ticks are sure.
     late : (F,) [ticks] of the arrivals after the ticks that were counted.
     """
     piece = np.concatenate(([True], ~sure))
-    first, ahead = np.flatnonzero(piece), AHEAD * block
+    ahead = AHEAD * block
     missed = minimum_filter1d(late, 2 * ahead, origin=-ahead, mode="nearest")[piece]
     missed = missed[np.cumsum(piece) - 1]
-    stop = np.append(first[1:], late.size)
-    for a, b in zip(first[long := stop - first >= 2 * block], stop[long], strict=True):
-        # A wrong count shows on one side of it alone.
-        size = min(ahead, int(b - a) // 2)
-        after = minimum_filter1d(late[a:b], size, origin=-(size // 2))
-        before = minimum_filter1d(late[a:b], size, origin=(size - 1) // 2)
-        after[-size:] = before[:size] = -np.inf
-        missed[a:b] = np.maximum(after, before)
     return np.asarray(np.floor(missed + 0.5))
 
 
-def _between(ticks: Array, count: Array, sure: Mask) -> Array:
-    """(F,) ticks, those between sure ones shared out where the likely counts about add up to them.
+def _settled(
+    arrival: Array, values: Array, ticks: Array, period: float, block: int, told: tuple[Mask, Array]
+) -> Array:
+    """(F,) ticks of the most likely sequence.
 
-    ticks : (F,). count : (F-1,) likely ticks of the links. sure : (F-1,).
+    arrival : (F,) [s]. values : (C, F). ticks : (F,) about. block : rows among which one is hardly
+    late. told : of the links, which are sure, and their progress. Each pass looks at some ticks on
+    either side of what the one before has found.
     """
-    edge = np.diff(sure.astype(np.int8), prepend=1, append=1)
-    first, last = np.flatnonzero(edge < 0), np.flatnonzero(edge > 0)  # rows around unsure links
-    way = np.concatenate(([0.0], np.cumsum(count)))
-    share = (ticks[last] - ticks[first]) / (way[last] - way[first])
-    short = last - first <= 2 * REGION
-    for k in np.flatnonzero(short & (np.abs(share - 1.0) <= SHARED)).tolist():
-        inner = slice(first[k], last[k])
-        ticks[inner] = ticks[first[k]] + share[k] * (way[inner] - way[first[k]])
+    for _ in range(PASSES):
+        sure, progress = told
+        link = np.flatnonzero(~sure)
+        if not link.size:
+            break
+        late = arrival / period - ticks
+        prompt = _promptest(late, block)
+        period *= 1.0 + _tilt(ticks[prompt], late[prompt] - np.median(late[prompt]))
+        phase = arrival[prompt] / period - ticks[prompt]
+        late = arrival / period - np.interp(np.arange(late.size), prompt, _starts(phase)) - ticks
+        count = np.diff(ticks)
+        sigma = _links_sigma(values, count, sure, np.abs(progress - count))
+        more = _likeliest(late, link, count[link], progress[link], sigma)
+        ticks = ticks + more
+        if sure.mean() > ENOUGH or not more.any():
+            break
+        told = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))[1:]
     return ticks
+
+
+def _links_sigma(values: Array, count: Array, sure: Mask, off: Array) -> Array:
+    """(L,) [ticks] standard deviation of the progress of links that are not sure, by their values.
+
+    values : (C, F). count, sure, off : (F-1,) of all links: ticks, whether these are sure, and how
+    far the progress is from them. Where the speed changes within few rows, its mean about a
+    link is not the speed in it.
+    """
+    link = np.flatnonzero(~sure)
+    way = np.sqrt((np.diff(values) ** 2).sum(axis=0)) / np.maximum(1.0, count)
+    scatter = SCATTER * float(np.median((off * way)[sure])) if sure.any() else 1.0
+    sums = np.concatenate(([0.0], np.cumsum(way)))
+    behind = sums[link] - sums[np.maximum(link - ROWS[-1], 0)]
+    ahead = sums[np.minimum(link + 1 + ROWS[-1], way.size)] - sums[link + 1]
+    uneven = np.abs(ahead - behind) / np.maximum(ahead + behind, _FINEST)
+    by_noise = scatter / np.maximum(way[link], _FINEST)
+    return np.asarray(np.sqrt(by_noise**2 + SIGMA**2 + (UNEVEN * uneven) ** 2))
+
+
+def _likeliest(late: Array, link: Rows, count: Array, progress: Array, sigma: Array) -> Array:
+    """(F,) whole ticks by which rows most likely differ from what was counted (Viterbi 1967).
+
+    Delays are about exponential, and neighbours late together; an arrival before its tick is hardly
+    possible. Two rows have one tick only where the values say so.
+
+    late : (F,) [ticks] of arrivals after the counted ticks. link : (L,) links that are not sure.
+    count, progress, sigma : (L,) ticks of these as counted and by their values.
+    """
+    change = np.arange(-CHANGES, CHANGES + 1.0)
+    delay = late[:, None] - change
+    cost = np.where(delay < 0.0, 0.5 * (delay / EARLY) ** 2, 0.0)
+    cost += np.maximum(delay, 0.0) / (TOGETHER * max(float(late.mean()), LEAST_DELAY))
+    first = np.concatenate(([0], link + 1))
+    cost = np.add.reduceat(cost, first, axis=0)  # (L+1, S) of the rows between two such links
+    fewest = np.where((sigma < SEEN) & (progress < TORN), 0.0, 1.0)
+    apart = change - change[:, None]  # (S before, S)
+    best, came = cost[0], np.empty((link.size, change.size), dtype=np.intp)
+    each = np.arange(change.size)
+    for begin in range(0, link.size, _CHUNK):
+        part = np.s_[begin : begin + _CHUNK, None, None]
+        n = count[part] + apart
+        off = (progress[part] - n) / sigma[part]
+        step = np.minimum(0.5 * off * off, WORST) + MISSED * np.abs(n - 1.0)
+        step[n < fewest[part]] = np.inf
+        for k, steps in enumerate(step, begin):
+            total = best[:, None] + steps
+            came[k] = total.argmin(axis=0)
+            best = total[came[k], each] + cost[k + 1]
+    state = np.full(link.size + 1, best.argmin())
+    for k in range(link.size - 1, -1, -1):
+        state[k] = came[k, state[k + 1]]
+    return np.repeat(change[state], np.diff(first, append=late.size))
 
 
 class _Times(NamedTuple):
