@@ -12,6 +12,7 @@ import numpy as np
 from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from cell.arrays import Array
+from cell.chain import Chain
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import (
@@ -23,6 +24,7 @@ from cell.geometry import (
     robot_frames,
     robot_geometry,
 )
+from cell.recording import load_recording_file
 from cell.typical_machine import with_typical
 from ident.estimator.build_unknowns import arm_parameters
 from ident.loads.at_rest import backlash_flanks
@@ -31,6 +33,8 @@ from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.table_estimate import TableEstimate
+from sim.settings import CellSettings
+from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
 
 
@@ -51,7 +55,7 @@ def _of_result(truth: Truth | PoseTruth, model: Calibration, file: Path) -> Comp
 @_of_result.register
 def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     if not model.of_logs:
-        raise _other_truth(file, "recordings", model, "still poses")
+        return _of_followed(truth, model, file)
     clock = model.file.logs[0].clock
     return compare_with_truth(
         model.identified_robot(),
@@ -74,9 +78,36 @@ def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
         )
     robot = model.identified_robot(name)
     q = poses_within(robot.lower, robot.upper)
-    actual = truth.arm(robot.robot).target(q, truth.targets[name].position)
-    compared = target_comparison(model, robot, q, actual, _true_values(truth, robot.robot))
+    arm = truth.arm(robot.robot)
+    actual = arm.target(q, truth.targets[name].position)
+    compared = target_comparison(model, robot, q, actual, _true_values(arm.chain, robot.robot))
     return replace(compared, target=name, predicted=(model.cross_validated,))
+
+
+def _of_followed(truth: Truth, model: Calibration, file: Path) -> Comparison:
+    """The first target that an instrument followed. file : of the truth, beside the recording."""
+    tracker, named = truth.logs.tracker, file.with_name(file.name.removesuffix(".truth.yaml"))
+    clock = next((group.clock for group in model.file.groups if group.clock), None)
+    if tracker is None or clock is None:
+        raise _other_truth(file, "recordings", model, "still poses")
+    description = load_recording_file(named)
+    cell = scenario_cell(
+        CellSettings(
+            robot=description.robot, instrument=description.measured_by, plate=description.plate
+        ),
+        relative_to=named,
+    )
+    robot = model.identified_robot()
+    q = poses_within(robot.lower, robot.upper)
+    actual = true_tool(cell, truth, truth.geometry, q, np.array(tracker.led_m))
+    values = _true_values(truth.geometry.robot, robot.robot)
+    return replace(
+        target_comparison(model, robot, q, actual, values),
+        offset=clock.offset_s - tracker.offset_s - sum(truth.logs.joint_lag_s[:1]),
+        skew=clock.skew - tracker.skew,
+        target=next(iter(model.targets)),
+        predicted=(model.cross_validated,),
+    )
 
 
 def _other_truth(file: Path, of_truth: str, model: Calibration, of_result: str) -> InputError:
@@ -181,9 +212,9 @@ def reference_of(truth: Truth) -> Geometry:
     return geometry
 
 
-def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
+def _true_values(chain: Chain, robot: Robot) -> dict[str, tuple[float, float]]:
     """True values, sigma 0; of parallel axes the first d has what the others differ by."""
-    nominal, chain = nominal_chain(robot), truth.arm(robot).chain
+    nominal = nominal_chain(robot)
     d = chain.d.copy()
     for name in reversed(parameter_table(robot).hayati[:-1]):
         row = parameter_named(name).row

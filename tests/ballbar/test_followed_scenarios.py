@@ -97,3 +97,29 @@ def test_settings_of_a_ballbar_are_refused(tmp_path: Path) -> None:
     code, _, err = ballbar("identify", str(folder), "--model", "dh")
     assert code == 2
     assert "gives poses, and these settings are of a ball-bar's logs" in err
+
+
+@pytest.mark.slow
+def test_the_stored_result_is_compared_with_its_truth(mocap: Path) -> None:
+    code, out, err = ballbar("compare", str(mocap), str(truth_path(mocap / "recording")), "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    model, nominal = (found[key]["mean_m"] for key in ("tcp_difference", "tcp_difference_nominal"))
+    assert model < 0.3 * nominal
+    assert abs(found["clock_offset_error_s"]) < 2e-4
+    assert max(abs(p["z"]) for p in found["parameters"].values()) < 5.0
+
+
+def test_a_day_with_an_instrument_that_follows_is_not_rehearsed(tmp_path: Path) -> None:
+    code, _, err = ballbar("rehearse", "ur10e_mocap", "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert "mocap_pose follows the robot, and a rehearsal plans" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_instrument_that_follows_is_not_recorded(tmp_path: Path) -> None:
+    options = ("--egm", "6510", "--robot", "irb2400", "--ballbar", "tracker_point")
+    code, _, err = ballbar("record", str(tmp_path / "out"), *options)
+    assert code == 2
+    assert "Log it with its own program" in err
+    assert not list(tmp_path.iterdir())
