@@ -51,6 +51,8 @@ from cell.logs import ChannelLog, SourceName
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 POINT = ("x", "y", "z")  # [m]
+WITH_EPOCH = ("filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns", "date")
+SINCE_2001 = 10**18  # [ns] seconds and nanoseconds of a larger sum count from 1970
 _TIME_NAME = re.compile(r"(time|zeit|stamp|timestamp|date|t)([^a-z].*|stamp)?", re.IGNORECASE)
 _UNIT = re.compile(r"[_\[(\s](s|ms|us|ns)[\])]?$", re.IGNORECASE)
 
@@ -120,7 +122,8 @@ def _of_table(
     )
     table, _ = read_table(path, path.name, layout)
     stamps = popped_stamps(table.columns, both or (column,), path.name, table.line)
-    ns, findings = stamps_ns(stamps, "ns" if both else _form(stamps, time))
+    form = "ns" if both else _form(stamps, time)
+    ns, findings = stamps_ns(stamps, form)
     table = replace(table, columns={STAMP: ns, **table.columns})
     table = in_sequence(replace(table, findings=(*table.findings, *findings)), None)
     raw, table = table, with_source_times(without_strays(table), chosen)
@@ -128,7 +131,11 @@ def _of_table(
         refuse_two_publishers(raw, chosen, "")
     table = in_order(table)
     values = np.stack([table.columns[name] for name in chosen], axis=1)
-    log = ChannelLog(path.name, _increasing(table), values, tuple(chosen))
+    first = int(table.columns[STAMP][0])
+    known = form in WITH_EPOCH or bool(both and first > SINCE_2001)
+    log = ChannelLog(
+        path.name, _increasing(table), values, tuple(chosen), first_ns=first if known else None
+    )
     return log, tuple(f for f in table.findings if f.kind != "column not used")
 
 

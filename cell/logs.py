@@ -131,6 +131,7 @@ class ChannelLog:
     values: Array  # (N, C) [unit of each channel]
     names: tuple[str, ...]  # (C,)
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
+    first_ns: int | None = None  # [ns] since 1970 of the first row; None: its clock has no epoch
 
     def __post_init__(self) -> None:
         _protect(self)

@@ -1,4 +1,4 @@
-"""What a robot of a given size typically weighs, and how stiff it is, where its file is silent.
+"""Typical masses, gears and servo gains of a robot of a given size, where its file is silent.
 
 A robot's file may state no masses, gears, servo or rotors. Plans of the force in a ball-bar's rod
 and the dynamic simulation then take typical values, each with the spread over published robots;
@@ -45,7 +45,7 @@ STIFFNESS, STIFFNESS_SPREAD, GEAR_SPREAD = 92.0, 0.35, 0.2
 OF_AXES = {6: (1.0, 1.1, 0.85, 0.13, 0.11, 0.1), 7: (1.0, 1.0, 0.55, 0.55, 0.34, 0.12, 0.12)}
 WRIST = 3  # axes at the end whose gears are small ones
 DAMPING = (1e-3, 3e-4)  # [s] over stiffness, main axes and wrist: [I], [N]
-LOST_MOTION = (1.35e-4, 2.0e-4)  # [rad] [I], [N]
+LOST_MOTION_RAD = (1.35e-4, 2.0e-4)  # [rad] [I], [N]
 # Friction over stiffness: Coulomb [rad], viscous [s]: [I], [N]
 COULOMB, VISCOUS, STATIC = (6e-5, 1.5e-4), (2.7e-5, 1.1e-4), 1.4
 FRICTION_SPREAD, STRIBECK = 0.5, (0.008, 0.017)  # the second in rad/s
@@ -67,7 +67,7 @@ SERVO_SPREAD = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """What is typical of a robot, and how far a robot of its size may be from it."""
+    """Keys that hold typical values, and how far a robot of its size may be from them."""
 
     keys: tuple[Key, ...]  # of the robot's file that are filled; none for a complete file
     mass: float = 0.0  # of the whole robot, standard deviation of the logarithm
@@ -171,7 +171,7 @@ def _gears(robot: Robot, moment: float) -> Gears:
     return Gears(
         stiffness=k,
         damping=_by_axis(DAMPING, n) * k,
-        lost_motion=_by_axis(LOST_MOTION, n),
+        lost_motion=_by_axis(LOST_MOTION_RAD, n),
         static=STATIC * coulomb,
         coulomb=coulomb,
         viscous=_by_axis(VISCOUS, n) * k,

@@ -80,7 +80,7 @@ class Evaluator:
 
     @property
     def typical(self) -> Spread:
-        """What typical values stand for in the force of the rod."""
+        """Spread of the typical values that the force of the rod depends on."""
         return Spread(()) if self.force_model is None else self.force_model.typical
 
     @property

@@ -395,8 +395,8 @@ class SimulationSettings(Strict):
             refuse_keys(self, OF_LENGTH, "cell.instrument")
         if of_length and self.path.kind == "push_pull":
             raise wrong_key("path", "kind", message="push_pull needs a ball-bar with a rigid rod")
-        found = self.path.kind == "lissajous" and not self.path.file
-        if self.cell.ballbar_position_m is None and not found:
+        searched = self.path.kind == "lissajous" and not self.path.file
+        if self.cell.ballbar_position_m is None and not searched:
             raise missing_key("cell", "ballbar_position_m")
         return self
 

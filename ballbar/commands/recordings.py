@@ -173,6 +173,8 @@ def align(
     log_a: Annotated[Path, typer.Argument(exists=True)],
     log_b: Annotated[Path, typer.Argument(exists=True)],
     channel: list[str] | None = None,
+    vector: list[str] | None = None,
+    rotation: list[str] | None = None,
     source_a: SourceName | None = None,
     source_b: SourceName | None = None,
     time_a: Annotated[
@@ -188,14 +190,22 @@ def align(
     """Clock offset and skew between two logs of one motion, of any recorders.
 
     Channels of both logs are compared with gain and zero of each pair free, so units and directions
-    do not matter. Exits with 1 if no clock offset makes them agree, or several do.
+    do not matter. Vectors, rotations and poses are compared with the rotation, shift and lever arm
+    between their frames free, which are found too (hand-eye calibration). Exits with 1 if no clock
+    offset makes them agree, or several do.
 
-    Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`
+    Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`; of poses:
+    `ballbar align arm.csv camera.csv --vector x,y,z=u,v,w --rotation qx,qy,qz,qw=rx,ry,rz,rw`
 
     A : A table with time stamps, or a recording folder.
     B : A table with time stamps, or a recording folder.
     --channel a=b : Channel of A and the channel of B that holds the same motion; may be repeated.
-        Default: channels of the same name, or without any those that move in the same way.
+        Default: vectors and rotations that the names show, then channels of the same name, or
+        without any those that move in the same way.
+    --vector x,y,z=u,v,w : Three coordinates of A, and those of B in a frame of its own; may be
+        repeated.
+    --rotation x,y,z,w=x,y,z,w : A quaternion of A and one of B, in that order, or three angular
+        rates of the body on one side. With --vector they are poses of one rigid body.
     --source-a : Which log of recording folder A; default the robot's.
     --source-b : Which log of recording folder B; default the robot's.
     --time-b : Form of the time stamps of table B, if neither they nor their column's name show it:
@@ -210,6 +220,8 @@ def align(
             sources=(source_a, source_b),
             times=(time_a, time_b),
             channels=channel or (),
+            vectors=vector or (),
+            rotations=rotation or (),
         )
     if as_json:
         say_json(align_data(*result))

@@ -44,8 +44,8 @@ def with_found_path(scenario: Scenario, folder: Path, file: Path) -> Scenario:
     )
     write_yaml(file, planned_path_data(plan))
     place = tuple(plan.evaluation.candidate.position.tolist())
-    found = {
+    cells = {
         "path": path.model_copy(update={"file": str(file.resolve())}),
         "cell": cell.model_copy(update={"ballbar_position_m": place}),
     }
-    return scenario.model_copy(update=found)
+    return scenario.model_copy(update=cells)

@@ -1,4 +1,4 @@
-"""What is typical of a robot of a size, against robots that state or publish it."""
+"""Typical values of a robot of a size, against robots that state or publish it."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_draws_have_the_stated_spread_and_a_scale_of_zero_draws_the_typical_robo
 
 
 def test_an_arm_twice_as_long_weighs_eight_times_and_has_gears_sixteen_times_as_stiff() -> None:
-    """Of the industrial class, whose masses go with the cube of the length."""
+    """These are of the industrial class, whose masses go with the cube of the length."""
     robot = bare(load_robot("irb4600"))
     (small, _), (large, _) = map(
         with_typical, (robot, replace(robot, a=2 * robot.a, d=2 * robot.d))

@@ -91,7 +91,7 @@ def forces(cell: Cell, seed: int) -> Forces:
 
 
 def test_the_force_of_a_robot_unknown_to_the_interval_lies_within_it() -> None:
-    """Of 63 others at each instant: the interval is what 63 robots and 8 typical ones reach."""
+    """The interval is what 63 other robots and 8 typical ones reach at each instant."""
     cell = load_cell("nj220", "lund_900", "plate_250")
     unknown = replace(cell, robot=bare(cell.robot))
     stated, others = forces(unknown, seed=1), forces(unknown, seed=2)
