@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import singledispatch
+from functools import partial, singledispatch
 from pathlib import Path
 
 import numpy as np
@@ -76,38 +76,34 @@ def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
             f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
             "truth file of this table."
         )
-    robot = model.identified_robot(name)
-    q = poses_within(robot.lower, robot.upper)
-    arm = truth.arm(robot.robot)
-    actual = arm.target(q, truth.targets[name].position)
-    compared = target_comparison(model, robot, q, actual, _true_values(arm.chain, robot.robot))
-    return replace(compared, target=name, predicted=(model.cross_validated,))
+    arm, place = truth.arm(model.robot), truth.targets[name].position
+    return _at_target(model, name, lambda q: arm.target(q, place), arm.chain)
 
 
 def _of_followed(truth: Truth, model: Calibration, file: Path) -> Comparison:
     """The first target that an instrument followed. file : of the truth, beside the recording."""
-    tracker, named = truth.logs.tracker, file.with_name(file.name.removesuffix(".truth.yaml"))
+    tracker, folder = truth.logs.tracker, file.with_name(file.name.removesuffix(".truth.yaml"))
     clock = next((group.clock for group in model.file.groups if group.clock), None)
     if tracker is None or clock is None:
         raise _other_truth(file, "recordings", model, "still poses")
-    description = load_recording_file(named)
-    cell = scenario_cell(
-        CellSettings(
-            robot=description.robot, instrument=description.measured_by, plate=description.plate
-        ),
-        relative_to=named,
-    )
-    robot = model.identified_robot()
-    q = poses_within(robot.lower, robot.upper)
-    actual = true_tool(cell, truth, truth.geometry, q, np.array(tracker.led_m))
-    values = _true_values(truth.geometry.robot, robot.robot)
+    named, point, geometry = load_recording_file(folder), np.array(tracker.led_m), truth.geometry
+    chosen = CellSettings(robot=named.robot, instrument=named.measured_by, plate=named.plate)
+    actual = partial(true_tool, scenario_cell(chosen, relative_to=folder), truth, geometry)
     return replace(
-        target_comparison(model, robot, q, actual, values),
+        _at_target(model, next(iter(model.targets)), partial(actual, point=point), geometry.robot),
         offset=clock.offset_s - tracker.offset_s - sum(truth.logs.joint_lag_s[:1]),
         skew=clock.skew - tracker.skew,
-        target=next(iter(model.targets)),
-        predicted=(model.cross_validated,),
     )
+
+
+def _at_target(
+    model: Calibration, name: str, actual: Callable[[Array], Array], chain: Chain
+) -> Comparison:
+    """A target over the fitted ranges; actual : where it is [m] at angles q. chain : the true."""
+    robot = model.identified_robot(name)
+    q, values = poses_within(robot.lower, robot.upper), _true_values(chain, robot.robot)
+    compared = target_comparison(model, robot, q, actual(q), values)
+    return replace(compared, target=name, predicted=(model.cross_validated,))
 
 
 def _other_truth(file: Path, of_truth: str, model: Calibration, of_result: str) -> InputError:
