@@ -167,8 +167,9 @@ def estimate_of(result: Identification, logs: Logs, until: float) -> Estimate:
         acceptable=result.verdict.acceptable,
     )
     if result.poses is not None:
-        ((found, (offset, skew)),) = result.poses.clocks.values()
-        return replace(estimate, clock=(found.offset, found.skew), clock_sigma=(offset, skew))
+        ((followed, (offset, skew)),) = result.poses.clocks.values()
+        stated = followed.offset, followed.skew
+        return replace(estimate, clock=stated, clock_sigma=(offset, skew))
     (recording,) = result.recordings
     clock, step = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
     tool = robot_frames(recording.geometry, logs.robot.q[::step]).tip.T

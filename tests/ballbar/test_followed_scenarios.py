@@ -152,13 +152,13 @@ def test_a_growing_recording_of_an_instrument_that_follows_is_watched(tmp_path: 
     assert panel(state.to_dict())
 
 
-def test_logs_of_two_runs_are_said_not_to_belong_together(tmp_path: Path) -> None:
+def test_logs_of_two_runs_are_watched_and_called_implausible(tmp_path: Path) -> None:
     made = FollowedRobot(seed=8).write(tmp_path / "made", seconds=20.0, rate=50.0)
     other = FollowedRobot(seed=9).write(tmp_path / "other", seconds=20.0, rate=50.0)
     shutil.copy(other / "tracker.csv", made)
     state = Watch(made, accuracy=1e-3).finish(0.0)
-    assert not state.enough
-    assert state.estimate is None or not state.estimate.acceptable
+    assert state.estimate is not None
+    assert (state.estimate.status, state.enough) == ("implausible", False)
 
 
 def test_a_day_with_an_instrument_that_follows_is_not_rehearsed(tmp_path: Path) -> None:
