@@ -46,6 +46,7 @@ def run_data(run: RunData, folder: Path) -> dict[str, object]:
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:
     """JSON of `compare`, SI units: errors are model minus reference."""
+    clock = {"clock_offset_error_s": comparison.offset, "clock_skew_error": comparison.skew}
     if comparison.target:
         return {
             "target": comparison.target,
@@ -57,14 +58,14 @@ def comparison_data(comparison: Comparison) -> dict[str, object]:
                 for name, size in comparison.deviations.items()
             },
             "axes_with_unlike_ranges": list(comparison.unlike_ranges),
+            **({} if comparison.offset is None else clock),
         }
     return {
         "tcp_error": _tcp(comparison.tcp),
         "tcp_error_nominal": _tcp(comparison.tcp_nominal),
         "deviations": {name: float(value) for name, value in comparison.deviations.items()},
         "distance": comparison.distance,
-        "clock_offset_error_s": comparison.offset,
-        "clock_skew_error": comparison.skew,
+        **clock,
     }
 
 

@@ -22,7 +22,7 @@ from ballbar.record.terminal import quiet_libraries, say_recording, show_until_s
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import Data, panel
 from cell.errors import InputError
-from cell.load import load_cell
+from cell.load import describes_instrument, load_cell
 from cell.plc_ring import RING
 from cell.processes import on_stop_signals
 
@@ -180,6 +180,12 @@ def _cell_names(options: RecordOptions) -> CellNames:
 
     The user's own files are copied into the recording, which can then be moved as a whole.
     """
+    if describes_instrument(options.ballbar):
+        raise InputError(
+            f"--ballbar {options.ballbar}: is an instrument without encoders, which is not "
+            "recorded here. Log it with its own program beside the robot's log, describe both with "
+            "`ballbar new`, and `ballbar watch` reads them while they grow."
+        )
     cell = load_cell(options.robot, options.ballbar, options.plate)
     files = [Path(name).name for name in options.own_files]
     if len({*files, "recording.yaml"}) <= len(files):

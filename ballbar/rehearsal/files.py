@@ -59,7 +59,7 @@ def rehearse_into(day: Day) -> Rehearsal:
     something else; FailureError when a part of the cell does not come up.
     """
     check_fault(day.scenario, day.fault)
-    delivered, out = as_recorded(day.scenario), day.folder
+    delivered, out = as_recorded(day.scenario, relative_to=day.file.parent), day.folder
     with claimed_folder(out, OUTPUTS, "the rehearsal"):
         beside = Path(mkdtemp(dir=out.resolve().parent, prefix=f".{out.name}."))
         try:

@@ -27,7 +27,7 @@ from ballbar.watch.show import Data
 from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.errors import FailureError, InputError
-from cell.load import load_robot
+from cell.load import load_instrument, load_robot
 from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import GrowingRecording, Logs, device_logs
 from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
@@ -109,15 +109,21 @@ class LivePath:
         return self.noticed is not None
 
 
-def as_recorded(scenario: Scenario) -> Scenario:
+def as_recorded(scenario: Scenario, *, relative_to: Path | None = None) -> Scenario:
     """The scenario as its devices deliver it: motor torques by EGM, but no force.
 
-    Raises InputError for what no device here delivers row by row.
+    relative_to : folder of the scenario's file. Raises InputError for what no device here delivers
+    row by row.
     """
     clocks = scenario.clocks
     if clocks.restart is not None:
         raise InputError("clocks.restart: the recorder starts its own files. Leave it out")
-    if scenario.cell.instrument is not None:
+    if (named := scenario.cell.instrument) is not None:
+        if load_instrument(named, relative_to=relative_to).follows:
+            raise InputError(
+                f"cell.instrument: {named} follows the robot, and a rehearsal plans and records "
+                "paths of a ball-bar or a length. `ballbar run` simulates and identifies this one."
+            )
         logs = scenario.logs.model_copy(update={"torque": None, "tracker": None})
         return scenario.model_copy(update={"logs": logs})
     logged = scenario.logs

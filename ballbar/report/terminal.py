@@ -121,7 +121,14 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
     """Print model minus reference: tool, parameters, clock."""
     if comparison.target:
         _comparison_of_poses(out, comparison)
-        return
+    else:
+        _comparison_of_logs(out, comparison)
+    if comparison.offset is not None and comparison.skew is not None:
+        offset, skew = comparison.offset * US, comparison.skew * PPM
+        out.print(f"clock error: offset {offset:+.2f} us, skew {skew:+.4f} ppm")
+
+
+def _comparison_of_logs(out: Console, comparison: Comparison) -> None:
     tcp, before = comparison.tcp, comparison.tcp_nominal
     out.print(
         f"TCP error over the workspace: mean {tcp.mean * MM:.4f} mm, "
@@ -135,9 +142,6 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
             f"parameters: Euclidean distance {comparison.distance * MM:.4f} mm|mrad over {count}, "
             f"largest {name} {value * MM:+.4f}"
         )
-    if comparison.offset is not None and comparison.skew is not None:
-        offset, skew = comparison.offset * US, comparison.skew * PPM
-        out.print(f"clock error: offset {offset:+.2f} us, skew {skew:+.4f} ppm")
 
 
 def _comparison_of_poses(out: Console, comparison: Comparison) -> None:

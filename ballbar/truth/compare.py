@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import singledispatch
+from functools import partial, singledispatch
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from cell.arrays import Array
+from cell.chain import Chain
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import (
@@ -23,6 +24,7 @@ from cell.geometry import (
     robot_frames,
     robot_geometry,
 )
+from cell.recording import load_recording_file
 from cell.typical_machine import with_typical
 from ident.estimator.build_unknowns import arm_parameters
 from ident.loads.at_rest import backlash_flanks
@@ -31,6 +33,8 @@ from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.table_estimate import TableEstimate
+from sim.settings import CellSettings
+from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
 
 
@@ -51,7 +55,7 @@ def _of_result(truth: Truth | PoseTruth, model: Calibration, file: Path) -> Comp
 @_of_result.register
 def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     if not model.of_logs:
-        raise _other_truth(file, "recordings", model, "still poses")
+        return _of_followed(truth, model, file)
     clock = model.file.logs[0].clock
     return compare_with_truth(
         model.identified_robot(),
@@ -72,10 +76,33 @@ def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
             f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
             "truth file of this table."
         )
+    arm, place = truth.arm(model.robot), truth.targets[name].position
+    return _at_target(model, name, lambda q: arm.target(q, place), arm.chain)
+
+
+def _of_followed(truth: Truth, model: Calibration, file: Path) -> Comparison:
+    """The first target that an instrument followed. file : of the truth, beside the recording."""
+    tracker, folder = truth.logs.tracker, file.with_name(file.name.removesuffix(".truth.yaml"))
+    clock = next((group.clock for group in model.file.groups if group.clock), None)
+    if tracker is None or clock is None:
+        raise _other_truth(file, "recordings", model, "still poses")
+    named, point, geometry = load_recording_file(folder), np.array(tracker.led_m), truth.geometry
+    chosen = CellSettings(robot=named.robot, instrument=named.measured_by, plate=named.plate)
+    actual = partial(true_tool, scenario_cell(chosen, relative_to=folder), truth, geometry)
+    return replace(
+        _at_target(model, next(iter(model.targets)), partial(actual, point=point), geometry.robot),
+        offset=clock.offset_s - tracker.offset_s - sum(truth.logs.joint_lag_s[:1]),
+        skew=clock.skew - tracker.skew,
+    )
+
+
+def _at_target(
+    model: Calibration, name: str, actual: Callable[[Array], Array], chain: Chain
+) -> Comparison:
+    """A target over the fitted ranges; actual : where it is [m] at angles q. chain : the true."""
     robot = model.identified_robot(name)
-    q = poses_within(robot.lower, robot.upper)
-    actual = truth.arm(robot.robot).target(q, truth.targets[name].position)
-    compared = target_comparison(model, robot, q, actual, _true_values(truth, robot.robot))
+    q, values = poses_within(robot.lower, robot.upper), _true_values(chain, robot.robot)
+    compared = target_comparison(model, robot, q, actual(q), values)
     return replace(compared, target=name, predicted=(model.cross_validated,))
 
 
@@ -181,9 +208,9 @@ def reference_of(truth: Truth) -> Geometry:
     return geometry
 
 
-def _true_values(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
+def _true_values(chain: Chain, robot: Robot) -> dict[str, tuple[float, float]]:
     """True values, sigma 0; of parallel axes the first d has what the others differ by."""
-    nominal, chain = nominal_chain(robot), truth.arm(robot).chain
+    nominal = nominal_chain(robot)
     d = chain.d.copy()
     for name in reversed(parameter_table(robot).hayati[:-1]):
         row = parameter_named(name).row

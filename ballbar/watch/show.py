@@ -60,7 +60,9 @@ def _facts(data: Data) -> dict[str, str]:
         shown = clock_offset_text(clock, offset), clock_skew_text(clock, skew)
         facts["clock"] = "offset {}; skew {}".format(*shown)
     axes = " ".join(f"{100 * share:.0f}" for share in data["axes_covered"])
-    facts["coverage"] = f"sphere {100 * data['sphere_covered']:.0f} %; axes {axes} %"
+    sphere = data["sphere_covered"]
+    held = "" if sphere is None else f"sphere {100 * sphere:.0f} %; "
+    facts["coverage"] = f"{held}axes {axes} %"
     facts["noise"] = " ".join(
         f"{name} {significant_text(sigma * MM, 2)} mm"
         if name == "length"
@@ -78,6 +80,8 @@ def _uncertainty(data: Data) -> str:
         f"{significant_text(with_scale * MM)} mm with the scale, "
         f"{significant_text(without * MM)} mm without"
     )
+    if data["model"] == "poses":
+        text = f"{significant_text(without * MM)} mm, without the scale of the instrument"
     if data["tcp_sigma_end_m"] is not None:
         end = significant_text(data["tcp_sigma_end_m"] * MM, 2)
         text += f", at the end about {end} mm (estimate)"

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ballbar.recordings.followed import poses_of
 from ballbar.sphere_coverage import coverage
-from cell.descriptions import Cell
+from cell.arrays import Array
+from cell.descriptions import Cell, Robot
 from cell.geometry import robot_frames
+from cell.robot_angles import joints_to_axes
 from cell.statistics import rms
+from ident.estimates import result_at_rest
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
 from ident.result import Identification, RecordingEstimate
+from ident.table_fit import fit_table
 
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
 # Exponents with which the parts of the data fall while a path covers ever more. A repeated path
@@ -37,23 +43,26 @@ class Alarm:
         return self.kind, self.subject
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """Estimate of the robot from a growing recording."""
 
     until: float  # [s] of the recording that was used
-    model: str  # dh or complete
+    model: str  # dh or complete; poses of an instrument that follows
     status: str  # word of the verdict
     sentence: str  # of the verdict
     tcp_sigma: float  # [m] stated TCP uncertainty, rms over the accuracy grid, with the scale
     without_scale: float  # [m] the same without the scale
-    white: float  # [m] part of that which the data would leave were their residuals white
-    widened: float  # [m] part by which it is more, as they are not
+    white: float = 0.0  # [m] part of that which the data would leave were their residuals white
+    widened: float = 0.0  # [m] part by which it is more, as they are not
     acceptable: bool
-    clock: tuple[float, float] | None  # [s] offset, [1] skew; None without encoders
-    clock_sigma: tuple[float, float]  # [s], [1]
-    noise: dict[str, float]  # [rad] of one row, by channel; [m] of a length
-    sphere: float  # share of the sphere that the tool has passed, 0 to 1
+    clock: tuple[float, float] | None = None  # [s] offset, [1] skew; None without encoders
+    clock_sigma: tuple[float, float] = (0.0, 0.0)  # [s], [1]
+    noise: dict[str, float] = field(
+        default_factory=dict
+    )  # [rad] of one row, by channel; [m] of a length
+    # share of the sphere that the tool has passed, 0 to 1; None where nothing holds it on one
+    sphere: float | None = None
 
     def at_end(self, duration: float, *, scale: float) -> float:
         """[m] TCP uncertainty once a recording has its duration [s], if the fit remains good.
@@ -116,9 +125,25 @@ class WatchState:
         }
 
 
+def axes_covered(robot: Robot, q: Array) -> tuple[float, ...]:
+    """Share of each axis's range in the workspace, 0 to 1; q : (N, J) [rad]."""
+    axes = joints_to_axes(robot, q[:: 1 + q.shape[0] // 5000])
+    span = robot.accuracy_upper - robot.accuracy_lower
+    return tuple(np.minimum(1.0, np.ptp(axes, axis=0) / span).tolist())
+
+
 def complete_estimate(cell: Cell, logs: Logs, accuracy: float | None) -> Estimate:
     """The estimate of the model that the data support. Raises StartError as an identification."""
     result = identify_together(cell, [logs], options=FitOptions(accuracy=accuracy))
+    return estimate_of(result, logs, seconds_of(logs))
+
+
+def followed_estimate(folder: Path, logs: Logs) -> Estimate:
+    """The estimate from an instrument that follows the robot, as `ballbar identify` makes it.
+
+    Raises InputError and FailureError as an identification.
+    """
+    result = result_at_rest(fit_table(poses_of(folder).table))
     return estimate_of(result, logs, seconds_of(logs))
 
 
@@ -130,11 +155,7 @@ def _noise_by_channel(recording: RecordingEstimate) -> dict[str, float]:
 
 def estimate_of(result: Identification, logs: Logs, until: float) -> Estimate:
     """The estimate that a result of one recording gives, of its rows until a time [s]."""
-    (recording,) = result.recordings
-    clock, step = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
-    tool = robot_frames(recording.geometry, logs.robot.q[::step]).tip.T
-    covered = coverage(logs.robot.t[::step], tool, recording.geometry.origin)
-    return Estimate(
+    estimate = Estimate(
         until=until,
         model=result.model,
         status=str(result.verdict.status),
@@ -144,6 +165,17 @@ def estimate_of(result: Identification, logs: Logs, until: float) -> Estimate:
         white=result.robot.tcp_white,
         widened=result.robot.tcp_widened,
         acceptable=result.verdict.acceptable,
+    )
+    if result.poses is not None:
+        ((followed, (offset, skew)),) = result.poses.clocks.values()
+        stated = followed.offset, followed.skew
+        return replace(estimate, clock=stated, clock_sigma=(offset, skew))
+    (recording,) = result.recordings
+    clock, step = recording.clock, 1 + logs.robot.t.size // COVERED_ROWS
+    tool = robot_frames(recording.geometry, logs.robot.q[::step]).tip.T
+    covered = coverage(logs.robot.t[::step], tool, recording.geometry.origin)
+    return replace(
+        estimate,
         clock=None if clock is None else (clock.offset, clock.skew),
         clock_sigma=recording.clock_sigma,
         noise=_noise_by_channel(recording),
@@ -153,5 +185,5 @@ def estimate_of(result: Identification, logs: Logs, until: float) -> Estimate:
 
 def seconds_of(logs: Logs) -> float:
     """[s] that both logs hold, each from its first row."""
-    instrument = logs.ballbar or logs.length or logs.robot
+    instrument = logs.ballbar or logs.length or logs.tracker or logs.robot
     return float(min(logs.robot.t[-1], instrument.t[-1]))

@@ -10,6 +10,8 @@ is left out by the reader, and is whole at the next update. Then
    are read as by the fit before, once that was confirmed;
 3. where a residual remains, the complete model is fitted in growing intervals, elsewhere.
 
+Where an instrument follows the robot, the recording is identified whole in growing intervals.
+
 Nothing here waits or looks at a clock: `update` is given the time.
 """
 
@@ -20,8 +22,6 @@ from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.pool import AsyncResult, Pool
 from pathlib import Path
-
-import numpy as np
 
 from acquisition.recording import Recording
 from ballbar.recordings.read_with_causes import read_with_causes
@@ -38,15 +38,16 @@ from ballbar.watch.state import (
     Alarm,
     Estimate,
     WatchState,
+    axes_covered,
     complete_estimate,
     estimate_of,
+    followed_estimate,
     seconds_of,
 )
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
-from cell.load import load_cell, load_measured_cell
-from cell.robot_angles import joints_to_axes
+from cell.load import load_cell, load_measured_cell, load_robot
 from ident.causes import suspects
 from ident.identify import kinematic_result
 from ident.options import FitOptions
@@ -102,6 +103,7 @@ class Watch:
         self._fitted: RecordingFit | None = None
         self._next_fit = self._fitted_until = 0.0  # [s] of the recording
         self._estimate: Estimate | None = None
+        self._no_fit = "too little motion yet to identify anything"
         # end [s] of the recording and result of a complete fit under way
         self._complete: tuple[float, AsyncResult[Estimate]] | None = None
         self._next_complete = COMPLETE_FIRST
@@ -112,9 +114,14 @@ class Watch:
         """The state of the recording; now : [s] on a clock that goes on evenly."""
         try:
             recording = read_with_causes(self._folder)
-            self._cell = self._cell or _cell(self._folder, recording)
-            sources = recording.description.sources
-            named = (sources.robot, sources.ballbar, sources.length)
+            described, tracker, sources = recording.description, None, recording.description.sources
+            if described.followed:
+                robot = load_robot(described.robot, relative_to=self._folder)
+                tracker = sources.tracker
+            else:
+                self._cell = self._cell or _cell(self._folder, recording)
+                robot = self._cell.robot
+            named = (sources.robot, sources.ballbar, sources.length, tracker)
             latest = [source.files[-1] for source in named if source is not None]
             sizes = {name: (self._folder / name).stat().st_size for name in latest}
         except (UnfinishedLogError, DescriptionError, OSError) as error:
@@ -132,23 +139,24 @@ class Watch:
         silent = self._silence.alarms(sizes, now, seconds)
         if not over:
             alarms += [*silent, *standing(logs)]
-        prediction = None
-        if self._fitted is not None:
-            prediction = predict(self._cell, self._fitted, logs, HELD_OUT)
-        alarms += self._identified(self._cell, logs, seconds, prediction)
+        prediction, cell = None, self._cell
+        if cell is None:
+            self._ask_followed(logs, seconds)
+        else:
+            if self._fitted is not None:
+                prediction = predict(cell, self._fitted, logs, HELD_OUT)
+            alarms += self._identified(cell, logs, seconds, prediction)
         if self._fitted is not None:
             alarms += self._steps.alarms(self._fitted.samples, self._fitted.clock, seconds)
-        if self._complete is not None and self._complete[1].ready():
-            with suppress(*NO_FIT):
-                self._estimate = replace(self._complete[1].get(), until=self._complete[0])
-            self._complete = None
+        self._take_complete()
         estimate = self._estimate  # no longer young, and all the same of no such machine
         if estimate and estimate.status == Status.IMPLAUSIBLE and estimate.until >= YOUNG:
             alarms.append(Alarm("implausible", estimate.sentence, seconds))
         rows = Counter[str]()
         for file in recording.report.files:
             rows[file.source] += file.rows_read
-        return self._stated(dict(rows), logs, seconds, prediction, alarms)
+        axes = axes_covered(robot, logs.robot.q)
+        return self._stated(dict(rows), axes, seconds, prediction, alarms)
 
     def finish(self, now: float) -> WatchState:
         """The state of the whole recording, nothing of it held out.
@@ -157,15 +165,20 @@ class Watch:
         """
         self._ended = True
         state = self.update(now)
-        if self._cell is None or self._estimate is None or self._unread or self._misfit:
+        early = self._estimate is None and self._cell is not None
+        if early or not state.rows or self._unread or self._misfit:
             return state
         try:
             logs = logs_of(self._folder.name, read_with_causes(self._folder))
-            estimate = complete_estimate(self._cell, logs, self._accuracy)
-        except (*NO_FIT, OSError):  # what was known before is shown, and is not enough
-            return replace(state, enough=False)
+            if self._cell is None:
+                estimate = followed_estimate(self._folder, logs)
+            else:
+                estimate = complete_estimate(self._cell, logs, self._accuracy)
+        except (*NO_FIT, OSError) as error:  # what was known before is shown, and is not enough
+            return replace(state, enough=False, waiting="" if state.estimate else str(error))
         enough = self._reached(estimate) and not state.alarms
-        return replace(state, estimate=estimate, tcp_sigma_end=estimate.tcp_sigma, enough=enough)
+        end = estimate.tcp_sigma
+        return replace(state, waiting="", estimate=estimate, tcp_sigma_end=end, enough=enough)
 
     def _reached(self, estimate: Estimate) -> bool:
         """Whether the true TCP error is within the accuracy in 95 % of such estimates."""
@@ -270,35 +283,46 @@ class Watch:
             self._complete = until, self._pool.apply_async(complete_estimate, arguments)
             self._next_complete = until * COMPLETE_GROWTH
 
+    def _ask_followed(self, logs: Logs, until: float) -> None:
+        """Hands over a recording of an instrument that follows the robot, if it is time."""
+        due = not self._ended and until >= max(SHORTEST, self._next_fit)
+        if due and self._pool is not None and self._complete is None:
+            self._no_fit, arguments = "being identified", (self._folder, logs)
+            self._complete = until, self._pool.apply_async(followed_estimate, arguments)
+            self._next_fit = until * COMPLETE_GROWTH
+
+    def _take_complete(self) -> None:
+        """Makes a fit that was handed over the estimate, once it is done."""
+        if self._complete is None or not self._complete[1].ready():
+            return
+        try:
+            self._estimate = replace(self._complete[1].get(), until=self._complete[0])
+        except (*NO_FIT, OSError) as error:
+            self._no_fit = str(error)
+        self._complete = None
+
     def _stated(
         self,
         rows: dict[str, int],
-        logs: Logs,
+        axes: tuple[float, ...],
         seconds: float,
         prediction: Prediction | None,
         alarms: list[Alarm],
     ) -> WatchState:
         """The state after an update, from what was found by it."""
-        estimate, cell = self._estimate, self._cell
-        assert cell is not None  # once a recording was read
-        axes = joints_to_axes(cell.robot, logs.robot.q[:: 1 + logs.robot.q.shape[0] // 5000])
-        span = cell.robot.accuracy_upper - cell.robot.accuracy_lower
-        end = None
-        if self._duration is not None and estimate is not None and estimate.status == Status.GOOD:
+        estimate, cell, end = self._estimate, self._cell, None
+        good = estimate is not None and estimate.status == Status.GOOD
+        if self._duration is not None and cell is not None and estimate is not None and good:
             end = estimate.at_end(self._duration, scale=scale_error(cell))
-        enough = (
-            estimate is not None
-            and self._reached(estimate)
-            and prediction is not None
-            and prediction.ratio <= AGREES
-            and not alarms
-        )
+        # an instrument that follows predicts in its cross-validation, which the verdict heeds
+        agrees = cell is None if prediction is None else prediction.ratio <= AGREES
+        enough = estimate is not None and self._reached(estimate) and agrees and not alarms
         self._state = WatchState(
             seconds=seconds,
             rows=rows,
-            waiting="" if estimate else "too little motion yet to identify anything",
+            waiting="" if estimate else self._no_fit,
             alarms=since_first(alarms, self._state.alarms),
-            axes=tuple(np.minimum(1.0, np.ptp(axes, axis=0) / span).tolist()),
+            axes=axes,
             estimate=estimate,
             predicted=None if prediction is None else prediction.ratio,
             tcp_sigma_end=end,

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
+import time
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +14,12 @@ import pytest
 
 from acquisition.recording import read_recording
 from ballbar.result.calibration import Calibration
+from ballbar.result.run_recordings import identify_files
+from ballbar.watch.show import line, panel
+from ballbar.watch.watch import Watch
 from cell.load import load_instrument
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from cell.statistics import rms
 from sim.recording_files import truth_path
 from sim.truth import Truth, load_truth
 from tests.helpers.command_line import ballbar
@@ -97,3 +104,73 @@ def test_settings_of_a_ballbar_are_refused(tmp_path: Path) -> None:
     code, _, err = ballbar("identify", str(folder), "--model", "dh")
     assert code == 2
     assert "gives poses, and these settings are of a ball-bar's logs" in err
+
+
+@pytest.mark.slow
+def test_the_stored_result_is_compared_with_its_truth(mocap: Path) -> None:
+    code, out, err = ballbar("compare", str(mocap), str(truth_path(mocap / "recording")), "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    model, nominal = (found[key]["mean_m"] for key in ("tcp_difference", "tcp_difference_nominal"))
+    assert model < 0.3 * nominal
+    assert abs(found["clock_offset_error_s"]) < 2e-4
+    assert max(abs(p["z"]) for p in found["parameters"].values()) < 5.0
+
+
+@pytest.mark.slow
+def test_a_growing_recording_of_an_instrument_that_follows_is_watched(tmp_path: Path) -> None:
+    """Half of the rows, half a row more, then all: what is stated at the end is identified."""
+    made = FollowedRobot(seed=8).write(tmp_path / "made", seconds=30.0)
+    growing = tmp_path / "growing"
+    growing.mkdir()
+    shutil.copy(made / "recording.yaml", growing)
+    texts = {file: (made / file).read_text() for file in ("robot.csv", "tracker.csv")}
+    for file, text in texts.items():
+        (growing / file).write_text(text[: len(text) // 2])
+    with get_context("spawn").Pool(1) as pool:
+        watch = Watch(growing, accuracy=1e-3, pool=pool)
+        state = watch.update(0.0)
+        assert state.waiting == "being identified"
+        for now in range(1, 60):
+            if (state := watch.update(float(now) / 20)).estimate:
+                break
+            time.sleep(0.5)
+        assert state.estimate is not None
+        assert 13.0 < state.estimate.until < 15.5
+        half = state.estimate.tcp_sigma
+        for file, text in texts.items():
+            (growing / file).write_text(text)
+        state = watch.finish(4.0)
+    poses = identify_files([made]).identification
+    assert state.estimate is not None
+    assert state.estimate.tcp_sigma == pytest.approx(rms(poses.robot.tcp_sigma), rel=1e-9)
+    assert state.estimate.tcp_sigma < half
+    assert (state.estimate.status, state.enough, state.alarms) == ("good", True, ())
+    assert state.estimate.clock is not None
+    assert state.estimate.clock[0] == pytest.approx(0.217, abs=1e-4)
+    assert "mm, without the scale of the instrument" in line(state.to_dict())
+    assert panel(state.to_dict())
+
+
+def test_logs_of_two_runs_are_watched_and_called_implausible(tmp_path: Path) -> None:
+    made = FollowedRobot(seed=8).write(tmp_path / "made", seconds=20.0, rate=50.0)
+    other = FollowedRobot(seed=9).write(tmp_path / "other", seconds=20.0, rate=50.0)
+    shutil.copy(other / "tracker.csv", made)
+    state = Watch(made, accuracy=1e-3).finish(0.0)
+    assert state.estimate is not None
+    assert (state.estimate.status, state.enough) == ("implausible", False)
+
+
+def test_a_day_with_an_instrument_that_follows_is_not_rehearsed(tmp_path: Path) -> None:
+    code, _, err = ballbar("rehearse", "ur10e_mocap", "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert "mocap_pose follows the robot, and a rehearsal plans" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_instrument_that_follows_is_not_recorded(tmp_path: Path) -> None:
+    options = ("--egm", "6510", "--robot", "irb2400", "--ballbar", "tracker_point")
+    code, _, err = ballbar("record", str(tmp_path / "out"), *options)
+    assert code == 2
+    assert "Log it with its own program" in err
+    assert not list(tmp_path.iterdir())

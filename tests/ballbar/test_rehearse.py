@@ -210,7 +210,7 @@ def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_inst
 ) -> None:
     file = scenario_file(UR)
     changes = ["path.duration_s=40", "path.stops=0", "logs.robot.rate_hz=100"]
-    scenario = as_recorded(load_scenario(UR, overrides=changes))
+    scenario = as_recorded(load_scenario(UR, overrides=changes), relative_to=file.parent)
     simulated = tmp_path / "simulated"
     simulate_scenario(scenario, file, simulated, progress=lambda _: None)
     live = {
