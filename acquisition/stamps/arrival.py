@@ -56,9 +56,7 @@ CHANGES = 3  # ticks by which it may differ from that of the pass before
 EARLY = 0.15  # [ticks] standard deviation of an arrival before its tick
 TOGETHER, LEAST_DELAY = 4.0, 0.2  # rows that are late together; [ticks] of the usual delay
 SIGMA, UNEVEN = 0.1, 0.3  # [ticks] of a link by its values, at least; where the speed changes
-# [ticks] of a link of two rows of one tick: a source that was read while it renewed its values, and
-# how well the values have to tell it.
-TORN, SEEN = 0.5, 0.25
+TORN, SEEN = 0.5, 0.25  # [ticks] of a link of two rows of one tick, and how well it has to be known
 SCATTER = 1.4826  # standard deviation over the median of absolute values
 WORST, MISSED = 12.0, 4.0  # cost of a link that its values contradict; of a tick that no row shows
 STILL = 0.01  # of the usual way of a tick: so slow is a source that stands
@@ -189,7 +187,8 @@ def _source(arrival: Array, values: Array) -> _Source | None:
     ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
     period, phase, prompt, _ = _blocks(arrival, ticks, period)
     start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
-    return _Source(period, start, ticks, float(np.sqrt(0.5 * np.mean(left**2))) * period)
+    sigma = period * float(np.sqrt(0.5 * np.mean(left**2)))
+    return _Source(period, start, ticks, sigma)
 
 
 def _counted(
@@ -291,8 +290,7 @@ def _starts(phase: Array) -> Array:
 def _missed(late: Array, sure: Mask, block: int) -> Array:
     """(F,) ticks that the rows have beyond those that were counted.
 
-    They are as many as none of the next rows contradicts by an arrival before its tick, and one
-    number for rows between which all ticks are sure.
+    They are as many as none of the next rows contradicts by an arrival before its tick.
     late : (F,) [ticks] of the arrivals after the ticks that were counted.
     """
     piece = np.concatenate(([True], ~sure))
