@@ -301,16 +301,21 @@ def _missed(late: Array, sure: Mask, block: int) -> Array:
 
 
 def _settled(
-    arrival: Array, values: Array, ticks: Array, period: float, block: int, told: tuple[Mask, Array]
+    arrival: Array,
+    values: Array,
+    ticks: Array,
+    period: float,
+    block: int,
+    links: tuple[Mask, Array],
 ) -> Array:
     """(F,) ticks of the most likely sequence.
 
     arrival : (F,) [s]. values : (C, F). ticks : (F,) about. block : rows among which one is hardly
-    late. told : of the links, which are sure, and their progress. Each pass looks at some ticks on
+    late. links : of the links, which are sure, and their progress. Each pass looks at some ticks on
     either side of what the one before has found.
     """
     for _ in range(PASSES):
-        sure, progress = told
+        sure, progress = links
         link = np.flatnonzero(~sure)
         if not link.size:
             break
@@ -325,7 +330,7 @@ def _settled(
         ticks = ticks + more
         if sure.mean() > ENOUGH or not more.any():
             break
-        told = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))[1:]
+        links = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))[1:]
     return ticks
 
 
