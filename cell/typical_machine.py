@@ -2,13 +2,14 @@
 
 A robot's file may state no masses, gears, servo or rotors. Plans of the force in a ball-bar's rod
 and the dynamic simulation then take typical values, each with the spread over published robots;
-an identification never does. Sizes are scaled with the chain's length L (`arm_length`) and the
-robot's mass M. Every spread is the standard deviation of a natural logarithm.
+an identification has unknowns about them (ident.corrections.typical_gears). Sizes are scaled with
+the chain's length L (`arm_length`) and the robot's mass M. Every spread is the standard deviation
+of a natural logarithm.
 
 Sources: data sheets of 16 robots for their masses (docs/how_to/own_robot.md lists them); [I] and
 [N], cell/robots/irb2400.yaml and nj220.yaml with the sources that they name; [U] Universal Robots,
-ur_description, physical_parameters.yaml of UR5e and UR10e; [K] iiwa_stack, iiwa14 URDF; [P] Gaz,
-Cognetti, Oliva, Robuffo Giordano & De Luca 2019, doi 10.1109/LRA.2019.2931248 (Panda).
+ur_description, physical_parameters.yaml of UR5e and UR10e; [K] iiwa_stack, iiwa14 URDF; [P] Gaz
+et al. 2019, doi 10.1109/LRA.2019.2931248 (Panda).
 """
 
 from __future__ import annotations

@@ -14,7 +14,12 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
+from ident.corrections import (
+    SUBSTITUTES,
+    belongs_to_machine,
+    correction_named,
+    corrections_on_evidence,
+)
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
@@ -136,6 +141,10 @@ def fit_complete(
         else:
             faults = exact
             result = with_noise(run.first(chosen, faults), listener)
+    # What substitutes take up of each other passes for support of both.
+    while automatic and (idle := unsupported(result) & SUBSTITUTES.keys()):
+        chosen = [c for c in chosen if c.name not in idle]
+        result = with_noise(result, listener, recast(result, chosen))
     return replace(result, step_faults=sized(result, faults, lines))
 
 

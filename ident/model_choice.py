@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.arrays import Array
-from ident.corrections import belongs_to_machine
+from ident.corrections import SUBSTITUTES, belongs_to_machine
 from ident.corrections.base import Correction
 from ident.corrections.gear_ratio import GEAR_RATIO
 from ident.estimator.fit import Fit
@@ -71,7 +71,8 @@ def unsupported(result: Fit) -> set[str]:
 
     Neighbours with autocorrelation a leave `(1 - a) / (1 + a)` of the samples (Bartlett 1946). What
     may well be absent, with a mean of 0, is not supported where a compliance of it came out
-    negative: it then stands for something else, and the robot is worse with it.
+    negative: it then stands for something else, and the robot is worse with it. Negative values are
+    no support of it, nor of what is typical of robots and no file describes.
     """
     correlation, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
     widening = result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
@@ -79,7 +80,8 @@ def unsupported(result: Fit) -> set[str]:
     for correction in present(result):
         position = coefficients_of(result, correction)
         values, white = result.x[position].copy(), result.covariance[position, position]
-        absent = [c.never_negative and c.mean == 0.0 for c in correction.coefficients]
+        typical = correction.name in SUBSTITUTES
+        absent = [c.never_negative and (typical or not c.mean) for c in correction.coefficients]
         values[absent] = np.maximum(values[absent], 0.0)
         impossible = any(c.name in negative and c.mean == 0.0 for c in correction.coefficients)
         if impossible or not not_by_chance(values, widening * white):

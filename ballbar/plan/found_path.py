@@ -8,9 +8,6 @@ from pathlib import Path
 from ballbar.scenario import Scenario, with_absolute_names
 from cell.files import write_yaml
 from cell.load import load_robot
-from planning.files import planned_path_data
-from planning.plan import plans
-from planning.request import PlanRequest, completed
 
 CELL = {"robot", "ballbar", "instrument", "plate", "ballbar_position_m"}
 
@@ -25,6 +22,11 @@ def with_found_path(scenario: Scenario, folder: Path, file: Path) -> Scenario:
     path, cell = scenario.path, scenario.cell
     if path is None or path.kind != "lissajous" or path.file:
         return scenario
+    # A run whose path is known loads no planner.
+    from planning.files import planned_path_data  # noqa: PLC0415
+    from planning.plan import plans  # noqa: PLC0415
+    from planning.request import PlanRequest, completed  # noqa: PLC0415
+
     named, fitted = with_absolute_names(scenario, folder).cell, scenario.encoders.fitted
     data: dict[str, object] = {
         "schema": "ballbar-plan/1",

@@ -8,9 +8,10 @@ differ by constants:
 
 with the gain g, the rotation R and the shift z between the two frames, the lever arm x from one
 point of the body to the other, and the rotation X between the two body frames (R_a X = R R_b is
-the hand-eye equation AX = YB, Shah, Eastman & Hong 2012). One channel is the case of one dimension,
-a gain and a zero. Three channels have no lever arm unless a log holds the rotation too; if only B
-does, the law is `p_a = g R (p_b + R_b x) + z`. Angular rates of a body are vectors in its frame.
+the hand-eye equation AX = YB of Shah, Eastman & Hong 2012). One channel is the case of one
+dimension, a gain and a zero. Three channels have no lever arm unless a log holds the rotation too;
+if only B does, the law is `p_a = g R (p_b + R_b x) + z`. Angular rates of a body are vectors in its
+frame.
 
 Residuals are measured (A) minus predicted (from B); that of a rotation is the rotation vector from
 the predicted to the measured one, in A's body frame.

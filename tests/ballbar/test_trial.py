@@ -312,7 +312,13 @@ def test_device_logs_refuse_the_errors_of_paired_samples(name: str, plant: str) 
         ),
         ({"identify": {"cost": "ml", "form": "thesis"}}, "the thesis prints no ml"),
         ({"path": {"kind": "recorded", "duration_s": 60.0}}, "kind recorded needs recording"),
-        ({"path": {"kind": "lissajous", "duration_s": 60.0}}, "kind lissajous needs file"),
+        (
+            {
+                "path": {"kind": "lissajous", "duration_s": 60.0},
+                "accept": {"held_out_file": "paths/irb2400_b.yaml", "held_out_ratio": 1.3},
+            },
+            "another path needs path.kind = lissajous and its file",
+        ),
         (
             {"path": {"kind": "recorded", "recording": "r", "stops": 0, "duration_s": 60.0}},
             "kind recorded has no use for it",
