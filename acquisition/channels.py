@@ -23,7 +23,7 @@ import numpy as np
 from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
-from acquisition.stamps.arrival import of_arrival, with_source_times
+from acquisition.stamps.arrival import of_one_source, with_source_times
 from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds, without_strays
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table, read_table
@@ -127,7 +127,7 @@ def _of_table(
     table = replace(table, columns={STAMP: ns, **table.columns})
     table = in_sequence(replace(table, findings=(*table.findings, *findings)), None)
     raw, table = table, with_source_times(without_strays(table), chosen)
-    if not of_arrival(table):
+    if not of_one_source(table):
         refuse_two_publishers(raw, chosen, "")
     table = in_order(table)
     values = np.stack([table.columns[name] for name in chosen], axis=1)

@@ -14,7 +14,7 @@ from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.flags import Flags
 from acquisition.formats.registry import read_file
 from acquisition.report import FileSummary, Finding
-from acquisition.stamps.arrival import of_arrival, with_source_times
+from acquisition.stamps.arrival import of_one_source, with_source_times
 from acquisition.stamps.order import STAMP, in_order, in_sequence, join, without_strays
 from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
@@ -206,7 +206,7 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     raw, table = table, spread(table, source.declared.quantised)
     if source.declared.quantised is None:
         table = with_source_times(without_strays(table), source.layout.signal)
-    if not of_arrival(table):  # bursts of one source are no pairs of two
+    if not of_one_source(table):  # bursts of one source are no pairs of two
         refuse_two_publishers(raw, source.layout.signal, unit)
     table = in_order(table)
     summary = FileSummary(

@@ -50,7 +50,12 @@ class ChannelPair:
 def channel_pair(
     group: Group, sides: tuple[Side, Side], fit: GroupFit, of_clock: Array
 ) -> ChannelPair:
-    """The map of a group in the units of the logs."""
+    """The map of a group in the units of the logs.
+
+    sides : of A and of B, whose centres and scales the fit has taken out.
+    of_clock : (2, 2) covariance of the clock at the middle [s] and of the skew [-], which adds to
+    that of the map.
+    """
     (a, b), m = sides, fit.map
     covariance, white = fit.covariances(of_clock)
     own, gain, d = m.unknowns, m.gain * a.scale / b.scale, m.zero.size

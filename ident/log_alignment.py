@@ -241,7 +241,9 @@ def _smoothed(log: ChannelLog, names: Names, *, vector: bool) -> _Smoothed:
         )
     except ValueError as error:
         raise LogError(f"{log.name}: {error}. Log a longer run.") from None
-    return _Smoothed(log, names, smooth, centre, scale, period / np.sqrt(12.0), tuple(remarks))
+    return _Smoothed(
+        log, names, smooth, centre, scale, late=period / np.sqrt(12.0), remarks=tuple(remarks)
+    )
 
 
 def _speeds(

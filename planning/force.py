@@ -117,7 +117,9 @@ def force_model(cell: Cell, servo: str, *, seed: int) -> ForceModel:
             coulomb=np.array([g.coulomb for g in gears]),
             viscous=np.array([g.viscous for g in gears]),
         )
-    return ForceModel(cell, mass_model(cell), gains, names, errors, typical, machines)
+    return ForceModel(
+        cell, mass_model(cell), gains, names, errors, typical=typical, machines=machines
+    )
 
 
 def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:

@@ -48,6 +48,7 @@ SAMPLE = 20_000  # rows that show the period at first
 MANY = 100_000  # delays, whose mean is the usual one
 BLOCK, STEADY = 32, 0.15  # rows among which the least delay counts; ticks by which it may scatter
 MOST = 4000  # blocks
+MOST_TICKS = 1.5  # from row to row in the mean, of a log that shows most ticks of its source
 SPANS = 10  # of rows with sure ticks, over which the period shows better
 AHEAD = 4  # blocks with a row that is hardly late, by all odds
 STEADIED = 32  # blocks on either side that show the phase of clocks that drift apart
@@ -179,6 +180,8 @@ def _source(arrival: Array, values: Array) -> _Source | None:
             break
         count, sure, progress = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))
     ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
+    if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
+        return None
     period, phase, prompt, _ = _blocks(arrival, ticks, period)
     start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
     sigma = period * float(np.sqrt(0.5 * np.mean(left**2)))
@@ -433,9 +436,14 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
     return replace(table, columns={**table.columns, STAMP: moved}).take(used)
 
 
-def of_arrival(table: Table) -> bool:
-    """Whether the stamps of a table were of arrival and have been undone."""
-    return any(entry.kind == ARRIVAL for entry in table.findings)
+def of_one_source(table: Table) -> bool:
+    """Whether the stamps were of arrival and the rows show most ticks of one source.
+
+    Pairs of rows with many ticks between one and the next may be of two.
+    """
+    step = np.diff(table.columns[STAMP])
+    undone = any(entry.kind == ARRIVAL for entry in table.findings)
+    return undone and float(step.mean()) < MOST_TICKS * float(np.quantile(step, 0.1))
 
 
 def _continuous(column: NDArray[Any]) -> Array:

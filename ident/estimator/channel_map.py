@@ -145,7 +145,10 @@ def first_map(a: Trace, b: Trace) -> ChannelMap:
 
 
 def nearest_turn(correlation: Array) -> Rotation:
-    """The rotation R with the largest trace of `R' correlation`, correlation (3, 3)."""
+    """The rotation R with the largest trace of `R' correlation` (Kabsch 1976).
+
+    correlation : (3, 3) sum of products of two sets of vectors, of any scale [-].
+    """
     u, _, v = np.linalg.svd(correlation)
     return Rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v)
 
@@ -161,7 +164,10 @@ class Linearised:
 
 
 def linearised(m: ChannelMap, a: Trace, b: Trace) -> Linearised:
-    """Residual and derivatives at N instants; small angles between measured and predicted."""
+    """Residual and derivatives at N instants; small angles between measured and predicted.
+
+    m : the map, of points over the scales of their logs [-] and of rotations [rad].
+    """
     arm = np.zeros(3) if m.lever is None else m.lever
     none, residual, rates, blocks = np.zeros((a.rate.shape[0], 0)), [], [], []
     n, d, both = len(none), m.zero.size, m.hand is not None
@@ -202,12 +208,15 @@ def _carried(side: Trace, arm: Array) -> tuple[Array, Array]:
 
 
 def skew(x: Array) -> Array:
-    """(N, 3, 3) matrices of the cross products with x (N, 3)."""
+    """(N, 3, 3) matrices of the cross products with x (N, 3), both in the unit of x, [-] or [m]."""
     return np.asarray(np.cross(x[:, None, :], np.eye(3)[None]).swapaxes(1, 2))
 
 
 def weights(m: ChannelMap, residual: Array) -> Array:
-    """(m,) one over the variance of each column of a residual (N, m), pooled over its part."""
+    """(m,) one over the variance of each column of a residual, pooled over its part.
+
+    residual : (N, m) of points over the scale of A [-], then of the rotation [rad].
+    """
     weight = np.empty(residual.shape[1])
     for part in m.parts:
         weight[part] = 1.0 / max(EXACT**2, float((residual[:, part] ** 2).mean()))
@@ -215,7 +224,10 @@ def weights(m: ChannelMap, residual: Array) -> Array:
 
 
 def normal_of(m: ChannelMap, columns: Array) -> Array:
-    """(P, P) normal matrix of whitened columns (N, m, P), kept finite by the priors."""
+    """(P, P) normal matrix of whitened columns, kept finite by the priors of the unknowns.
+
+    columns : (N, m, P) derivatives over the residual's sigma, by rotations [1/rad], by others [-].
+    """
     flat = columns.reshape(-1, columns.shape[2])
     normal = flat.T @ flat
     prior = m.prior**-2.0

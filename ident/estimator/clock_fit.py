@@ -207,7 +207,7 @@ def _group(
     along = np.linalg.solve(maps.normal_of(m, columns), flat.T @ clocks)  # (P, 4)
     measured, predicted = (clocks - flat @ along).T.reshape(2, 2, *at.residual.shape)
     change = -0.5 * (along[:, :2] + along[:, 2:])
-    return GroupFit(t, a, b, m, at, root, measured, predicted, change)
+    return GroupFit(t, a, b, m, at, root, measured=measured, predicted=predicted, along=change)
 
 
 def _converged(

@@ -32,9 +32,9 @@ def scan_speeds(
 ) -> LagScan:
     """Score of every lag; `t_a = lag * step + t_b` on the two even grids.
 
-    a : (Na, Ca), b : (Nb, Cb) speeds, each channel over its rms. pairs : columns of a and b, single
-    ones or those of vectors.
-    least : samples that must overlap. paired : whether all pairs count; otherwise the best one of
+    a : (Na, Ca), b : (Nb, Cb) speeds, each channel over its rms [-]. pairs : columns of a and b,
+    single ones or those of vectors.
+    least : [samples] that must overlap. paired : whether all pairs count; otherwise the best one of
     each column of a.
     """
     lags = np.arange(-(len(b) - 1), len(a))
@@ -62,9 +62,9 @@ def speed_correlation(
 ) -> Array:
     """(pairs,) size of the correlation about zero of speeds at one lag [samples].
 
-    a, b, pairs : as in `scan_speeds`. window : samples. Clocks that drift apart agree at one lag
-    for a while only, so the largest correlation of a window is given. mean_of : samples; the speeds
-    and their moving means, in which noise is less, are compared.
+    a, b, pairs : as in `scan_speeds`. window : [samples]. Clocks that drift apart agree at one lag
+    for a while only, so the largest correlation of a window is given.
+    mean_of : [samples]; the speeds and their moving means, in which noise is less, are compared.
     """
     if mean_of > 1:
         mean = [uniform_filter1d(x, mean_of, axis=0) for x in (a, b)]
@@ -85,7 +85,7 @@ def speed_correlation(
 def likely_pairs(correlation: Array, least: float) -> list[tuple[int, int]]:
     """Columns of a and b that go together: strongest correlation first, each column once.
 
-    correlation : (Ca, Cb). least : size of a correlation below which columns remain alone.
+    correlation : (Ca, Cb) [-]. least : its size [-] below which columns remain alone.
     """
     size, pairs = np.abs(correlation), list[tuple[int, int]]()
     while size.size and size.max() >= least:

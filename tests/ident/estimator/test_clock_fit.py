@@ -7,12 +7,12 @@ import pytest
 
 from cell.arrays import Array
 from cell.clock import Clock
-from ident.estimator.clock_fit import ClockFit, fit_clock
+from ident.estimator.clock_fit import ClockFit, Side, fit_clock
 from ident.estimator.sample_times import MARGIN
-from ident.signals.smooth_log import interpolating_log
+from tests.helpers.log_sides import side_of
 from tests.helpers.two_recorders import wandering
 
-NONE = np.zeros(2)
+Log = tuple[Array, Array]
 
 
 def fitted(t: Array, clock: Clock, start: float, *, zero: float = 0.0) -> ClockFit | None:
@@ -21,9 +21,15 @@ def fitted(t: Array, clock: Clock, start: float, *, zero: float = 0.0) -> ClockF
     zero : [s] that B's clock shows at its first row.
     """
     motion = wandering(np.random.default_rng(1))
-    a = interpolating_log(t, motion(t), NONE)
-    b = interpolating_log(t + zero, 2.0 * motion(np.asarray(clock.robot_time(t))) + 1.0, NONE)
-    return fit_clock(a, b, start)
+    seen = 2.0 * motion(np.asarray(clock.robot_time(t))) + 1.0
+    return fit_clock(single_channels((t, motion(t)), (t + zero, seen)), start)
+
+
+def single_channels(a: Log, b: Log) -> list[tuple[Side, Side]]:
+    """Each channel of A with that of the same place in B; a log : times (N,) [s], values (N, C)."""
+    return [
+        (side_of(a[0], a[1][:, [k]]), side_of(b[0], b[1][:, [k]])) for k in range(a[1].shape[1])
+    ]
 
 
 MINUTE = np.arange(0.0, 60.0, 0.01)
@@ -39,8 +45,10 @@ def test_exact_logs_give_the_clock_to_a_nanosecond_and_their_gains(
     assert fit is not None
     assert fit.clock.offset == pytest.approx(clock.offset, abs=1e-9)
     assert fit.clock.skew == pytest.approx(clock.skew, abs=1e-10)
-    np.testing.assert_allclose(fit.gain, 0.5, rtol=1e-8)
-    np.testing.assert_allclose(fit.zero, -0.5, rtol=1e-8)
+    assert len(fit.groups) == 2
+    for group in fit.groups:
+        assert group.map.gain == pytest.approx(0.5, rel=1e-8)
+        np.testing.assert_allclose(group.map.zero, -0.5, rtol=1e-8)
 
 
 def test_no_clock_without_overlap() -> None:
@@ -59,9 +67,8 @@ def test_a_skew_that_shifts_the_ends_by_a_second_is_followed_from_the_middle() -
     """Periods of the motion are 0.6 s and more: at the ends the start is more than one off."""
     motion, clock = wandering(np.random.default_rng(2)), Clock(0.0, 2e-3)
     t = np.arange(500.0, 1500.0, 0.05)
-    a = interpolating_log(t, motion(3.0 * t), NONE)
-    b = interpolating_log(t, motion(3.0 * np.asarray(clock.robot_time(t))), NONE)
-    fit = fit_clock(a, b, 2.0)
+    seen = motion(3.0 * np.asarray(clock.robot_time(t)))
+    fit = fit_clock(single_channels((t, motion(3.0 * t)), (t, seen)), 2.0)
     assert fit is not None
     assert fit.clock.skew == pytest.approx(2e-3, abs=1e-8)
 
@@ -69,10 +76,7 @@ def test_a_skew_that_shifts_the_ends_by_a_second_is_followed_from_the_middle() -
 def test_a_channel_that_stands_still_is_no_evidence() -> None:
     motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 20.0, 0.01)
     still = motion(t) * [1.0, 0.0] + [0.0, 0.25]
-    alone, both = (
-        interpolating_log(t, values, np.zeros(c)) for c, values in ((1, still[:, :1]), (2, still))
-    )
-    fits = [fit_clock(log, log, 0.0) for log in (alone, both)]
+    fits = [fit_clock(single_channels((t, log), (t, log)), 0.0) for log in (still[:, :1], still)]
     assert fits[0] is not None
     assert fits[1] is not None
     assert fits[1].evidence == pytest.approx(fits[0].evidence, rel=1e-9)
