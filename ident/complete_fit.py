@@ -14,12 +14,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import (
-    SUBSTITUTES,
-    belongs_to_machine,
-    correction_named,
-    corrections_on_evidence,
-)
+from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
@@ -51,7 +46,7 @@ from ident.loads.logged_tension import (
     tension_splines,
     torque_tension,
 )
-from ident.model_choice import needed_corrections, present, unsupported
+from ident.model_choice import needed_corrections, present, unsupported, unsupported_substitutes
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.steps import StepFault
@@ -132,7 +127,7 @@ def fit_complete(
         result = with_noise(run.first(chosen, faults), listener)
     exact = with_exact_periods(result, faults, lines)
     idle = unsupported(result) if automatic else set()
-    if idle or exact != faults:
+    while idle or exact != faults:
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
         chosen = [c for c in chosen if c.name not in idle]
@@ -141,10 +136,7 @@ def fit_complete(
         else:
             faults = exact
             result = with_noise(run.first(chosen, faults), listener)
-    # What substitutes take up of each other passes for support of both.
-    while automatic and (idle := unsupported(result) & SUBSTITUTES.keys()):
-        chosen = [c for c in chosen if c.name not in idle]
-        result = with_noise(result, listener, recast(result, chosen))
+        idle = unsupported_substitutes(result) if automatic else set()
     return replace(result, step_faults=sized(result, faults, lines))
 
 

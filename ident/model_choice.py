@@ -89,6 +89,13 @@ def unsupported(result: Fit) -> set[str]:
     return out
 
 
+def unsupported_substitutes(result: Fit) -> set[str]:
+    """Those of `unsupported` that are substitutes: of each other they take up what passes for
+    support of both, so they are tried again once others went.
+    """
+    return unsupported(result) & SUBSTITUTES.keys()
+
+
 def negative_coefficients(result: Fit, sigma: Array) -> tuple[str, ...]:
     """Compliances and plays that came out negative beyond their uncertainty.
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
+from time import monotonic
 
 from ballbar.scenario import Scenario, with_absolute_names
 from cell.files import write_yaml
@@ -39,15 +39,10 @@ def with_found_path(scenario: Scenario, folder: Path, file: Path) -> Scenario:
         data |= {"servo": scenario.plant.servo}
         data |= {"sensors": {"encoders": fitted}} if len(fitted) > 1 else {}
     request = completed(PlanRequest.model_validate(data), load_robot(named.robot))
-    plan = next(
-        plans(
-            request, relative_to=folder, workers=1, seconds=0, evaluations=0, since=time.monotonic
-        )
-    )
+    found = plans(request, relative_to=folder, workers=1, seconds=0, evaluations=0, since=monotonic)
+    plan = next(found)
     write_yaml(file, planned_path_data(plan))
     place = tuple(plan.evaluation.candidate.position.tolist())
-    cells = {
-        "path": path.model_copy(update={"file": str(file.resolve())}),
-        "cell": cell.model_copy(update={"ballbar_position_m": place}),
-    }
-    return scenario.model_copy(update=cells)
+    path = path.model_copy(update={"file": str(file.resolve())})
+    cell = cell.model_copy(update={"ballbar_position_m": place})
+    return scenario.model_copy(update={"path": path, "cell": cell})
