@@ -66,7 +66,7 @@ def test_channels_of_another_motion_are_not_acceptable(tables: tuple[Path, Path]
     assert "no clock offset makes the channels of a.csv and b.csv move together" in err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_poses_of_two_frames_are_aligned_by_their_names_or_by_options(tmp_path: Path) -> None:
     true = two_recorders("pose", 8)
     other = ChannelLog("B", true.b.t, true.b.values, ("u", "v", "w", "rx", "ry", "rz", "rw"))

@@ -139,7 +139,7 @@ def test_a_point_and_another_order_of_the_quaternion_are_asked_for(
     assert "rotation" not in sources["tracker"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_folder_is_checked_aligned_and_identified(log: Path, tmp_path: Path) -> None:
     made = tmp_path / "made"
     output("new", made, log, *SAID, "--values", ",".join(TARGET))

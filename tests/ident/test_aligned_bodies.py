@@ -61,7 +61,7 @@ def test_names_show_the_group_and_its_clock_follows(kind: str) -> None:
     assert exchanged.clock.offset == pytest.approx(inverse, abs=result.offset_sigma)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_body_that_turns_about_one_axis_has_a_clock_but_no_whole_hand() -> None:
     true = two_recorders("pose", 3, axes=(1.0, 0.0, 0.0))
     result = align_logs(true.a, true.b)
@@ -78,7 +78,7 @@ def test_a_body_that_turns_about_one_axis_has_a_clock_but_no_whole_hand() -> Non
     assert "the rotation of the body frame about (" in words
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_held_signal_counts_where_it_is_new_and_is_not_late() -> None:
     """A source of 24 ms read every 4 ms: taken as a signal it is late by 10 ms."""
     rng = np.random.default_rng(1)

@@ -190,7 +190,7 @@ def test_a_frame_with_a_wrong_sign_is_refused_as_a_mirror_image() -> None:
         table_by(robot, replace(tracker, values=tracker.values * [1.0, 1.0, -1.0]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_stated_intervals_hold_the_truth_as_often_as_they_claim() -> None:
     """Twelve drawn robots give 24 errors of the clock over what is stated."""
     clocks, tools = [], []
