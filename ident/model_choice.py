@@ -90,8 +90,10 @@ def unsupported(result: Fit) -> set[str]:
 
 
 def unsupported_substitutes(result: Fit) -> set[str]:
-    """Those of `unsupported` that are substitutes: of each other they take up what passes for
-    support of both, so they are tried again once others went.
+    """Names of the substitutes among `unsupported`.
+
+    What they take up of each other passes for support of both, so they are tried again once others
+    went.
     """
     return unsupported(result) & SUBSTITUTES.keys()
 

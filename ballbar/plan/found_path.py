@@ -39,8 +39,8 @@ def with_found_path(scenario: Scenario, folder: Path, file: Path) -> Scenario:
         data |= {"servo": scenario.plant.servo}
         data |= {"sensors": {"encoders": fitted}} if len(fitted) > 1 else {}
     request = completed(PlanRequest.model_validate(data), load_robot(named.robot))
-    found = plans(request, relative_to=folder, workers=1, seconds=0, evaluations=0, since=monotonic)
-    plan = next(found)
+    first = plans(request, relative_to=folder, workers=1, seconds=0, evaluations=0, since=monotonic)
+    plan = next(first)
     write_yaml(file, planned_path_data(plan))
     place = tuple(plan.evaluation.candidate.position.tolist())
     path = path.model_copy(update={"file": str(file.resolve())})
