@@ -45,7 +45,7 @@ def test_motion_is_followed_closer_than_single_measurements_show_it(
     assert rms(left) < share * rms(single)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["linear", "swinging", "walking", "shaken"])
 @pytest.mark.parametrize("declared", [SIGMA / 3.0, SIGMA, 3.0 * SIGMA])
 def test_the_stated_deviation_is_that_of_the_error_whatever_was_declared(

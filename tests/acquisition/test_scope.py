@@ -45,7 +45,7 @@ def test_an_export_of_every_form_holds_what_the_program_counted(form: str, tmp_p
         assert {entry.kind for entry in findings} <= {"scaled channel", "end of export"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_exports_of_the_scope_itself_are_read_as_pytcs_reads_them() -> None:
     files = sorted(EXPORTS.glob("tc3*"))
     if not files:

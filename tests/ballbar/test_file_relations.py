@@ -17,7 +17,7 @@ def measured(name: str, table: PoseTable) -> MeasuredFile:
     return MeasuredFile(name, table.groups[0], table.robot)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("robot", ["ur5", "panda", "irb2400"])
 @pytest.mark.parametrize("again", [True, False], ids=["equal poses", "other poses"])
 def test_what_two_files_share_is_seen_over_drawn_robots(robot: str, again: bool) -> None:

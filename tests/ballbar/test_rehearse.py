@@ -176,7 +176,7 @@ def test_targets_of_the_day_are_those_that_no_check_refuses(
     assert correctable(MagicMock(), np.arange(5.0)[:, None])[:, 0].tolist() == [2.0, 4.0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_simulated_controller_sends_what_the_robots_log_holds(tmp_path: Path) -> None:
     """Angles and torques of its messages, read with their dialect, are those of the log in rad."""
     made = record(tmp_path / "made", logs={"torque": {}})
@@ -204,7 +204,7 @@ def test_a_simulated_controller_sends_what_the_robots_log_holds(tmp_path: Path) 
     assert np.abs(sent.torque).max() > 100.0  # [N m] the weight of the arm
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_instant_on(
     tmp_path: Path,
 ) -> None:

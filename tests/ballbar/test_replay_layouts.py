@@ -206,7 +206,7 @@ def test_live_run_shows_the_cell(run, tmp_path):
     assert chunks(path, "/cell/robot/link6")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
     port = free_port()
     if not any(

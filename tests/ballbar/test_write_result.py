@@ -97,7 +97,7 @@ def check(result: Identification, read: Calibration) -> None:
         assert np.array_equal(read.file.geometry(k).values, estimate.geometry.values)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(
     instrument=st.sampled_from(["ball-bar", "length"]),

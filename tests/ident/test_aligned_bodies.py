@@ -47,7 +47,7 @@ def test_errors_of_the_clock_and_of_the_frames_are_as_large_as_stated(kind: str)
     assert not constants or 0.75 < np.sqrt(np.square(np.concatenate(constants)).mean()) < 1.3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_names_show_the_group_and_its_clock_follows(kind: str) -> None:
     true = two_recorders(kind, 100)

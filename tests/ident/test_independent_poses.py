@@ -59,7 +59,7 @@ def test_a_robot_of_another_generator_is_predicted_to_the_noise(kind: str, tmp_p
     assert error < (2.0 if kind == "sockets" else 1.1) * SIGMA < 0.3 * nominal
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [pytest.param("sockets", marks=pytest.mark.long), "lengths"])
 def test_the_stated_regions_hold_held_out_poses_about_as_often_as_they_claim(
     kind: str, tmp_path: Path

@@ -154,7 +154,7 @@ def test_a_seat_may_move_between_two_files() -> None:
     assert step.other == f"hall from row {step.row}"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("measured", ["point", "length"])
 def test_clean_and_drifting_tables_have_no_steps(measured: Measured) -> None:
     for name in ("ur5", "irb2400"):

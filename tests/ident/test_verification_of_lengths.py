@@ -55,6 +55,7 @@ def test_an_unchanged_machine_holds(machine: Machine, truth: TrueMachine) -> Non
     assert outcome.blind == {}, "the path shows the zeros of all axes but the first"
 
 
+@pytest.mark.long
 def test_an_unchanged_machine_holds_against_the_result_of_two_recordings(
     truth: TrueMachine,
 ) -> None:
@@ -97,6 +98,7 @@ def test_a_short_stroke_does_not_tell_zero_and_scale_apart(
     assert "; what was measured does not tell which" in outcome.sentence
 
 
+@pytest.mark.long
 def test_two_changes_have_no_single_cause(machine: Machine, truth: TrueMachine) -> None:
     outcome = verified(machine, truth, rtheta4=3e-4, bd3=1e-4)
     assert not outcome.holds
@@ -104,6 +106,7 @@ def test_two_changes_have_no_single_cause(machine: Machine, truth: TrueMachine) 
     assert "tool, zero or scale of the length, gear" in outcome.sentence
 
 
+@pytest.mark.long
 def test_a_length_that_hardly_changes_is_not_comparable(
     machine: Machine, truth: TrueMachine, tmp_path: Path
 ) -> None:
@@ -120,6 +123,7 @@ def test_a_length_that_hardly_changes_is_not_comparable(
     assert "perhaps a length that changes too little to tell its clock" in outcome.sentence
 
 
+@pytest.mark.long
 def test_a_wire_tells_its_scale_from_its_zero() -> None:
     """Its length varies by a metre."""
     run = wire_run(Clock(0.3, 5e-5), seed=1)
