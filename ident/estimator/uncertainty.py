@@ -10,8 +10,16 @@ contributes is not inflated, unless the lengths that are known beforehand contra
 Rod, plate and axis offsets give the scale, and no log tells one of them from the other, only their
 sum: what the data take from the prior of each is less than all. With priors of covariance D and a
 posterior of C, the posterior mean is off the prior's by a normal deviate of covariance D - C, and
-what the inflation adds to C, where everything stated is true. Where it is off by more, the stated
-deviations are widened by as much (Birge 1932, as for constants that disagree).
+what the inflation adds to C, where everything stated is true. Where it is off by more, one of them
+is wrong, and nothing says which. Without length k, of prior deviation s_k and off its prior by d_k,
+the estimate would move by
+
+    y_k = C[:, k] d_k / (s_k^2 - C_kk)
+
+(a case left out; Cook 1977), which chance makes as large as `d_k^2 / (s_k^2 - C_kk) = t_k^2 = 1`.
+The share `1 - 1 / t_k^2` of its square that is beyond chance adds to the covariance, so that what
+is stated covers the result with and without each length: a factor on all of them alike (Birge 1932)
+would leave a rod that is stated far too well nearly as sure as it was.
 
 Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change `r_m` for one standard
@@ -28,7 +36,7 @@ nearly cancel, so the x_m are kept, not their squares alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +54,9 @@ STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
 SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
+SEEN_ALONE = 1e-3  # the same for one of them, beyond rounding: of the surest the others tell least
+FREE = 1e-6  # of the weight of a prior: 1000 of its deviations
+SUSPECT = 0.5  # of the largest chi-square of a length: it may as well be the wrong one
 SAMPLES = 300  # of each recording: four a second of a motion of 120 s, whose loads vary slowly
 
 
@@ -56,11 +67,9 @@ class KnownLengths:
     unknowns: NDArray[np.intp]  # indices
     apart: float  # standard deviations
     off: float = 0.0  # [m] sum of what these lengths would have to change by, to agree
-
-    @property
-    def widening(self) -> float:
-        """Factor on their standard deviations, at least 1."""
-        return max(1.0, self.apart)
+    # (P, L) what the estimate would move by without one of them, as far as chance does not explain
+    doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    named: tuple[str, ...] = ()  # those that may be the wrong one
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +103,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     inflated = misfit * data * np.outer(inflation, inflation)
     covariance = inflated + prior
     lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
-    doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
-    covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
+    covariance += lengths.doubt @ lengths.doubt.T
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -209,30 +217,49 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
 
     added : (P, P) to the covariance, by the inflation of what the data contribute.
     """
-    sigma, left = layout.sigma, np.diag(covariance) / layout.sigma**2
     known = np.array(
         [
             i
             for i in range(layout.shared.size)
-            if parameter_named(layout.names[i]).is_length
-            and sigma[i] < KNOWN
-            and left[i] > 1.0 - ALONE
+            if parameter_named(layout.names[i]).is_length and layout.sigma[i] < KNOWN
         ],
         dtype=np.intp,
     )
-    scale = sigma[known]
+    units = np.outer(layout.sigma[known], layout.sigma[known])
+    alone = _told_alone(covariance[np.ix_(known, known)] / units)
+    known, units = known[~alone], units[np.ix_(~alone, ~alone)]
+    scale = layout.sigma[known]
     off = (x - layout.mean)[known] / scale
-    units = np.outer(scale, scale)
     moved = np.eye(known.size) - covariance[np.ix_(known, known)] / units
     size, directions = np.linalg.eigh(moved)
     seen = directions[:, size > SEEN]
     if not seen.size:
-        return KnownLengths(known, 0.0)
-    expected = seen.T @ (moved + added[np.ix_(known, known)] / units) @ seen
+        return KnownLengths(known, 0.0, doubt=np.zeros((x.size, 0)))
+    chance = moved + added[np.ix_(known, known)] / units
+    told = np.diag(moved) > SEEN_ALONE
+    each, square = off[told] / np.diag(moved)[told], off[told] ** 2 / np.diag(chance)[told]
+    beyond = np.sqrt(1.0 - 1.0 / np.maximum(square, 1.0))
+    doubt = covariance[:, known[told]] / scale[told] * (each * beyond)
+    expected = seen.T @ chance @ seen
     along = seen.T @ off
-    square = float(along @ np.linalg.solve(expected, along))
+    apart = float(np.sqrt(along @ np.linalg.solve(expected, along) / along.size))
     needed = float(np.abs(scale * (seen @ along)).sum())
-    return KnownLengths(known, float(np.sqrt(square / along.size)), needed)
+    wrong = known[told][square > max(1.0, SUSPECT * square.max(initial=0.0))]
+    named = tuple(layout.names[i] for i in wrong)
+    return KnownLengths(known, apart, needed, doubt, named)
+
+
+def _told_alone(covariance: Array) -> NDArray[np.bool_]:
+    """(K,) whether the data tell a known length by themselves, whatever the others are.
+
+    covariance : (K, K) in units of the prior deviations.
+    """
+    data = np.linalg.inv(covariance) - np.eye(len(covariance))
+    out = []
+    for k in range(len(data)):
+        free = data + np.diag(np.where(np.arange(len(data)) == k, 1.0, FREE))
+        out.append(np.linalg.inv(free)[k, k] < 1.0 - ALONE)
+    return np.array(out, dtype=bool)
 
 
 def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
