@@ -44,7 +44,9 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import parameter_named
+from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
+from ident.estimator.model import Model
 from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
 from ident.estimator.time_blocks import BLOCK, each_block
 from ident.estimator.unknowns import Unknowns
@@ -54,7 +56,7 @@ STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
 SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
-SEEN_ALONE = 1e-3  # the same for one of them, beyond rounding: of the surest the others tell least
+MISSTATED = 1e-4  # [m] error of a known length beyond which it is no explanation
 FREE = 1e-6  # of the weight of a prior: 1000 of its deviations
 SUSPECT = 0.5  # of the largest chi-square of a length: it may as well be the wrong one
 SAMPLES = 300  # of each recording: four a second of a motion of 120 s, whose loads vary slowly
@@ -227,7 +229,8 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
     )
     units = np.outer(layout.sigma[known], layout.sigma[known])
     alone = _told_alone(covariance[np.ix_(known, known)] / units)
-    known, units = known[~alone], units[np.ix_(~alone, ~alone)]
+    known = shared = known[~alone]
+    units = units[np.ix_(~alone, ~alone)]
     scale = layout.sigma[known]
     off = (x - layout.mean)[known] / scale
     moved = np.eye(known.size) - covariance[np.ix_(known, known)] / units
@@ -236,17 +239,20 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
     if not seen.size:
         return KnownLengths(known, 0.0, doubt=np.zeros((x.size, 0)))
     chance = moved + added[np.ix_(known, known)] / units
-    told = np.diag(moved) > SEEN_ALONE
-    each, square = off[told] / np.diag(moved)[told], off[told] ** 2 / np.diag(chance)[told]
-    beyond = np.sqrt(1.0 - 1.0 / np.maximum(square, 1.0))
-    doubt = covariance[:, known[told]] / scale[told] * (each * beyond)
     expected = seen.T @ chance @ seen
     along = seen.T @ off
     apart = float(np.sqrt(along @ np.linalg.solve(expected, along) / along.size))
     needed = float(np.abs(scale * (seen @ along)).sum())
-    wrong = known[told][square > max(1.0, SUSPECT * square.max(initial=0.0))]
-    named = tuple(layout.names[i] for i in wrong)
-    return KnownLengths(known, apart, needed, doubt, named)
+    onto = seen @ seen.T
+    alone, variance = np.diag(onto @ moved @ onto), np.diag(onto @ chance @ onto)
+    each = onto @ off
+    told = np.abs(each) * scale < MISSTATED * alone
+    known, scale, each = known[told], scale[told], each[told]
+    square = each**2 / variance[told]
+    moves = covariance[:, known] / scale * (each / alone[told])
+    doubt = moves * np.sqrt(1.0 - 1.0 / np.maximum(square, 1.0))
+    named = known[square > max(1.0, SUSPECT * square.max(initial=0.0))]
+    return KnownLengths(shared, apart, needed, doubt, tuple(layout.names[i] for i in named))
 
 
 def _told_alone(covariance: Array) -> NDArray[np.bool_]:
@@ -294,22 +300,48 @@ def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
 def held_shifts(fit: Fit, held: NDArray[np.intp], sigma: Array) -> tuple[Array, Array]:
     """Errors of parameters that a fit held at their nominal values, and the shifts they cause.
 
+    held : (H,) indices into the table, in its order. sigma : (H,) [m, rad] of their priors.
+    Returns what `_freed_shifts` does.
+    """
+    layout, x = fit.model.unknowns.with_shared(held, fit.x)
+    freed = np.flatnonzero(np.isin(layout.shared, held))
+    return _freed_shifts(fit, replace(fit.model, unknowns=layout), x, freed, sigma)
+
+
+def left_out_shifts(fit: Fit, left_out: Sequence[Correction]) -> tuple[Array, Array]:
+    """Errors of corrections that a fit left out, as none was seen, and the shifts they cause.
+
+    Returns what `_freed_shifts` does, for all their coefficients.
+    """
+    model = fit.model
+    every = (*left_out, *model.corrections)
+    coefficients = [c for correction in every for c in correction.coefficients]
+    layout, x = model.unknowns.with_coefficients(coefficients, fit.x)
+    first = layout.coefficients.start
+    freed = np.arange(first, first + sum(len(c.coefficients) for c in left_out))
+    larger = replace(model, corrections=every, unknowns=layout)
+    return _freed_shifts(fit, larger, x, freed, layout.sigma[freed])
+
+
+def _freed_shifts(
+    fit: Fit, model: Model, x: Array, freed: NDArray[np.intp], sigma: Array
+) -> tuple[Array, Array]:
+    """Errors of unknowns that a fit did not have, and the shifts of its estimate they cause.
+
     Once freed under their priors, they would have the covariance D and go by the step h. Their
     error in the fit has the mean square D + h h', so what the data say of them counts.
 
-    held : (H,) indices into the table, in its order. sigma : (H,) [m, rad] of their priors.
+    model : that of the fit and H more unknowns, at `freed` in x. sigma : (H,) of their priors.
     Returns (H, H) the errors' independent directions, one a column, and (P, H) the shifts of the
     estimate for each of them.
     """
-    model = fit.model
-    layout, x = model.unknowns.with_shared(held, fit.x)
-    linear = normal_equations(replace(model, unknowns=layout), x, fit.ballbars, fit.excess)
-    freed = np.flatnonzero(np.isin(layout.shared, held))
+    linear = normal_equations(model, x, fit.ballbars, fit.excess)
     mixed = np.delete(linear.normal[:, freed], freed, axis=0)
     shift = -fit.covariance @ mixed  # of the estimate, per unit of each
     gradient = linear.gradient[freed] + shift.T @ np.delete(linear.gradient, freed)
-    reduced = linear.normal[np.ix_(freed, freed)] + mixed.T @ shift
-    scaled = np.outer(sigma, sigma) * reduced + np.eye(held.size)  # of order one and above
+    prior = np.diag(model.unknowns.sigma[freed] ** -2.0)
+    reduced = linear.normal[np.ix_(freed, freed)] - prior + mixed.T @ shift
+    scaled = np.outer(sigma, sigma) * reduced + np.eye(freed.size)  # of order one and above
     covariance = np.linalg.inv(scaled)
     step = covariance @ (sigma * gradient)
     values, vectors = np.linalg.eigh(covariance + np.outer(step, step))
