@@ -8,15 +8,16 @@ a missing term leaves over passes for support of another.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from cell.arrays import Array
-from ident.corrections import SUBSTITUTES, belongs_to_machine
+from ident.corrections import CORRECTIONS, ON_EVIDENCE, SUBSTITUTES, belongs_to_machine
 from ident.corrections.base import Correction
 from ident.corrections.gear_ratio import GEAR_RATIO
 from ident.estimator.fit import Fit
+from ident.estimator.left_out import LeftOut, left_out
 from ident.estimator.step_faults import ENCODER_JUMPS
 from ident.estimator.time_blocks import NONE, time_blocks
 from ident.estimator.uncertainty import mean_autocorrelation
@@ -74,8 +75,7 @@ def unsupported(result: Fit) -> set[str]:
     negative: it then stands for something else, and the robot is worse with it. Negative values are
     no support of it, nor of what is typical of robots and no file describes.
     """
-    correlation, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
-    widening = result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
+    widening, out = _widening(result), set()
     negative = negative_coefficients(result, np.sqrt(widening * np.diag(result.covariance)))
     for correction in present(result):
         position = coefficients_of(result, correction)
@@ -87,6 +87,30 @@ def unsupported(result: Fit) -> set[str]:
         if impossible or not not_by_chance(values, widening * white):
             out.add(correction.name)
     return out
+
+
+def _widening(result: Fit) -> float:
+    """Factor on variances of white noise, for the residual's size and its correlation in time."""
+    correlation = min(0.9, max(0.0, mean_autocorrelation(result)))
+    return result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
+
+
+def candidates_left_out(result: Fit, idle: Collection[str]) -> tuple[LeftOut, ...]:
+    """What may be neglected with corrections that a fit leaves out now, and those before.
+
+    result : with the corrections of the names `idle`.
+    """
+    layout = result.model.unknowns
+    gone = [
+        np.r_[coefficients_of(result, c)]
+        for c in present(result)
+        if c.name in idle and c.name in CORRECTIONS and c.name not in ON_EVIDENCE
+    ]
+    if not gone:
+        return result.left_out
+    places, widening = np.concatenate(gone), _widening(result)
+    part = left_out(layout.names, result.x, result.covariance, places, widening)
+    return (*result.left_out, part)
 
 
 def unsupported_substitutes(result: Fit) -> set[str]:

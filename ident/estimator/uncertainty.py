@@ -44,9 +44,8 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import parameter_named
-from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
-from ident.estimator.model import Model
+from ident.estimator.left_out import held_tilts
 from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
 from ident.estimator.time_blocks import BLOCK, each_block
 from ident.estimator.unknowns import Unknowns
@@ -99,13 +98,14 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     sigma = layout.sigma
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
-    variance, blocks = _left_out(fit)
+    variance, blocks = _without_blocks(fit)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
     covariance = inflated + prior
     lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
-    covariance += lengths.doubt @ lengths.doubt.T
+    candidates = _left_out(fit)
+    covariance += lengths.doubt @ lengths.doubt.T + candidates @ candidates.T
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -134,7 +134,18 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(1.0, ratio)))
 
 
-def _left_out(fit: Fit) -> tuple[Array, int]:
+def _left_out(fit: Fit) -> Array:
+    """(P, K) what terms that the fit left out may move it by, and bearings that gears hold."""
+    layout = fit.model.unknowns
+    second = np.diag(fit.covariance) + fit.x**2
+    sizes = dict(zip(layout.names, np.sqrt(second).tolist(), strict=True))
+    for part in fit.left_out:
+        sizes |= part.sizes
+    tilts = held_tilts(layout.names, sizes)
+    return np.column_stack([tilts, *(part.of(layout.names) for part in fit.left_out)])
+
+
+def _without_blocks(fit: Fit) -> tuple[Array, int]:
     """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
 
     The jackknife: `(B - 1) / B` times the sum of squares over B blocks (Efron & Stein 1981).
@@ -300,48 +311,22 @@ def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
 def held_shifts(fit: Fit, held: NDArray[np.intp], sigma: Array) -> tuple[Array, Array]:
     """Errors of parameters that a fit held at their nominal values, and the shifts they cause.
 
-    held : (H,) indices into the table, in its order. sigma : (H,) [m, rad] of their priors.
-    Returns what `_freed_shifts` does.
-    """
-    layout, x = fit.model.unknowns.with_shared(held, fit.x)
-    freed = np.flatnonzero(np.isin(layout.shared, held))
-    return _freed_shifts(fit, replace(fit.model, unknowns=layout), x, freed, sigma)
-
-
-def left_out_shifts(fit: Fit, left_out: Sequence[Correction]) -> tuple[Array, Array]:
-    """Errors of corrections that a fit left out, as none was seen, and the shifts they cause.
-
-    Returns what `_freed_shifts` does, for all their coefficients.
-    """
-    model = fit.model
-    every = (*left_out, *model.corrections)
-    coefficients = [c for correction in every for c in correction.coefficients]
-    layout, x = model.unknowns.with_coefficients(coefficients, fit.x)
-    first = layout.coefficients.start
-    freed = np.arange(first, first + sum(len(c.coefficients) for c in left_out))
-    larger = replace(model, corrections=every, unknowns=layout)
-    return _freed_shifts(fit, larger, x, freed, layout.sigma[freed])
-
-
-def _freed_shifts(
-    fit: Fit, model: Model, x: Array, freed: NDArray[np.intp], sigma: Array
-) -> tuple[Array, Array]:
-    """Errors of unknowns that a fit did not have, and the shifts of its estimate they cause.
-
     Once freed under their priors, they would have the covariance D and go by the step h. Their
     error in the fit has the mean square D + h h', so what the data say of them counts.
 
-    model : that of the fit and H more unknowns, at `freed` in x. sigma : (H,) of their priors.
+    held : (H,) indices into the table, in its order. sigma : (H,) [m, rad] of their priors.
     Returns (H, H) the errors' independent directions, one a column, and (P, H) the shifts of the
     estimate for each of them.
     """
-    linear = normal_equations(model, x, fit.ballbars, fit.excess)
+    model = fit.model
+    layout, x = model.unknowns.with_shared(held, fit.x)
+    linear = normal_equations(replace(model, unknowns=layout), x, fit.ballbars, fit.excess)
+    freed = np.flatnonzero(np.isin(layout.shared, held))
     mixed = np.delete(linear.normal[:, freed], freed, axis=0)
     shift = -fit.covariance @ mixed  # of the estimate, per unit of each
     gradient = linear.gradient[freed] + shift.T @ np.delete(linear.gradient, freed)
-    prior = np.diag(model.unknowns.sigma[freed] ** -2.0)
-    reduced = linear.normal[np.ix_(freed, freed)] - prior + mixed.T @ shift
-    scaled = np.outer(sigma, sigma) * reduced + np.eye(freed.size)  # of order one and above
+    reduced = linear.normal[np.ix_(freed, freed)] + mixed.T @ shift
+    scaled = np.outer(sigma, sigma) * reduced + np.eye(held.size)  # of order one and above
     covariance = np.linalg.inv(scaled)
     step = covariance @ (sigma * gradient)
     values, vectors = np.linalg.eigh(covariance + np.outer(step, step))
