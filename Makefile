@@ -35,7 +35,7 @@ lowest: .venv/installed
 check: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy -n 2
 	$(BIN)/python -m tests.project.size
 
 golden: .venv/installed

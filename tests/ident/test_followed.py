@@ -167,6 +167,7 @@ def test_a_robot_that_stands_gives_the_same_as_the_table_of_its_still_poses(meas
     assert stands.clocks["standing"][1] == pytest.approx([1.0, 1e-3])  # as its prior: nothing shows
 
 
+@pytest.mark.slow
 def test_rows_of_a_slow_robot_are_no_single_pose() -> None:
     """Neighbouring rows are less than half a milliradian apart, all along the path."""
     table = table_by(*logs_of(replace(MADE, speed=0.02)))
@@ -184,6 +185,7 @@ def test_logs_that_share_too_little_motion_are_refused() -> None:
         table_by(robot, short)
 
 
+@pytest.mark.slow
 def test_a_frame_with_a_wrong_sign_is_refused_as_a_mirror_image() -> None:
     robot, tracker = logs_of(MADE)
     with pytest.raises(PoseStartError, match="only as a mirror image"):

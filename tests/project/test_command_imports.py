@@ -106,6 +106,7 @@ def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) 
         assert name in COMMANDS[listed.rich_help_panel]
 
 
+@pytest.mark.slow
 def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.identification", "identify", "_settings"))
     assert "ident.identify" in used

@@ -288,7 +288,7 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
         assert code == 0, f"{command}: {told}"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_path: Path) -> None:
     command = [
         sys.executable,

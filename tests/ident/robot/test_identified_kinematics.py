@@ -359,6 +359,7 @@ def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_
     assert np.nanmin(off, axis=0).max() < 1e-4, "13 and 11 of 300 were missed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["irb4600", "nj220", "ur10"])
 def test_the_posture_next_to_the_given_angles_is_kept(tmp_path: Path, name: str) -> None:
     """Regression: 80 of 50 000 postures turned into others, with good flags, where the nominal arm
