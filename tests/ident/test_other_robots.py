@@ -59,7 +59,7 @@ class Run:
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(FIVE_AXES, id="five", marks=pytest.mark.slow),
+        pytest.param(FIVE_AXES, id="five", marks=pytest.mark.long),
         pytest.param(UR, id="ur"),
         pytest.param(SEVEN_AXES, id="seven", marks=pytest.mark.slow),
     ],

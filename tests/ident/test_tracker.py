@@ -188,7 +188,7 @@ def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_how_much_of_a_milliradian_frame_and_led_leave(
     tracked: Recorded, recording: Recording
 ) -> None:
