@@ -283,18 +283,8 @@ class Model:
             carried, loads_at = self._loads(
                 motion, previous, geometry, clock, ballbar, hold=hold_loads and same_clock, at=at
             )
-            state = State(
-                t=samples.times,
-                recording=k,
-                gears=(q @ self.gearing.to_gear).T,
-                bar=ballbar[:, :BAR_ROWS].T + geometry.bar.theta[:, None],
-                loads=carried,
-                tension=self.tension(x, k),
-                width=self.gearing.transition,
-                gear_speed=(motion.logged_speed @ self.gearing.to_gear).T,
-                gear_acceleration=(motion.acceleration @ self.gearing.to_gear).T,
-                sharpness=self.sharpness,
-            )
+            bar = ballbar[:, :BAR_ROWS] + geometry.bar.theta
+            state = self._state(x, k, q, bar, carried, motion)
             regressors = self._regressors(state, reusable)
             regressors_at = reusable.regressors_at if reusable else clock
         moved, varied = self._displacements(x, regressors, at.size)
@@ -374,6 +364,23 @@ class Model:
         out += np.einsum("ckn,cn->kn", evaluation.columns[used], moved[used])
         out += np.einsum("vkn,vn->kn", evaluation.varied_columns, varied)
         return out
+
+    def _state(
+        self, x: Array, k: int, q: Array, bar: Array, carried: Loads, motion: ArmMotion
+    ) -> State:
+        """State of recording k at joint angles q (N, J) and ball-bar angles (N, 5) [rad]."""
+        return State(
+            t=self.recordings[k].times,
+            recording=k,
+            gears=(q @ self.gearing.to_gear).T,
+            bar=bar.T,
+            loads=carried,
+            tension=self.tension(x, k),
+            width=self.gearing.transition,
+            gear_speed=(motion.logged_speed @ self.gearing.to_gear).T,
+            gear_acceleration=(motion.acceleration @ self.gearing.to_gear).T,
+            sharpness=self.sharpness,
+        )
 
     def _loads(
         self,
