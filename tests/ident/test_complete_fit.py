@@ -77,7 +77,7 @@ def test_a_correction_without_effect_is_not_supported_and_a_planted_one_is(found
 
 
 def test_nothing_is_seen_to_be_absent_beside_something_systematic(found: Fit) -> None:
-    """What the residual holds may hide it: left out, it would be zero for sure."""
+    """The residual may hide it, and left out it would be zero for sure."""
     residual = found.linear.residuals[0]
     slow = np.broadcast_to(3.0 * np.sin(0.05 * np.arange(residual.shape[1])), residual.shape)
     hidden = replace(found, linear=replace(found.linear, residuals=(slow,)))
