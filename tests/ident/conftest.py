@@ -42,6 +42,6 @@ def drawn_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Logs, Tru
 
 @pytest.fixture(scope="session")
 def drawn_alone(drawn_run: tuple[Cell, Logs, Truth]) -> Identification:
-    """What the recording of the drawn robot alone identifies."""
+    """The robot that its recording alone identifies."""
     cell, logs, _ = drawn_run
     return identify_together(cell, [logs])
