@@ -50,7 +50,7 @@ TRANSFER = 0.05  # [s] for a chunk there and back
 
 
 class Waited(NamedTuple):
-    """As `concurrent.futures.wait` returns it."""
+    """Futures that are done, and the others, by the names of `concurrent.futures.wait`."""
 
     done: set[Future[list[Row]]]
     not_done: set[Future[list[Row]]]
