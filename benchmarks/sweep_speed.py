@@ -31,6 +31,7 @@ from ballbar.sweep.chunk import Task, Trial
 from ballbar.sweep.file import SEED
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import Workers, dask_cluster, processes, run_sweep
+from ballbar.sweep.table import failures_of
 from cell.threads import one_thread_each
 
 T = TypeVar("T")
@@ -111,6 +112,7 @@ def swept(
             / runs
         )
         assert pq.read_metadata(outcome.folder.table).num_rows == runs
+        assert not failures_of(outcome.folder.table).count
         return Spent(
             runs,
             wall,
@@ -188,7 +190,9 @@ def planted(scenario: Scenario, _folder: Path) -> dict[str, float | int | str]:
     """A run of the MuJoCo plant with every error source, and of its encoders and clocks."""
     from sim.simulate import simulate  # noqa: PLC0415  the driver needs none of it
 
-    simulation = simulate(full_scenario().model_copy(update={SEED: scenario.seed}), SCENARIOS)
+    simulation = simulate(
+        full_scenario().model_copy(update={SEED: scenario.seed}), relative_to=SCENARIOS
+    )
     return {"samples": simulation.motion.t.size}
 
 
