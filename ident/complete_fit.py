@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
@@ -59,6 +59,9 @@ CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
 WANDERING = 100.0  # [N] prior of a knot of a force that the rod's length alone shows
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
+# Where no file describes the gears, ripple, play and friction of typical ones are in it at first.
+# With less, the fit of a soft arm ends in another minimum, 10 prior deviations off.
+UNKNOWN_GEARS = ExcessNoise(5e-5, 1e-4, 2e-5, 5e-6)
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
 MAX_ITERATIONS = 100
@@ -163,9 +166,10 @@ class _Run:
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
         if searches_tension(chosen, sources):
-            pose = continued(pose, self.listener)
+            pose = continued(pose, self.listener, before=first_excess(self.cell.robot))
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
-        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)
+        excess = first_excess(self.cell.robot)
+        return fit_pose(approached(pose, excess), excess)
 
     def step_fault(self, result: Fit, faults: tuple[StepFault, ...]) -> StepFault | None:
         """The surest step fault that a fit shows, if its recording shows one by itself, too.
@@ -398,9 +402,19 @@ def with_tension(
     return replace(new, tension=tension, splines=tension_splines(times))
 
 
-def continued(pose: Pose, listener: Listener = SILENT) -> Pose:
-    """From nominal to where plain steps converge: much noise and wide backlash first, then less."""
-    model, e = pose.model, FIRST_EXCESS
+def first_excess(robot: Robot) -> ExcessNoise:
+    """Noise of the first fit, by whether the robot's file describes its gears."""
+    return UNKNOWN_GEARS if robot.lacks("gears") else FIRST_EXCESS
+
+
+def continued(
+    pose: Pose, listener: Listener = SILENT, *, before: ExcessNoise = FIRST_EXCESS
+) -> Pose:
+    """From nominal to where plain steps converge: much noise and wide backlash first, then less.
+
+    before : noise of the fit that follows.
+    """
+    model, e = pose.model, before
     for times in CONTINUATION:
         listener.progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         blurred = ExcessNoise(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)

@@ -24,6 +24,7 @@ from cell.dynamics import joint_moments, joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.typical_machine import with_typical
 
+TRAVEL = 1e-4  # [rad] over which friction of a ball-bar's joint builds up after a reversal; assumed
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
 
 
@@ -39,6 +40,7 @@ class Loads:
     # turns
     bearing: Array
     bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
+    rubbed: Array  # (J, N) [1] at the gears, per newton metre of friction in the ball-bar's joints
 
     def part(self, samples: NDArray[np.intp]) -> Loads:
         """The loads at some of the samples."""
@@ -89,20 +91,28 @@ def link_masses(robot: Robot) -> MassModel:
 
 
 def loads(
-    masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
+    masses: MassModel,
+    geometry: Geometry,
+    q: Array,
+    b: Array,
+    speed: Array,
+    acceleration: Array,
+    *,
+    bar_side: Array | None = None,
 ) -> Loads:
     """Loads along a motion.
 
     q, speed, acceleration : (N, J) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
-    ball-bar angles as the encoders read. masses : of the cell.
+    ball-bar angles as the encoders read. masses : of the cell. bar_side : (N, 5) direction, -1 to
+    1, in which the ball-bar's joints turn against friction, where it is asked for.
     """
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     own = joint_moments(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
     )
-    wrenches = on_ballbar(masses, bar, b)
-    weight, per_newton = wrenches
-    at_joints, per_newton_at_joints = (_at_joints(robot, wrench) for wrench in wrenches)
+    wrenches = on_ballbar(masses, bar, b, bar_side)
+    weight, per_newton, _ = wrenches
+    at_joints, per_newton_at_joints, rubbed = (_at_joints(robot, wrench) for wrench in wrenches)
     moments = own + at_joints
     hinge = robot.tip - (2.0 / 3.0 * geometry[geometry.table.plate]) * robot.x[-1]
     lever = cross(robot.y[-1], robot.tip - hinge)
@@ -117,14 +127,26 @@ def loads(
         plate_per_newton=bend_per_newton,
         bearing=_across_axes(robot, moments),
         bearing_per_newton=_across_axes(robot, per_newton_at_joints),
+        rubbed=_about_axes(masses, robot, rubbed),
     )
+
+
+def friction_side(b: Array) -> Array:
+    """(N, 5) share, -1 to 1, of the Coulomb friction along ball-bar angles b (N, 5) [rad] in time.
+
+    An elastic-plastic bristle of TRAVEL (Dahl 1968): at rest it stays where the motion left it.
+    """
+    side = np.zeros_like(b)
+    for k, step in enumerate(np.diff(b, axis=0) / TRAVEL, start=1):
+        side[k] = np.clip(side[k - 1] + step, -1.0, 1.0)
+    return side
 
 
 def no_loads(joints: int, samples: int) -> Loads:
     """Where no correction asks for any."""
     gears, none = np.zeros((joints, samples)), np.zeros(samples)
     bearings = np.zeros((BEARINGS, 2, samples))
-    return Loads(gears, gears, none, none, bearings, bearings)
+    return Loads(gears, gears, none, none, bearings, bearings, gears)
 
 
 def own_weight(
@@ -166,8 +188,12 @@ def _across_axes(robot: Frames, moments: Array) -> Array:
     return np.stack([(axis * moments[:BEARINGS]).sum(axis=1) for axis in axes], axis=1)
 
 
-def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
+def on_ballbar(
+    masses: MassModel, bar: Frames, b: Array, side: Array | None = None
+) -> tuple[Array, Array, Array]:
     """Wrench of the tool on the ball-bar: (6, N) [N, N m] without tension, and per newton of it.
+
+    The third is that per newton metre of friction in each joint; side : (N, 5) as of `loads`.
 
     Moments are about the tip, base frame. A rod whose length is sensed hangs on two balls, so the
     tool carries half of its weight. b : (N, 5) [rad] angles of the ball-bar's frames `bar`.
@@ -175,7 +201,11 @@ def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
     if masses.rod is not None:
         none = np.zeros_like(bar.z[2])
         weight = none - 0.5 * masses.rod * masses.gravity[:, None]
-        return np.concatenate((weight, none)), np.concatenate((bar.z[2], none))
+        return (
+            np.concatenate((weight, none)),
+            np.concatenate((bar.z[2], none)),
+            np.zeros((6, len(b))),
+        )
     motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))  # (6, 6, N)
     hinges = joint_torques(bar, masses.bar, b, gravity=masses.gravity)
     riding = sum(link.mass for links in masses.bar[2:] for link in links)
@@ -183,5 +213,8 @@ def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
     held = np.concatenate((hinges, along[None])).T
     tension = np.zeros_like(held)
     tension[:, 5] = 1.0
-    solved = np.linalg.solve(motions.transpose(2, 0, 1), np.stack((held, tension), axis=2))
-    return solved[:, :, 0].T.copy(), solved[:, :, 1].T.copy()
+    friction = np.zeros_like(held)
+    friction[:, :5] = 0.0 if side is None else side
+    right = np.stack((held, tension, friction), axis=2)
+    weight, per_newton, rubbed = np.linalg.solve(motions.transpose(2, 0, 1), right).T.copy()
+    return weight, per_newton, rubbed

@@ -7,12 +7,20 @@ import numpy as np
 import pytest
 
 from cell.bodies import carried_bodies
+from cell.chain import joint_screws
 from cell.closed_form import robot_branches
 from cell.dynamics import joint_torques
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
 from cell.load import load_cell
-from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight
+from ident.loads.gear_loads import (
+    friction_side,
+    loads,
+    mass_model,
+    no_loads,
+    on_ballbar,
+    own_weight,
+)
 from sim.plant.effects import Plant, PlantEffects
 from sim.plant.mjcf import plant_model
 from sim.plant.statics import equilibrium, gravity_torque
@@ -123,12 +131,33 @@ def test_the_plate_bends_under_what_comes_from_the_ball_bar(moving: Motion) -> N
 def test_a_pulled_rod_pulls_the_tool_towards_the_base(moving: Motion) -> None:
     """Along the rod, without a moment about the tip, which is a universal joint."""
     bar = bar_frames(NOMINAL, moving.b)
-    _, per_newton = on_ballbar(mass_model(CELL), bar, moving.b)
+    _, per_newton, _ = on_ballbar(mass_model(CELL), bar, moving.b)
     rod = bar.tip - NOMINAL.origin[:, None]
     along = rod / np.linalg.norm(rod, axis=0)
     # What the tool exerts on the ball-bar's end: a pull outwards.
     assert per_newton[:3] == pytest.approx(along, abs=1e-9)
     assert np.abs(per_newton[3:]).max() < 1e-9
+
+
+def test_the_power_against_the_friction_of_the_ball_bar_comes_from_the_gears(
+    moving: Motion,
+) -> None:
+    """Virtual work of every single joint of the ball-bar, the rod's length kept."""
+    rng, nothing = np.random.default_rng(5), np.zeros_like(moving.q)
+    side = rng.choice([-1.0, 1.0], moving.b.shape)
+    arm = (moving.q, moving.b, nothing, nothing)
+    rubbed = loads(mass_model(CELL), NOMINAL, *arm, bar_side=side).rubbed
+    bar = joint_screws(bar_frames(NOMINAL, moving.b)).transpose(2, 1, 0)  # (N, 6, 5)
+    robot = joint_screws(robot_frames(NOMINAL, moving.q)).transpose(2, 1, 0)
+    gears = np.linalg.solve(robot, bar).transpose(0, 2, 1) @ CELL.robot.joint_to_gear  # (N, 5, 6)
+    assert np.einsum("nbg,gn->nb", gears, rubbed) == pytest.approx(side, abs=1e-9)
+    assert not loads(mass_model(CELL), NOMINAL, *arm).rubbed.any()
+
+
+def test_friction_stays_at_rest_as_the_motion_left_it() -> None:
+    angle = np.r_[0.0, 5e-5, 1e-2, 1e-2, 1e-2 - 5e-5, 1e-2 - 3e-4]
+    side = friction_side(np.tile(angle[:, None], (1, 5)))
+    assert side[:, 3] == pytest.approx([0.0, 0.5, 1.0, 1.0, 0.5, -1.0])
 
 
 def test_where_no_correction_asks_for_loads_there_are_none() -> None:
