@@ -91,28 +91,20 @@ def link_masses(robot: Robot) -> MassModel:
 
 
 def loads(
-    masses: MassModel,
-    geometry: Geometry,
-    q: Array,
-    b: Array,
-    speed: Array,
-    acceleration: Array,
-    *,
-    bar_side: Array | None = None,
+    masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
 ) -> Loads:
     """Loads along a motion.
 
     q, speed, acceleration : (N, J) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
-    ball-bar angles as the encoders read. masses : of the cell. bar_side : (N, 5) direction, -1 to
-    1, in which the ball-bar's joints turn against friction, where it is asked for.
+    ball-bar angles as the encoders read. masses : of the cell.
     """
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     own = joint_moments(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
     )
-    wrenches = on_ballbar(masses, bar, b, bar_side)
-    weight, per_newton, _ = wrenches
-    at_joints, per_newton_at_joints, rubbed = (_at_joints(robot, wrench) for wrench in wrenches)
+    wrenches = on_ballbar(masses, bar, b)
+    weight, per_newton = wrenches
+    at_joints, per_newton_at_joints = (_at_joints(robot, wrench) for wrench in wrenches)
     moments = own + at_joints
     hinge = robot.tip - (2.0 / 3.0 * geometry[geometry.table.plate]) * robot.x[-1]
     lever = cross(robot.y[-1], robot.tip - hinge)
@@ -127,19 +119,22 @@ def loads(
         plate_per_newton=bend_per_newton,
         bearing=_across_axes(robot, moments),
         bearing_per_newton=_across_axes(robot, per_newton_at_joints),
-        rubbed=_about_axes(masses, robot, rubbed),
+        rubbed=np.zeros(q.T.shape),
     )
 
 
-def friction_side(b: Array) -> Array:
-    """(N, 5) share, -1 to 1, of the Coulomb friction along ball-bar angles b (N, 5) [rad] in time.
+def rubbed(masses: MassModel, geometry: Geometry, q: Array, b: Array) -> Array:
+    """(J, N) [1] loads of the gears per newton metre of friction in each of the ball-bar's joints.
 
-    An elastic-plastic bristle of TRAVEL (Dahl 1968): at rest it stays where the motion left it.
+    q (N, J), b (N, 5) : [rad] as of `loads`, in the order of time. Friction is Coulomb's with an
+    elastic-plastic bristle of TRAVEL (Dahl 1968): at rest it stays as the motion left it.
     """
-    side = np.zeros_like(b)
+    robot, bar, side = robot_frames(geometry, q), bar_frames(geometry, b), np.zeros((len(b), 6))
     for k, step in enumerate(np.diff(b, axis=0) / TRAVEL, start=1):
-        side[k] = np.clip(side[k - 1] + step, -1.0, 1.0)
-    return side
+        side[k, :5] = np.clip(side[k - 1, :5] + step, -1.0, 1.0)
+    motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None])).transpose(2, 0, 1)
+    wrench = np.linalg.solve(motions, side[:, :, None])[:, :, 0].T
+    return _about_axes(masses, robot, _at_joints(robot, wrench))
 
 
 def no_loads(joints: int, samples: int) -> Loads:
@@ -188,12 +183,8 @@ def _across_axes(robot: Frames, moments: Array) -> Array:
     return np.stack([(axis * moments[:BEARINGS]).sum(axis=1) for axis in axes], axis=1)
 
 
-def on_ballbar(
-    masses: MassModel, bar: Frames, b: Array, side: Array | None = None
-) -> tuple[Array, Array, Array]:
+def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
     """Wrench of the tool on the ball-bar: (6, N) [N, N m] without tension, and per newton of it.
-
-    The third is that per newton metre of friction in each joint; side : (N, 5) as of `loads`.
 
     Moments are about the tip, base frame. A rod whose length is sensed hangs on two balls, so the
     tool carries half of its weight. b : (N, 5) [rad] angles of the ball-bar's frames `bar`.
@@ -201,11 +192,7 @@ def on_ballbar(
     if masses.rod is not None:
         none = np.zeros_like(bar.z[2])
         weight = none - 0.5 * masses.rod * masses.gravity[:, None]
-        return (
-            np.concatenate((weight, none)),
-            np.concatenate((bar.z[2], none)),
-            np.zeros((6, len(b))),
-        )
+        return np.concatenate((weight, none)), np.concatenate((bar.z[2], none))
     motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))  # (6, 6, N)
     hinges = joint_torques(bar, masses.bar, b, gravity=masses.gravity)
     riding = sum(link.mass for links in masses.bar[2:] for link in links)
@@ -213,8 +200,5 @@ def on_ballbar(
     held = np.concatenate((hinges, along[None])).T
     tension = np.zeros_like(held)
     tension[:, 5] = 1.0
-    friction = np.zeros_like(held)
-    friction[:, :5] = 0.0 if side is None else side
-    right = np.stack((held, tension, friction), axis=2)
-    weight, per_newton, rubbed = np.linalg.solve(motions.transpose(2, 0, 1), right).T.copy()
-    return weight, per_newton, rubbed
+    solved = np.linalg.solve(motions.transpose(2, 0, 1), np.stack((held, tension), axis=2))
+    return solved[:, :, 0].T.copy(), solved[:, :, 1].T.copy()

@@ -133,7 +133,7 @@ def on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Array
     axes = np.stack((robot.x[-1], robot.y[-1], robot.z[-1]))
     from_flange = cell.plate.length * robot.x[-1] + cell.plate.tool_offset * robot.z[-1]
     out = []
-    for on_bar in on_ballbar(masses, bar, b)[:2]:
+    for on_bar in on_ballbar(masses, bar, b):
         force = -on_bar[:3]
         moment = cross(from_flange, force) - on_bar[3:]
         out.append(np.concatenate([(axes * part).sum(axis=1) for part in (force, moment)]))
