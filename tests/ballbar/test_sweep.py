@@ -642,11 +642,19 @@ NOTHING = Task("", sweep_work.figures, (), Path())
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> None:
+    """The killed worker had chunks in progress, and perhaps the files that all chunks need."""
     from distributed import LocalCluster  # noqa: PLC0415  slow to import
 
     sweep = loaded(tmp_path, GRID.replace("count: 5", "count: 40"))
     alone = swept(sweep, tmp_path / "alone", inline, sweep_work.figures_with_failures)
+    killed: list[int] = []
+
+    def kill_one(done: int, _stage: str) -> None:
+        if done and not killed:
+            killed.append(done)
+            os.kill(cluster.workers[0].pid, signal.SIGKILL)
+
     with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
@@ -655,7 +663,10 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
             tmp_path / "there",
             partial(dask_cluster, address=cluster.scheduler_address),
             sweep_work.figures_with_failures,
+            kill_one,
         )
+    assert killed
+    assert killed[0] < sweep.plan.runs
     assert there.finished
     assert table_bytes(there) == table_bytes(alone)
 
