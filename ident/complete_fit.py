@@ -166,7 +166,7 @@ class _Run:
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
         if searches_tension(chosen, sources):
-            pose = continued(pose, self.listener, before=first_excess(self.cell.robot))
+            pose = continued(pose, self.listener, first_excess(self.cell.robot))
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         excess = first_excess(self.cell.robot)
         return fit_pose(approached(pose, excess), excess)
@@ -407,14 +407,12 @@ def first_excess(robot: Robot) -> ExcessNoise:
     return UNKNOWN_GEARS if robot.lacks("gears") else FIRST_EXCESS
 
 
-def continued(
-    pose: Pose, listener: Listener = SILENT, *, before: ExcessNoise = FIRST_EXCESS
-) -> Pose:
+def continued(pose: Pose, listener: Listener = SILENT, e: ExcessNoise = FIRST_EXCESS) -> Pose:
     """From nominal to where plain steps converge: much noise and wide backlash first, then less.
 
-    before : noise of the fit that follows.
+    e : noise of the fit that follows.
     """
-    model, e = pose.model, before
+    model = pose.model
     for times in CONTINUATION:
         listener.progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         blurred = ExcessNoise(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)

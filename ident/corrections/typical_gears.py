@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from cell.descriptions import Cell
 from cell.typical_machine import with_typical
-from ident.corrections.base import Coefficient, Correction, remade
+from ident.corrections.base import GEAR, Coefficient, Correction, remade
 from ident.corrections.gear_backlash import gear_backlash
 from ident.corrections.joint_compliance import gear_compliance
 
@@ -45,14 +45,10 @@ def typical_friction(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     It is of one size in all of them: 0.05 N m turn the wrist of an arm of 3 kg by 0.05 mrad.
     """
     torque, gears = cell.ballbar.friction_torque, gear_compliance(with_typical(cell.robot)[0])
-    coefficients = tuple(
-        Coefficient(f"friction{i}", "rad", torque * c.mean, torque * c.mean, c.channel)
-        for i, c in enumerate(gears.coefficients, start=1)
-    )
-    made = Correction(
-        *("", "friction of the ball-bar", coefficients), lambda state: list(-state.loads.rubbed)
-    )
-    return _named(made, "typical_friction")
+    yielding = [(i, torque * c.mean) for i, c in enumerate(gears.coefficients)]
+    each = [Coefficient(f"typical_friction{i + 1}", "rad", s, s, GEAR + i) for i, s in yielding]
+    name, sentence = "typical_friction", "friction of the ball-bar"
+    return Correction(name, sentence, tuple(each), lambda state: list(-state.loads.rubbed))
 
 
 def _named(made: Correction, name: str) -> Correction:
