@@ -13,7 +13,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.instruments.base import Kind, Sight, TrueStand
 from cell.placement import Placement
-from cell.rigid_fit import kabsch
+from cell.rigid_fit import nearest_rotation
 
 if TYPE_CHECKING:
     from cell.instrument import Instrument
@@ -65,7 +65,7 @@ class SensedBearing(Kind):
         if ((known @ matrix.T) * along).sum() < 0.0:
             matrix = -matrix
         linear, shift = matrix[:, :3], matrix[:, 3]
-        return Placement(kabsch(np.eye(3), linear), -np.linalg.solve(linear, shift))
+        return Placement(nearest_rotation(linear.T), -np.linalg.solve(linear, shift))
 
 
 KIND = SensedBearing()
