@@ -18,7 +18,8 @@ from cell.description_files import DHRowFile, GearsFile, LinkFile, RobotFile, Se
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
 from cell.foreign_files import read_regular
-from cell.instrument import Instrument, InstrumentFile, instrument_of, telescoping_bar
+from cell.instrument import InstrumentFile, instrument_of, telescoping_bar
+from cell.instruments.base import Instrument
 from cell.schema_errors import nearest
 from cell.strict_yaml import MAX_BYTES, M, load_model
 

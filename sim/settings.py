@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.schema import NotNegative, Positive, Strict
 from cell.schema_errors import missing_key, wrong_key
 from sim.errors import sensor_errors

@@ -23,7 +23,7 @@ from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.file_units import METRES, RADIANS, AngleUnit, LogLengthUnit
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.pose_file import ValueColumns
 from cell.rigid_fit import nearest_rotation, nominal_frames, rigid_fit
 

@@ -31,7 +31,7 @@ from cell.descriptions import BallBar
 from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
 from cell.errors import InputError
 from cell.file_units import METRES, LogLengthUnit
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.logs import SourceName
 from cell.recording import SourceFile, TrackerFile
 from cell.schema_errors import nearest

@@ -127,7 +127,10 @@ def _recording(shown: Shown) -> rrb.Container:
     lanes = rrb.StateTimelineView(
         origin=f"{shown.root}{entities.LANES}", name="Events", time_view=time_axis
     )
-    rows = (_residuals(shown), lanes, _angles(shown), _more(shown))
+    angles = [_plot(shown, entities.JOINTS, "Robot joint angles [deg]")]
+    if entities.ENCODERS in shown.series:
+        angles.append(_plot(shown, entities.ENCODERS, "Ball-bar encoder angles [deg]"))
+    rows = (_residuals(shown), lanes, rrb.Horizontal(*angles), _more(shown))
     right = rrb.Vertical(*rows, row_shares=[5, 5, 5, 5])
     return rrb.Horizontal(left, right, column_shares=[11, 9], name=shown.name)
 
@@ -150,13 +153,6 @@ def _residuals(shown: Shown) -> rrb.Container:
             alone = _plot(shown, after, f"Residual after, {quantity}", about_zero=True)
             tabs.append(rrb.Horizontal(both, alone, name=f"Loop closure: {quantity}"))
     return rrb.Tabs(*tabs, active_tab=0)
-
-
-def _angles(shown: Shown) -> rrb.Container:
-    views = [_plot(shown, entities.JOINTS, "Robot joint angles [deg]")]
-    if entities.ENCODERS in shown.series:
-        views.append(_plot(shown, entities.ENCODERS, "Ball-bar encoder angles [deg]"))
-    return rrb.Horizontal(*views)
 
 
 def _more(shown: Shown) -> rrb.Container:

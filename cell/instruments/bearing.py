@@ -6,17 +6,12 @@ or any other instrument in the same fit, tell it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, TrueStand
+from cell.instruments.base import Instrument, Kind, Sight, TrueStand
 from cell.placement import Placement
 from cell.rigid_fit import nearest_rotation
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
 
 
 class SensedBearing(Kind):

@@ -17,7 +17,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Link
 from cell.geometry import robot_frames
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.rotation import quat_wxyz
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
