@@ -210,6 +210,9 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     assert not set(skews) & {point_of(other, i)["clocks.skew"] for i in range(20)}
 
 
+DRAWS = 1000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("distribution", "quantile"),
@@ -224,12 +227,12 @@ def test_draws_follow_their_distribution(
 ) -> None:
     plan = plan_of(
         tmp_path,
-        f"draw: {{clocks.offset_s: {{{distribution}}}}}\ndraws: 4000\nseeds: {{count: 1}}\n",
+        f"draw: {{clocks.offset_s: {{{distribution}}}}}\ndraws: {DRAWS}\nseeds: {{count: 1}}\n",
     )
     drawn = np.sort([point_of(plan, i)["clocks.offset_s"] for i in range(plan.points)])
     for u in (0.1, 0.25, 0.5, 0.75, 0.9):
         share = float(np.mean(drawn < quantile(u)))
-        assert abs(share - u) < 4.0 * np.sqrt(u * (1.0 - u) / 4000)  # standard deviations
+        assert abs(share - u) < 4.0 * np.sqrt(u * (1.0 - u) / DRAWS)  # standard deviations
 
 
 def _small_plan(
