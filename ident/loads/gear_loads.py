@@ -133,7 +133,7 @@ def rubbed(masses: MassModel, geometry: Geometry, q: Array, b: Array) -> Array:
     for k, step in enumerate(np.diff(b, axis=0) / TRAVEL, start=1):
         side[k, :5] = np.clip(side[k - 1, :5] + step, -1.0, 1.0)
     motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None])).transpose(2, 0, 1)
-    wrench: Array = np.linalg.solve(motions, side[:, :, None])[:, :, 0].T
+    wrench = np.asarray(np.linalg.solve(motions, side[:, :, None])[:, :, 0].T, dtype=float)
     return _about_axes(masses, robot, _at_joints(robot, wrench))
 
 
