@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell, Robot
+from cell.descriptions import Cell
 from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
@@ -46,7 +46,7 @@ from ident.loads.logged_tension import (
     tension_splines,
     torque_tension,
 )
-from ident.model_choice import needed_corrections, present, unsupported, unsupported_substitutes
+from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.steps import StepFault
@@ -59,9 +59,10 @@ CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
 WANDERING = 100.0  # [N] prior of a knot of a force that the rod's length alone shows
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
-# Where no file describes the gears, ripple, play and friction of typical ones are in it at first.
-# With less, the fit of a soft arm ends in another minimum, 10 prior deviations off.
-UNKNOWN_GEARS = ExcessNoise(5e-5, 1e-4, 2e-5, 5e-6)
+# Ripple, play and friction of typical gears: where the first guess leaves LEFT times chi-square
+# because no file describes them, it has overpowered the priors, and the fit of a soft arm has ended
+# in another minimum, 10 prior deviations off.
+UNKNOWN_GEARS, LEFT = ExcessNoise(5e-5, 1e-4, 1e-5, 1e-6), 9.0
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
 MAX_ITERATIONS = 100
@@ -139,7 +140,7 @@ def fit_complete(
         else:
             faults = exact
             result = with_noise(run.first(chosen, faults), listener)
-        idle = unsupported_substitutes(result) if automatic else set()
+        idle = unsupported(result) if automatic else set()
     return replace(result, step_faults=sized(result, faults, lines))
 
 
@@ -159,17 +160,19 @@ class _Run:
         return [correction_named(name, self.cell, encoders, count) for name in names]
 
     def first(self, chosen: Sequence[Correction], faults: tuple[StepFault, ...]) -> Fit:
-        """A fit with the first guess of the noise."""
+        """A fit with the first guess of the noise, or with that of gears that no file describes."""
         self.listener.progress("preparing the complete model")
         pose = posed(self.cell, self.recordings, chosen, self.options, faults, self.still)
-        sources = [
-            r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
-        ]
-        if searches_tension(chosen, sources):
-            pose = continued(pose, self.listener, first_excess(self.cell.robot))
-        self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
-        excess = first_excess(self.cell.robot)
-        return fit_pose(approached(pose, excess), excess)
+        every = [r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings]
+        for guess in (FIRST_EXCESS, UNKNOWN_GEARS):
+            begin = pose
+            if searches_tension(chosen, every):
+                begin = continued(pose, self.listener, guess)
+            self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
+            result = fit_pose(approached(begin, guess), guess)
+            if result.chi2_per_dof < LEFT or not self.cell.robot.lacks("gears"):
+                break
+        return result
 
     def step_fault(self, result: Fit, faults: tuple[StepFault, ...]) -> StepFault | None:
         """The surest step fault that a fit shows, if its recording shows one by itself, too.
@@ -400,11 +403,6 @@ def with_tension(
     elif source == "sensor":
         tension = sensor_tension(cell, new, geometry, clock, logs.force)
     return replace(new, tension=tension, splines=tension_splines(times))
-
-
-def first_excess(robot: Robot) -> ExcessNoise:
-    """Noise of the first fit, by whether the robot's file describes its gears."""
-    return UNKNOWN_GEARS if robot.lacks("gears") else FIRST_EXCESS
 
 
 def continued(pose: Pose, listener: Listener = SILENT, e: ExcessNoise = FIRST_EXCESS) -> Pose:

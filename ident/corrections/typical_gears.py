@@ -40,7 +40,7 @@ def typical_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
 
 @remade
 def typical_friction(cell: Cell, encoders: tuple[int, ...]) -> Correction:
-    """What each gear yields [rad] to the Coulomb friction of one joint of the ball-bar.
+    """Yield [rad] of each gear to the Coulomb friction of one joint of the ball-bar.
 
     It is of one size in all of them: 0.05 N m turn the wrist of an arm of 3 kg by 0.05 mrad.
     """
