@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
+from inspect import getsource
+from itertools import pairwise
+from textwrap import dedent
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -27,22 +31,10 @@ class Strict(BaseModel):
     """A frozen model that refuses unknown keys, infinities, NaN, and numbers beyond any quantity.
 
     The unit at the end of a key decides what is beyond; a sigma is not negative. The docstring
-    below a key is its description in the references and in the JSON schemas.
+    below a key is its description in the references and in the JSON schemas (`describe_keys`).
     """
 
-    model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        allow_inf_nan=False,
-        defer_build=True,
-        use_attribute_docstrings=True,
-    )
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **kwargs: object) -> None:
-        for field in cls.model_fields.values():
-            if field.description:  # lines of a docstring are one text
-                field.description = " ".join(field.description.split())
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="after")
     def _numbers_are_of_quantities(self) -> Self:
@@ -52,6 +44,38 @@ class Strict(BaseModel):
                 if reason := _beyond(key, value):
                     raise wrong_key(*loc, message=reason)
         return self
+
+
+def describe_keys() -> None:
+    """Gives the keys of all schemas that are imported their docstrings as descriptions.
+
+    Reading them from the sources takes longer than the schemas, and no file is read by them.
+    """
+    kinds: list[type[Strict]] = [Strict]
+    for kind in kinds:
+        kinds += [other for other in kind.__subclasses__() if other not in kinds]
+    written = {kind: _docstrings(kind) for kind in kinds}
+    for kind in kinds:
+        for key, field in kind.model_fields.items():
+            texts = (written[base][key] for base in kind.__mro__ if key in written.get(base, {}))
+            field.description = field.description or next(texts, None)
+        for built in ("core_schema", "validator", "serializer"):
+            if f"__pydantic_{built}__" in vars(kind):
+                delattr(kind, f"__pydantic_{built}__")
+    for kind in kinds:
+        kind.model_rebuild(force=True)
+
+
+def _docstrings(kind: type[Strict]) -> dict[str, str]:
+    """The docstrings below the keys of a class, each on one line."""
+    (definition,) = ast.parse(dedent(getsource(kind))).body
+    assert isinstance(definition, ast.ClassDef)
+    out = {}
+    for statement, below in pairwise(definition.body):
+        match statement, below:
+            case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(value=ast.Constant(value=str(t))):
+                out[key] = " ".join(t.split())
+    return out
 
 
 def _numbers(value: Any, loc: Loc) -> Iterator[tuple[Loc, float]]:

@@ -88,8 +88,6 @@ def identify(
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
-        from ballbar.commands.result_json import run_data
-        from ballbar.outputs import write_outputs
         from ballbar.report.terminal import say_identification
         from ballbar.result.run_recordings import identify_files
         from ident.options import Listener
@@ -101,12 +99,18 @@ def identify(
             joint_errors=joint_errors,
             listener=Listener(progress),
         )
+        if not as_json:
+            with progress.removed():
+                say_identification(out, run)
+        from ballbar.outputs import write_outputs
+
         write_outputs(
             folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
     if as_json:
+        from ballbar.commands.result_json import run_data
+
         say_json(run_data(run, folder))
-    say_identification(out, run)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
 
