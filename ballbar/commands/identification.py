@@ -18,6 +18,7 @@ from ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 
 if TYPE_CHECKING:
     from ballbar.identify_settings import IdentifySettings
+    from ballbar.result.run_data import RunData
 
 commands = typer.Typer()
 
@@ -108,11 +109,15 @@ def identify(
             folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
     if as_json:
-        from ballbar.commands.result_json import run_data
-
-        say_json(run_data(run, folder))
+        _say_json(run, folder)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
+
+
+def _say_json(run: RunData, folder: Path) -> None:
+    from ballbar.commands.result_json import run_data
+
+    say_json(run_data(run, folder))
 
 
 def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
