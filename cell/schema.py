@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Iterator
-from inspect import getsource
-from itertools import pairwise
-from textwrap import dedent
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -47,35 +43,25 @@ class Strict(BaseModel):
 
 
 def describe_keys() -> None:
-    """Gives the keys of all schemas that are imported their docstrings as descriptions.
+    """Gives the keys of all schemas that are imported the docstrings below them as descriptions.
 
-    Reading them from the sources takes longer than the schemas, and no file is read by them.
+    Reading them from the sources takes as long as the schemas, and no file is read by them.
     """
+    from pydantic._internal._docs_extraction import extract_docstrings_from_cls  # noqa: PLC0415
+
     kinds: list[type[Strict]] = [Strict]
     for kind in kinds:
         kinds += [other for other in kind.__subclasses__() if other not in kinds]
-    written = {kind: _docstrings(kind) for kind in kinds}
+    written = {kind: extract_docstrings_from_cls(kind, use_inspect=True) for kind in kinds}
     for kind in kinds:
         for key, field in kind.model_fields.items():
             texts = (written[base][key] for base in kind.__mro__ if key in written.get(base, {}))
-            field.description = field.description or next(texts, None)
+            field.description = " ".join((field.description or next(texts, "")).split()) or None
         for built in ("core_schema", "validator", "serializer"):
             if f"__pydantic_{built}__" in vars(kind):
                 delattr(kind, f"__pydantic_{built}__")
     for kind in kinds:
         kind.model_rebuild(force=True)
-
-
-def _docstrings(kind: type[Strict]) -> dict[str, str]:
-    """The docstrings below the keys of a class, each on one line."""
-    (definition,) = ast.parse(dedent(getsource(kind))).body
-    assert isinstance(definition, ast.ClassDef)
-    out = {}
-    for statement, below in pairwise(definition.body):
-        match statement, below:
-            case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(value=ast.Constant(value=str(t))):
-                out[key] = " ".join(t.split())
-    return out
 
 
 def _numbers(value: Any, loc: Loc) -> Iterator[tuple[Loc, float]]:

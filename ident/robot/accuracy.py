@@ -26,7 +26,7 @@ _BITS = 30  # of a coordinate
 # Primitive polynomial, its bits from the highest power down, and first direction numbers of each
 # dimension (Joe & Kuo 2008, table new-joe-kuo-6).
 _JOE_KUO = (
-    *((1, 1), (0b11, 1), (0b111, 1, 3), (0b1011, 1, 3, 1), (0b1101, 1, 1, 1)),
+    *((1, *(1,) * 10), (0b11, 1), (0b111, 1, 3), (0b1011, 1, 3, 1), (0b1101, 1, 1, 1)),
     *((0b10011, 1, 1, 3, 3), (0b11001, 1, 3, 5, 13), (0b100101, 1, 1, 5, 5, 17)),
 )
 
@@ -66,13 +66,14 @@ def _grid_points(joints: int) -> Array:
     scramble = np.tril(rng.integers(2, size=(joints, _BITS, _BITS), dtype=np.uint32), -1)
     count = (GRID_POSES - 1).bit_length()
     directions = np.zeros((joints, _BITS, count), dtype=np.uint32)  # bits, the highest first
-    for direction, (polynomial, *first) in zip(directions, _JOE_KUO[:joints], strict=True):
+    for direction, (polynomial, *m) in zip(directions, _JOE_KUO[:joints], strict=True):
         degree = polynomial.bit_length() - 1
-        m = [*first]
-        for k in range(degree, count):
-            terms = [m[k - i] << i for i in range(1, degree + 1) if polynomial >> (degree - i) & 1]
-            m.append(reduce(xor, terms, m[k - degree]))
         for k in range(count):
+            if k >= len(m):
+                terms = (
+                    m[k - i] << i for i in range(1, degree + 1) if polynomial >> degree - i & 1
+                )
+                m.append(reduce(xor, terms, m[k - degree]))
             direction[: k + 1, k] = m[k] >> places[k::-1] & 1
     number = np.arange(GRID_POSES)
     gray = (number ^ number >> 1) >> places[:count, None] & 1  # (count, G)
