@@ -4,12 +4,12 @@
     python -m benchmarks.whole_commands --old DIR        # beside it another checkout, in turns
 
 Of whole processes, medians: seconds until the answer stands on the screen, until the end, and of
-the processor; and the first over those of Python importing the libraries (LIBRARIES), in the same
-round. Commands: `ballbar run irb2400`, as `make run` calls it; `ballbar identify` of one and of two
-recordings of 120 s with everything on (irb2400_full); and of two that cannot be fitted together,
-as the second one is of another robot, repeats five seconds of the robot's log, or has a robot's clock
-that goes 2 ms astray and back. Each recording is made by the checkout that reads it. The first
-round, which may compile, is not counted.
+the processor; and the first over those of Python importing LIBRARIES, in the same round. Commands:
+`ballbar run irb2400`, as `make run` calls it; `ballbar identify` of one and of two recordings of
+120 s with everything on (irb2400_full); and of two that cannot be fitted together: the second one
+is of another robot, or repeats five seconds of the robot's log, or its robot's clock goes 2 ms
+astray and back. Each recording is made by the checkout that reads it. The first round, which may
+compile, is not counted.
 """
 
 from __future__ import annotations
