@@ -66,10 +66,10 @@ NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
 MAX_ITERATIONS = 100
 # A first fit ends where after so many iterations it leaves this chi-square per degree of freedom,
-# and neighbours in the residual are so alike: no noise, and no correction, explains that. Sound
+# and neighbours in the residual are so correlated: no noise, and no correction, explains that. Sound
 # machines are at 3 by then, another robot at 80 to 300, an encoder that is 10 ms late at 1400. The
 # noise of what is left then takes so many iterations a pass.
-PATIENCE, BEYOND, ALIKE, ROUGH = 12, 50.0, 0.5, 4
+PATIENCE, BEYOND, CORRELATED, ROUGH = 12, 50.0, 0.5, 4
 # Iterations with new weights. After six, some fits went on to a minimum that their weights, up to
 # 50 % off there, were not made for: all gears 2 % too soft at a stated 0.4 %; after 25, one of
 # seven drawn robots of benchmarks.everything_on did not end.
@@ -244,7 +244,7 @@ def _explains_nothing(model: Model, equations: NormalEquations, iterations: int)
     if iterations < PATIENCE or equations.data_cost < BEYOND * equations.equations:
         return False
     residuals = zip(model.recordings, equations.residuals, strict=False)
-    return max(autocorrelation(r, s.times, s.smoothing) for s, r in residuals) > ALIKE
+    return max(autocorrelation(r, s.times, s.smoothing) for s, r in residuals) > CORRELATED
 
 
 def with_noise(
