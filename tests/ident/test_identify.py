@@ -131,7 +131,12 @@ def test_a_fit_that_does_not_converge_counts_its_iterations_as_the_result_does(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fitted", "parameters", "tcp_mm"),
-    [((), 23, 0.1), ((1, 2), 25, 0.02), ((1, 2, 4, 5), 28, 0.02), ((1, 2, 3, 4, 5), 29, 0.02)],
+    [
+        ((), 23, 0.1),
+        ((1, 2, 4, 5), 28, 0.02),
+        pytest.param((1, 2), 25, 0.02, marks=pytest.mark.long),
+        pytest.param((1, 2, 3, 4, 5), 29, 0.02, marks=pytest.mark.long),
+    ],
 )
 def test_any_number_of_encoders_goes_through_the_same_code(
     tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float
