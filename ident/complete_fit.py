@@ -66,7 +66,7 @@ NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
 MAX_ITERATIONS = 100
 # A first fit ends where after so many iterations it leaves this chi-square per degree of freedom,
-# and neighbours in the residual are so correlated: no noise, and no correction, explains that. Sound
+# and neighbours in the residual are so correlated: no noise and no correction explains that. Sound
 # machines are at 3 by then, another robot at 80 to 300, an encoder that is 10 ms late at 1400. The
 # noise of what is left then takes so many iterations a pass.
 PATIENCE, BEYOND, CORRELATED, ROUGH = 12, 50.0, 0.5, 4
