@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial, singledispatch
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from cell.arrays import Array
 from cell.chain import Chain
@@ -37,6 +37,9 @@ from sim.settings import CellSettings
 from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
 
+if TYPE_CHECKING:  # a run compares what it has identified, and reads no result
+    from ballbar.result.calibration import Calibration
+
 
 def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
     """A stored result against the truth that its recording or table was simulated from.
@@ -52,7 +55,7 @@ def _of_result(truth: Truth | PoseTruth, model: Calibration, file: Path) -> Comp
     raise NotImplementedError(truth, model, file)
 
 
-@_of_result.register
+@_of_result.register(Truth)
 def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     if not model.of_logs:
         return _of_followed(truth, model, file)
@@ -66,7 +69,7 @@ def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     )
 
 
-@_of_result.register
+@_of_result.register(PoseTruth)
 def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
     if model.of_logs:
         raise _other_truth(file, "still poses", model, "recordings")
