@@ -58,8 +58,8 @@ def rehearse_into(day: Day) -> Rehearsal:
     Raises InputError for a fault or a scenario that cannot be rehearsed, or when the folder holds
     something else; FailureError when a part of the cell does not come up.
     """
-    check_fault(day.scenario, day.fault)
-    delivered, out = as_recorded(day.scenario, relative_to=day.file.parent), day.folder
+    check_fault(day.scenario, day.fault, relative_to=day.file.parent)
+    delivered, out = as_recorded(day.scenario), day.folder
     with claimed_folder(out, OUTPUTS, "the rehearsal"):
         beside = Path(mkdtemp(dir=out.resolve().parent, prefix=f".{out.name}."))
         try:

@@ -159,18 +159,3 @@ def test_logs_of_two_runs_are_watched_and_called_implausible(tmp_path: Path) -> 
     state = Watch(made, accuracy=1e-3).finish(0.0)
     assert state.estimate is not None
     assert (state.estimate.status, state.enough) == ("implausible", False)
-
-
-def test_a_day_with_an_instrument_that_follows_is_not_rehearsed(tmp_path: Path) -> None:
-    code, _, err = ballbar("rehearse", "ur10e_mocap", "--out", str(tmp_path / "out"))
-    assert code == 2
-    assert "mocap_pose follows the robot, and a rehearsal plans" in err
-    assert not list(tmp_path.iterdir())
-
-
-def test_an_instrument_that_follows_is_not_recorded(tmp_path: Path) -> None:
-    options = ("--egm", "6510", "--robot", "irb2400", "--ballbar", "tracker_point")
-    code, _, err = ballbar("record", str(tmp_path / "out"), *options)
-    assert code == 2
-    assert "Log it with its own program" in err
-    assert not list(tmp_path.iterdir())

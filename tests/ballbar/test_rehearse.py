@@ -100,7 +100,7 @@ def test_an_alarm_counts_as_noticed_once_the_fault_has_begun() -> None:
 def test_a_fault_of_encoders_is_refused_where_there_are_none(name: str) -> None:
     check_fault(load_scenario(IRB), name)
     with pytest.raises(InputError, match=f"--fault {name}: needs a ball-bar with encoders"):
-        check_fault(load_scenario(UR), name)
+        check_fault(load_scenario(UR), name, relative_to=scenario_file(UR).parent)
 
 
 def test_an_unknown_fault_is_refused_with_the_list() -> None:
@@ -210,7 +210,7 @@ def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_inst
 ) -> None:
     file = scenario_file(UR)
     changes = ["path.duration_s=40", "path.stops=0", "logs.robot.rate_hz=100"]
-    scenario = as_recorded(load_scenario(UR, overrides=changes), relative_to=file.parent)
+    scenario = as_recorded(load_scenario(UR, overrides=changes))
     simulated = tmp_path / "simulated"
     simulate_scenario(scenario, file, simulated, progress=lambda _: None)
     live = {
