@@ -12,7 +12,8 @@ from cell.geometry import robot_geometry
 from cell.load import load_robot
 from cell.pose_file import PosesFile, load_poses_file, pose_file_path
 from cell.recording import RecordingFile, load_recording_file
-from ident.start.followed import followed_table, robot_motion
+from ident.signals.smooth_log import motion_of
+from ident.start.followed import followed_table
 
 
 def gives_poses(path: Path) -> bool:
@@ -45,6 +46,7 @@ def poses_of(path: Path) -> PoseImport:
     if (axes := recording.robot_log.q.shape[1]) != robot.joints:
         what = f"the robot's log has {axes} joint angles, robot {robot.name} {robot.joints} axes."
         raise InputError.at(path, what, "Name the robot that was recorded.")
-    motion, name = robot_motion(recording.robot_log), path.resolve().name
+    log, name = recording.robot_log, path.resolve().name
+    motion = motion_of(log, log.q)
     table = followed_table(name, robot, robot_geometry(robot), motion, tracker)
     return PoseImport(description, table, recording.report, path / "recording.yaml")

@@ -131,7 +131,7 @@ class GrowingFiles(Device):
 
     def _cycle(self) -> bool:
         now = self._pace.delivered
-        over = now >= max(log.t[-1] for log in self._growing.logs.values())
+        over = now >= max(float(log.t[-1]) for log in self._growing.logs.values())
         self._growing.write_until(np.inf if over else now)
         return over
 
