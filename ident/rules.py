@@ -40,6 +40,7 @@ NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 UNDETERMINED = 0.5  # information gain below which the prior tells more than the data
 LOST = 0.1  # of the poses: so many outliers have a cause
 MORE_POSES = "measure more poses, spread over all joints."
+LONGER_PATH = "record a longer path, over all joints."
 
 
 def judge(parts: Sequence[Evidence]) -> Verdict:
@@ -219,14 +220,15 @@ def _extrapolated(e: Evidence) -> Iterator[str]:
     if (poses := e.judged_by) is None:
         return
     validation, (fitted, _) = poses.cross_validation, poses.residual_means
+    few, more = "too few poses", MORE_POSES
+    if poses.table.moving.any():
+        few, more = "too short a path", LONGER_PATH
     if validation.mean > NO_GAIN * float(np.median(poses.residual_nominal)):
-        yield (
-            f"little was won over the nominal robot; {poses.predicted}. {MORE_POSES.capitalize()}"
-        )
+        yield (f"little was won over the nominal robot; {poses.predicted}. {more.capitalize()}")
     if poses.alone and validation.mean > OVERFITTED * fitted:  # else recordings tell the parameters
         yield (
-            f"too few poses for so many parameters; fitted ones lie within "
-            f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {MORE_POSES.capitalize()}"
+            f"{few} for so many parameters; fitted poses lie within "
+            f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {more.capitalize()}"
         )
     if poses.at_one_place and not e.elsewhere:
         yield (
