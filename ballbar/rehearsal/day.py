@@ -27,7 +27,6 @@ from ballbar.truth.compare import identification_against_truth
 from ballbar.truth.limits import Limit, corrected_limits, tcp_limits
 from ballbar.units import MM
 from cell.arrays import Array
-from cell.errors import FailureError
 from cell.number_text import significant_text
 from cell.statistics import rms
 from ident.options import Listener
@@ -210,7 +209,15 @@ def _identified(
 
 
 def _planned(day: Day) -> Scenario:
-    """Plans the second path after the first result; the scenario of its recording."""
+    """Plans the second path after the first result; the scenario of its recording.
+
+    Where an instrument follows the robot the path is recorded again: no path for it is planned
+    after a result.
+    """
+    if not load_result(day.folder / FIRST).calibration.of_logs:
+        again = {"recording": day.scenario.recording + 1}
+        day.done("path2", "the first path, recorded once more", {}, met=True)
+        return day.scenario.model_copy(update=again)
     day.progress("planning the second path")
     second, predicted, feasible = plan_second_path(
         day.scenario, day.folder, day.folder / FIRST, day.file.parent
@@ -232,8 +239,6 @@ def _corrected(day: Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
-    if not result.calibration.of_logs:
-        raise FailureError(f"{day.folder / RESULT}: is no result of recordings")
     correction = correct_targets(day.folder, result)
     expected, included = correction.corrected.position_before, ["geometry", *correction.included]
     figures: dict[str, object] = {

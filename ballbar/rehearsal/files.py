@@ -119,7 +119,7 @@ def rehearsal_page(rehearsal: Rehearsal) -> str:
     day, targets = rehearsal.day, rehearsal.held
     missed = [stage.name for stage in day.stages if not stage.met]
     missed += [limit.what for limit in rehearsal.limits if not limit.met]
-    cell = day.scenario.cell
+    cell, planned = day.scenario.cell, any(stage.name == "plan path2" for stage in day.stages)
     fault = f", with the fault {day.fault}" if day.fault else ""
     page = template("rehearsal.html").render(
         title=day.scenario.name,
@@ -143,7 +143,7 @@ def rehearsal_page(rehearsal: Rehearsal) -> str:
             ],
             label="distance of the tool",
         ),
-        links=LINKS,
+        links=[link for link in LINKS if planned or not link[0].startswith(PLAN)],
         command=without_folders(day.command),
         versions=versions(simulated=True),
         written=f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC",
