@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from cell.descriptions import Robot
 from cell.typical_machine import KEYS
 from planning.followed_path import RATE
-from planning.force import ERROR
+from planning.force import ERROR, Lengths
 from planning.plan import PathPlan
 
 PATH = "path.yaml"  # of the plan, beside the scenario
@@ -61,7 +62,7 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
         "seed": request.seed,
     }
     if request.telescoping:
-        return common | free_data(plan)
+        return common | length_data(plan.lengths, plan.evaluator.cell.robot)
     plant: dict[str, object] = {"servo": request.servo}
     if plan.evaluator.typical.keys:
         plant["typical_spread"] = 1.0
@@ -79,15 +80,12 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
     }
 
 
-def free_data(plan: PathPlan) -> dict[str, object]:
-    """Plant and errors with which a robot is simulated that nothing holds.
+def length_data(lengths: Lengths | None, robot: Robot) -> dict[str, object]:
+    """Plant and errors with which a telescoping bar is simulated: those that its stroke takes.
 
-    With a telescoping bar those that its stroke takes.
-
-    They are of an elastic robot in MuJoCo, as in scenarios/irb2400_telescoping.yaml, or of a rigid
+    lengths : None where an instrument follows the robot. They are of an elastic robot in MuJoCo, as in scenarios/irb2400_telescoping.yaml, or of a rigid
     one where its file lacks what MuJoCo needs.
     """
-    robot, lengths = plan.evaluator.cell.robot, plan.lengths
     scale = 1.0 if lengths is None else lengths.scale
     size = float(f"{min(ERROR, scale * ERROR):.1g}")
     errors: dict[str, object] = {

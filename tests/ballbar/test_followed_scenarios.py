@@ -159,3 +159,24 @@ def test_logs_of_two_runs_are_watched_and_called_implausible(tmp_path: Path) -> 
     state = Watch(made, accuracy=1e-3).finish(0.0)
     assert state.estimate is not None
     assert (state.estimate.status, state.enough) == ("implausible", False)
+
+
+@pytest.mark.slow
+def test_noise_of_rows_is_no_uncertainty_of_the_tool(tmp_path: Path) -> None:
+    """Motion capture of 0.15 mm: the tool was stated ten times worse than it was known."""
+    made = FollowedRobot(seed=2, noise_m=(1.5e-4, 0.0))
+    made.write(tmp_path / "made", seconds=30.0, rate=50.0)
+    result = identify_files([tmp_path / "made"]).identification
+    assert result.poses is not None
+    validation, robot = result.poses.cross_validation, result.poses.identified_robot()
+    assert validation.white == pytest.approx(1.5e-4, rel=0.1)
+    q = result.poses.table.q[::20]
+    moved = robot.frames(q).tip.T - made.points(q)
+    moved -= moved.mean(axis=0)  # the frames of both bases differ by a constant, and a small turn
+    lever = made.points(q) - made.points(q).mean(axis=0)
+    columns = np.stack([np.cross(axis, lever) for axis in np.eye(3)], axis=-1).reshape(-1, 3)
+    turn = np.linalg.lstsq(columns, moved.ravel(), rcond=None)[0]
+    error = rms(moved - (columns @ turn).reshape(-1, 3)) * np.sqrt(3.0)
+    stated = rms(robot.sigma(q))
+    assert stated < 0.5 * np.sqrt(3.0) * 1.5e-4
+    assert 0.2 < error / stated < 2.0

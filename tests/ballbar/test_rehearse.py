@@ -34,7 +34,7 @@ from ident.robot.inverse_calibration import TargetError
 from planning.request import PlanRequest
 from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import device_logs
-from sim.live.faults import OF_ENCODERS
+from sim.live.faults import OF_ENCODERS, OF_TRACKER
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import CLOCK, record
 
@@ -101,6 +101,19 @@ def test_a_fault_of_encoders_is_refused_where_there_are_none(name: str) -> None:
     check_fault(load_scenario(IRB), name)
     with pytest.raises(InputError, match=f"--fault {name}: needs a ball-bar with encoders"):
         check_fault(load_scenario(UR), name, relative_to=scenario_file(UR).parent)
+
+
+@pytest.mark.parametrize("name", OF_TRACKER)
+def test_a_fault_of_a_tracker_is_refused_where_there_is_none(name: str) -> None:
+    check_fault(load_scenario("ur10e_mocap"), name)
+    with pytest.raises(InputError, match=f"--fault {name}: needs a tracker"):
+        check_fault(load_scenario(IRB), name)
+
+
+def test_a_tracker_is_delivered_alone_and_beside_a_ballbar() -> None:
+    assert as_recorded(load_scenario("ur10e_mocap")).logs.tracker is not None
+    beside = load_scenario(IRB, overrides=["logs.tracker={}"])
+    assert as_recorded(beside).logs.tracker is not None
 
 
 def test_an_unknown_fault_is_refused_with_the_list() -> None:
