@@ -83,8 +83,8 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
 def length_data(lengths: Lengths | None, robot: Robot) -> dict[str, object]:
     """Plant and errors with which a telescoping bar is simulated: those that its stroke takes.
 
-    lengths : None where an instrument follows the robot. They are of an elastic robot in MuJoCo, as in scenarios/irb2400_telescoping.yaml, or of a rigid
-    one where its file lacks what MuJoCo needs.
+    lengths : None where an instrument follows the robot. They are of an elastic robot in MuJoCo, as
+    in scenarios/irb2400_telescoping.yaml, or of a rigid one where its file lacks what MuJoCo needs.
     """
     scale = 1.0 if lengths is None else lengths.scale
     size = float(f"{min(ERROR, scale * ERROR):.1g}")
