@@ -245,7 +245,7 @@ class Calibration:
             parameters=np.zeros(0, dtype=np.intp),
             values=np.zeros((unknowns, unknowns)),
             discrepancy=spread,
-            white=min(self._validation.white_m, float(np.sqrt(noise))),
+            white=min(self._validation.white_m or 0.0, float(np.sqrt(noise))),
             factor=self._validation.region_factor,
         )
 
