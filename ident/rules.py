@@ -220,15 +220,14 @@ def _extrapolated(e: Evidence) -> Iterator[str]:
     if (poses := e.judged_by) is None:
         return
     validation, (fitted, _) = poses.cross_validation, poses.residual_means
-    few, more = "too few poses", MORE_POSES
+    few, more = "too few poses for so many parameters; fitted ones", MORE_POSES
     if poses.table.moving.any():
-        few, more = "too short a path", LONGER_PATH
+        few, more = "too short a path for so many parameters; fitted poses", LONGER_PATH
     if validation.mean > NO_GAIN * float(np.median(poses.residual_nominal)):
         yield (f"little was won over the nominal robot; {poses.predicted}. {more.capitalize()}")
     if poses.alone and validation.mean > OVERFITTED * fitted:  # else recordings tell the parameters
         yield (
-            f"{few} for so many parameters; fitted poses lie within "
-            f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {more.capitalize()}"
+            f"{few} lie within {fitted * 1e3:.3f} mm, but {poses.predicted}. {more.capitalize()}"
         )
     if poses.at_one_place and not e.elsewhere:
         yield (
