@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial, singledispatch
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,10 +35,12 @@ from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
 from ident.table_estimate import TableEstimate
 from sim.settings import CellSettings
-from sim.simulate import Simulation
-from sim.still_poses import PoseSimulation
 from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
+
+if TYPE_CHECKING:  # a comparison does without the simulator
+    from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 
 def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
