@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition.recording import read_recording
+from ballbar.recordings.followed import poses_of
 from ballbar.result.calibration import Calibration
 from ballbar.result.run_recordings import identify_files
 from ballbar.watch.show import line, panel
@@ -180,3 +181,16 @@ def test_noise_of_rows_is_no_uncertainty_of_the_tool(tmp_path: Path) -> None:
     stated = rms(robot.sigma(q))
     assert stated < 0.5 * np.sqrt(3.0) * 1.5e-4
     assert 0.2 < error / stated < 2.0
+
+
+def test_a_motor_that_stepped_is_taken_out_of_the_log_and_said(tmp_path: Path) -> None:
+    """The rows behind it count as before; without a word the user would go on with that motor."""
+    folder = FollowedRobot(seed=8).write(tmp_path / "made", seconds=15.0, rate=50.0)
+    rows = np.loadtxt(folder / "robot.csv", delimiter=",", skiprows=1)
+    rows[rows[:, 0] >= 8.0, 5] += 3e-3
+    head = (folder / "robot.csv").read_text().partition("\n")[0]
+    np.savetxt(folder / "robot.csv", rows, fmt="%.9f", delimiter=",", header=head, comments="")
+    found = [f for f in poses_of(folder).report.findings if f.kind == "step in the log"]
+    assert [f.sentence for f in found] == [
+        "joint 5 stepped by +3 mrad between two rows at t = 8.00 s; taken out."
+    ]
