@@ -78,9 +78,9 @@ class FileSource:
         if self._fresh:
             self._end = len(self._head)
         elif not self._end:
-            self._end = self._path.stat().st_size
-            before = self._read(max(0, self._end - _HEAD), _HEAD)
-            self._end += before.rfind(b"\n") + 1 - len(before)
+            size = self._path.stat().st_size
+            start = max(0, size - _HEAD)
+            self._end = start + self._read(start, size - start).rfind(b"\n") + 1
         self._fresh = False
 
     def poll(self) -> Batch:
