@@ -15,7 +15,7 @@ import numpy as np
 
 from cell.clock import Clock
 from cell.geometry import geometry_of_chain, parameter_table
-from cell.load import load_instrument
+from cell.load import describes_instrument, load_instrument
 from cell.placement import Placement
 from cell.poses import PoseTable
 from cell.robot_angles import joints_to_axes
@@ -47,7 +47,9 @@ def followed(request: PlanRequest) -> PoseSetup | None:
     Raises InputError for a workspace that the robot does not have.
     """
     cell = request.cell
-    if cell.instrument is None or not load_instrument(cell.instrument).follows:
+    if cell.instrument is None or not describes_instrument(cell.instrument):
+        return None
+    if not load_instrument(cell.instrument).follows:
         return None
     poses = {
         "schema": f"{POSE_SCHEMA}/1",
