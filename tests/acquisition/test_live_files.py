@@ -131,14 +131,16 @@ def growing(folder: Path, *, seconds: float, stops: str = "") -> Iterator[None]:
     ended = threading.Event()
 
     def write() -> None:
-        begun, share = time.monotonic(), 0.0
+        begun, share, written = time.monotonic(), 0.0, dict.fromkeys(texts, 0)
         while share < 1.0 and not ended.wait(0.02):
             share = min(1.0, (time.monotonic() - begun - 0.5) / seconds)
             for name, text in texts.items():
                 there = 0.5 if name == stops else 1.0
                 end = int(len(text) * min(there, share))
-                if end > 0:
-                    (folder / f"{name}.csv").write_bytes(text[:end])
+                if end > written[name]:
+                    with (folder / f"{name}.csv").open("ab") as file:
+                        file.write(text[written[name] : end])
+                    written[name] = end
 
     for name in texts:
         (folder / f"{name}.csv").unlink()
