@@ -186,13 +186,15 @@ def _undetermined(e: Evidence) -> Iterator[str]:
     poses = e.judged_by
     if poses is None or not (poses.alone and poses.table.moving.any()):
         return
-    layout, known = poses.fit.model.unknowns, float(poses.sigma_at_poses.mean())
+    layout, noise = poses.fit.model.unknowns, np.sqrt(3.0) * poses.cross_validation.white
+    known = float(np.hypot(poses.sigma_at_poses, noise).mean())  # as the nominal robot is judged
     nominal = float(poses.residual_nominal.mean())
     if known > nominal:
         gains = zip(layout.names, poses.information_gain[layout.geometric], strict=False)
         open_ones = ", ".join(name for name, gain in gains if gain < UNDETERMINED)
         yield (
-            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses), "
+            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses, "
+            f"noise included), "
             f"and the nominal robot is off by {nominal * 1e3:.3g} mm. This path does not determine "
             f"{open_ones or 'the parameters together'}. Move every joint further and turn the tool."
         )
