@@ -273,3 +273,23 @@ def test_a_day_of_short_paths_comes_out_as_required(tmp_path: Path) -> None:
     held = stages["hold them in the plant"]
     assert held["corrected_targets_m"]["mean"] < 0.01 * held["nominal_targets_m"]["mean"]
     assert (out / "result" / "report.html").exists()
+
+
+@pytest.mark.long
+def test_a_day_with_a_tracker_that_follows_comes_out_as_required(tmp_path: Path) -> None:
+    """A lost target is noticed; no path is planned, and the others are recorded from files."""
+    out = tmp_path / "day"
+    changes = ("path.duration_s=60", "path.stops=0", "accept.tcp_max_mm=0.4")
+    words = [word for change in changes for word in ("--set", change)]
+    code, said, error = ballbar(
+        "rehearse", "ur10e_mocap", "--fault", "tracker_frozen", *words, "--out", out
+    )
+    assert code == 0, said + error
+    assert {entry.name for entry in out.iterdir()} == OUTPUTS - {"plan", "request.yaml"}
+    data = json.loads((out / "rehearsal.json").read_text())
+    stages = {stage["name"]: stage["figures"] for stage in data["stages"]}
+    assert stages["record with a fault"]["alarm"]["kind"] == "frozen channel"
+    assert stages["record path1"]["lost"] == stages["record path2"]["lost"] == 0
+    held = stages["hold them in the plant"]
+    assert held["corrected_targets_m"]["mean"] < 0.3 * held["nominal_targets_m"]["mean"]
+    assert "plan.svg" not in (out / "rehearsal.html").read_text()
