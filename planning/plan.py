@@ -18,7 +18,7 @@ from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
-from planning.coarse import BATCH
+from planning.coarse import BATCH, objectives
 from planning.crlb import PathPrediction
 from planning.evaluation import (
     INFEASIBLE,
@@ -28,7 +28,6 @@ from planning.evaluation import (
     check,
     evaluate,
     evaluators,
-    objective,
     tcp_rms_before,
     tensions_of,
 )
@@ -79,13 +78,11 @@ def first_path(
         tried += len(genomes)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
         start = genomes[int(screened.excess.argmin())]
-        if evaluator.force_model is None:
-            passed = genomes[screened.excess <= 0.0][:TRIED]
-            values = [objective(evaluator, genome) for genome in passed]
-            if values:
-                start = passed[int(np.argmin(values))]
-                if min(values) < INFEASIBLE:
-                    return RatedCandidate(rod, start, min(values)), tried
+        if (passed := genomes[screened.excess <= 0.0][:TRIED]).size:
+            values = objectives(evaluator, passed, best=INFEASIBLE)
+            start = passed[int(values.argmin())]
+            if values.min() < INFEASIBLE:
+                return RatedCandidate(rod, start, float(values.min())), tried
         genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
         if least < INFEASIBLE:
             return RatedCandidate(rod, genome, least), tried
@@ -108,20 +105,17 @@ def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tupl
     """
     free = free_numbers(space)
     search = evolution(start[free], seed=seed)
-    best, least, gained = start, objective(evaluator, start), 0
+    best, least, gained = start, np.inf, 0
     for generation in range(MOST_GENERATIONS):
-        if generation - gained >= GENERATIONS:
+        points = search.ask()
+        genomes = np.tile(start, (len(points), 1))
+        genomes[:, free] = points
+        values = objectives(evaluator, genomes, best=INFEASIBLE)
+        if values.min() < least:
+            best, least, gained = folded(genomes[values.argmin()]), float(values.min()), generation
+        if least < INFEASIBLE or generation - gained >= GENERATIONS:
             break
-        points, values = search.ask(), []
-        for x in points:
-            genome = start.copy()
-            genome[free] = x
-            values.append(objective(evaluator, genome))
-            if values[-1] < least:
-                best, least, gained = folded(genome), values[-1], generation
-            if least < INFEASIBLE:
-                return best, least
-        search.tell(points, values)
+        search.tell(points, values.tolist())
     return best, least
 
 
