@@ -181,10 +181,10 @@ def _white(group: PoseGroup, rest: Array, counting: NDArray[np.bool_]) -> float:
         return 0.0
     step = np.diff(group.time[counting])
     usual = float(np.median(step)) if step.size else np.inf
-    near = np.maximum(step[1:], step[:-1]) < CLOSE * usual
-    if usual > WIDEST_KNOT_SPACING or not near.any():
+    even = np.maximum(step[1:], step[:-1]) < CLOSE * usual
+    if usual > WIDEST_KNOT_SPACING or not even.any():
         return 0.0
-    return float((np.diff(rest, n=2)[:, near] ** 2).mean() / 6.0 * rest.size)
+    return float((np.diff(rest, n=2)[:, even] ** 2).mean() / 6.0 * rest.size)
 
 
 def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:

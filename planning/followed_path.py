@@ -42,7 +42,7 @@ RATE = 100.0  # [Hz] rows of the instrument; assumed
 
 
 def followed(request: PlanRequest) -> PoseSetup | None:
-    """What an instrument that follows measures from where; None where another one measures.
+    """The instrument that follows, its place and its target; None where another one measures.
 
     Raises InputError for a workspace that the robot does not have.
     """

@@ -151,7 +151,7 @@ class PathPlan:
 
     @property
     def gauge(self) -> str:
-        """What is mounted on the flange."""
+        """Name of the thing that is mounted on the flange."""
         if self.evaluator.followed is not None:
             return TRACKED
         return TELESCOPING if self.request.telescoping else BALLBAR

@@ -30,7 +30,7 @@ class FileSource:
     """One log of a recording.yaml whose file grows.
 
     Rows that are there when the recorder begins are older than the recording and are left out. A
-    file that was begun anew goes into a new one, from its first row.
+    file that was started again goes into a new one, from its first row.
 
     Raises InputError for a log that is no text, or lies in several files.
     """
@@ -101,12 +101,12 @@ class FileSource:
         """Nothing is held open."""
 
     def _read(self, start: int, size: int) -> bytes:
-        """Bytes from `start` on. Raises DeviceSilentError for a file that is gone or began anew."""
+        """Bytes from `start` on. Raises DeviceSilentError for a file that is gone or began again."""
         try:
             with self._path.open("rb") as stream:
                 if stream.seek(0, os.SEEK_END) < max(start, self._end):
                     self._fresh, self._end = True, 0
-                    raise DeviceSilentError(f"{self._file} was begun anew")
+                    raise DeviceSilentError(f"{self._file} was started again")
                 stream.seek(start)
                 return stream.read(size)
         except OSError as error:

@@ -122,8 +122,8 @@ def tracker_stops(logs: Logs, at: float, rng: Rng) -> float:
     """The tracker's program ends: no more rows."""
     del rng
     log = logs["tracker"]
-    kept = log.t < at
-    logs["tracker"] = replace(log, cells=log.cells[kept], t=log.t[kept])
+    before = log.t < at
+    logs["tracker"] = replace(log, cells=log.cells[before], t=log.t[before])
     return at
 
 

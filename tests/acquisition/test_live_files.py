@@ -88,7 +88,7 @@ def test_lost_rows_are_counted_as_a_gap_and_damaged_ones_are_kept(logs: Path) ->
     assert source.poll().records == [b"12.5,#N/A,,7\r\n"]
 
 
-def test_a_file_that_is_not_there_is_waited_for_and_one_begun_anew_is_read_whole(
+def test_a_file_that_is_not_there_is_waited_for_and_one_started_again_is_read_whole(
     logs: Path,
 ) -> None:
     file = logs / "tracker.csv"
@@ -107,7 +107,7 @@ def test_a_file_that_is_not_there_is_waited_for_and_one_begun_anew_is_read_whole
     lines = text.splitlines(keepends=True)
     assert source.poll().records == lines[1:]
     file.write_bytes(b"".join(lines[:30]))
-    with pytest.raises(DeviceSilentError, match=r"tracker\.csv was begun anew"):
+    with pytest.raises(DeviceSilentError, match=r"tracker\.csv was started again"):
         source.poll()
     source.connect()
     assert source.poll().records == lines[1:30]
