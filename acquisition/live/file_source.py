@@ -101,7 +101,7 @@ class FileSource:
         """Nothing is held open."""
 
     def _read(self, start: int, size: int) -> bytes:
-        """Bytes from `start` on. Raises DeviceSilentError for a file that is gone or began again."""
+        """Bytes from `start` on. Raises DeviceSilentError where it is gone or began again."""
         try:
             with self._path.open("rb") as stream:
                 if stream.seek(0, os.SEEK_END) < max(start, self._end):
