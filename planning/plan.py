@@ -13,6 +13,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.geometry import bar_frames
+from cell.rotation import even_directions
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
@@ -204,11 +205,8 @@ class PathPlan:
 
 def covered(directions: Array) -> float:
     """Share of the unit sphere within COVERED_WITHIN of unit vectors (3, N) [-]."""
-    k = np.arange(SPHERE_POINTS) + 0.5
-    z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
-    radius = np.sqrt(1.0 - z * z)
-    points = np.stack((radius * np.cos(turn), radius * np.sin(turn), z), axis=1)
-    return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
+    nearest = (even_directions(SPHERE_POINTS) @ directions).max(axis=1)
+    return float((nearest > np.cos(COVERED_WITHIN)).mean())
 
 
 def plans(
