@@ -113,6 +113,16 @@ def _no_machine(e: Evidence) -> Iterator[str]:
         )
 
 
+def _given_up(e: Evidence) -> Iterator[str]:
+    if e.closure and e.closure.given_up:
+        yield (
+            f"after {e.closure.fit.iterations} iterations the residual is "
+            f"{np.sqrt(e.closure.given_up):.0f} times what the noise in the logs explains, and no "
+            "correction brings it down: do not use these parameters. Identify each recording by "
+            "itself, and look where the residuals stand out (report.html)."
+        )
+
+
 def _not_converged(e: Evidence) -> Iterator[str]:
     converged, _ = e.ended
     if not converged:
@@ -292,6 +302,7 @@ RULES: tuple[tuple[Status, Rule], ...] = (
     (Status.IMPLAUSIBLE, _another_machine),
     (Status.MISFIT, _several_machines),
     (Status.MISFIT, _no_machine),
+    (Status.MISFIT, _given_up),
     (Status.NOT_CONVERGED, _not_converged),
     (Status.AMBIGUOUS, _ambiguous),
     (Status.MISFIT, _unexplained),

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from cell.arrays import Array
 from cell.chain import Chain
@@ -38,7 +37,8 @@ from sim.settings import CellSettings
 from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
 
-if TYPE_CHECKING:  # a comparison does without the simulator
+if TYPE_CHECKING:  # a run compares what it has identified: it reads no result, nor simulates here
+    from ballbar.result.calibration import Calibration
     from sim.simulate import Simulation
     from sim.still_poses import PoseSimulation
 
@@ -57,7 +57,7 @@ def _of_result(truth: Truth | PoseTruth, model: Calibration, file: Path) -> Comp
     raise NotImplementedError(truth, model, file)
 
 
-@_of_result.register
+@_of_result.register(Truth)
 def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     if not model.of_logs:
         return _of_followed(truth, model, file)
@@ -71,7 +71,7 @@ def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     )
 
 
-@_of_result.register
+@_of_result.register(PoseTruth)
 def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
     if model.of_logs:
         raise _other_truth(file, "still poses", model, "recordings")

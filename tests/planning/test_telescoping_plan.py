@@ -328,7 +328,12 @@ SMALL = Lissajous(
     ("shape", "position", "seed"),
     [
         (SMALL, (0.295, 0.376, 0.12), 10),
-        (replace(load_lissajous(PATH), amplitude=0.5 * load_lissajous(PATH).amplitude), None, 13),
+        pytest.param(
+            replace(load_lissajous(PATH), amplitude=0.5 * load_lissajous(PATH).amplitude),
+            None,
+            13,
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["small", "half"],
 )
