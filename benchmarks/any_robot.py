@@ -131,7 +131,7 @@ def planned(name: str, robot: str, folder: Path, seed: int) -> PathPlan:
 
 
 def row_of(name: str, seed: int, folder: Path) -> dict[str, object]:
-    """One robot; its plan and recording may stand in the folder."""
+    """The row of one robot, whose plan and recording may stand in a folder."""
     plan = folder / "row.json"
     if not plan.exists():
         plan.write_text(json.dumps(planned_row(name, seed, folder)))
@@ -143,7 +143,7 @@ def row_of(name: str, seed: int, folder: Path) -> dict[str, object]:
 
 
 def planned_row(name: str, seed: int, folder: Path) -> dict[str, object]:
-    """What the plan of a robot says, whose recording is simulated."""
+    """The part of a row that the plan of a robot gives; its recording is simulated."""
     row: dict[str, object] = {"robot": name, "seed": seed}
     robot, since = made(name, folder), time.monotonic()
     row |= {"axes": load_robot(robot).joints, "arm_m": arm_length(load_robot(robot))}
