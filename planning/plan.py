@@ -13,13 +13,14 @@ import numpy as np
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.geometry import bar_frames
+from cell.rotation import even_directions
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
 from planning.coarse import BATCH, objectives
-from planning.crlb import PathPrediction, predictions
+from planning.crlb import PathPrediction
 from planning.evaluation import (
     INFEASIBLE,
     SCREENED_OUT,
@@ -33,6 +34,7 @@ from planning.evaluation import (
 )
 from planning.force import Forces, Lengths, load_reversals, predicted_lengths
 from planning.known import Known
+from planning.programs import BALLBAR, TELESCOPING, TRACKED
 from planning.request import PlanRequest
 from planning.screen import screen, tally
 from planning.search import (
@@ -149,8 +151,17 @@ class PathPlan:
         return self.evaluator.rod
 
     @property
+    def gauge(self) -> str:
+        """Name of the thing that is mounted on the flange."""
+        if self.evaluator.followed is not None:
+            return TRACKED
+        return TELESCOPING if self.request.telescoping else BALLBAR
+
+    @property
     def scale_adds(self) -> float:
         """[m] root mean square TCP error from the scale, which no data show."""
+        if self.evaluator.followed is not None:
+            return 0.0  # that of the instrument, which its description does not state
         return scale_error(self.evaluator.cell, self.evaluator.predictor.grid)
 
     @property
@@ -188,17 +199,14 @@ class PathPlan:
         parameters = typical.layout.fixed.table.parameters
         shared = typical.layout.shared
         robot = [k for k, i in enumerate(shared) if parameters[i].side == "robot"]
-        sigma, count = typical.layout.sigma, typical.model.recordings[0].times.size
+        sigma, count = typical.layout.sigma, typical.model.parts[0].size
         return observability(typical.normal, sigma, np.array(robot), count)
 
 
 def covered(directions: Array) -> float:
     """Share of the unit sphere within COVERED_WITHIN of unit vectors (3, N) [-]."""
-    k = np.arange(SPHERE_POINTS) + 0.5
-    z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
-    radius = np.sqrt(1.0 - z * z)
-    points = np.stack((radius * np.cos(turn), radius * np.sin(turn), z), axis=1)
-    return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
+    nearest = (even_directions(SPHERE_POINTS) @ directions).max(axis=1)
+    return float((nearest > np.cos(COVERED_WITHIN)).mean())
 
 
 def plans(
@@ -296,5 +304,5 @@ def assess(evaluator: Evaluator, candidate: PathCandidate) -> PathPlan:
         trajectory=trajectory,
         forces=forces,
         lengths=None if model is None else predicted_lengths(model, trajectory),
-        predictions=predictions(evaluator.predictor, trajectory, tensions_of(trajectory, forces)),
+        predictions=evaluator.predictions(trajectory, tensions_of(trajectory, forces)),
     )

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from cell.arrays import Array
+from cell.logs import BallBarLog, LengthLog, RobotLog, TrackerLog, segment_starts
 from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
 from ident.signals.stamp_noise import stamp_noise
@@ -36,6 +37,7 @@ _WHITE = 0.1
 # A longer stretch without rows is not interpolated (notes/log_formats sec. H.5: missing
 # samples).
 GAP_PERIODS = 3.0
+WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
 _GRID = 10  # instants a knot of the arm's motion
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
@@ -139,6 +141,17 @@ def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
         stamps=t,
         outliers=none,
         steps=(),
+    )
+
+
+def motion_of(log: RobotLog | BallBarLog | LengthLog | TrackerLog, values: Array) -> SmoothLog:
+    """Values (N, C) of a log as a function of time."""
+    return smooth_log(
+        log.t,
+        values,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(log.segment),
+        checked=isinstance(log, TrackerLog) or log.flags is not None,
     )
 
 
@@ -281,17 +294,13 @@ def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _is_white(residual: Array) -> bool:
-    return bool((_lag_one(residual) < _WHITE).all())
+    """Whether no channel of a residual (N, C) is autocorrelated from row to row."""
+    power = (residual * residual).sum(axis=0)
+    correlation = (residual[1:] * residual[:-1]).sum(axis=0) / np.where(power > 0.0, power, 1.0)
+    return bool((correlation < _WHITE).all())
 
 
 def _fit(t: Array, values: Array, spacing: float) -> tuple[BSpline, Array, int]:
     inner = np.linspace(t[0], t[-1], max(2, int(np.ceil((t[-1] - t[0]) / spacing)) + 1))[1:-1]
     spline = smoothing_spline(t, values, inner)
     return spline, values - spline(t), len(spline.c)
-
-
-def _lag_one(residual: Array) -> Array:
-    power = (residual * residual).sum(axis=0)
-    return np.asarray(
-        (residual[1:] * residual[:-1]).sum(axis=0) / np.where(power > 0.0, power, 1.0)
-    )
