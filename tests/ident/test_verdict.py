@@ -105,6 +105,11 @@ def judged(closure: ClosureEvidence, *recordings: Recorded) -> Verdict:
             Status.MISFIT,
             "Misfit: the residual is 3.0 times what the noise in the logs explains. Something",
         ),
+        (  # the noise of what is left explains all of it
+            changed(COMPLETE, given_up=81.0, converged=False, iterations=26),
+            Status.MISFIT,
+            "Misfit: after 26 iterations the residual is 9 times what the noise in the logs",
+        ),
         (
             changed(COMPLETE, disagreement="recording 2 is of another tool"),
             Status.MISFIT,
