@@ -103,7 +103,7 @@ def _widening(result: Fit) -> float:
 
 
 def candidates_left_out(result: Fit, idle: Collection[str]) -> tuple[LeftOut, ...]:
-    """What may be neglected with corrections that a fit leaves out now, and those before.
+    """Corrections that a fit leaves out now and before, with the shifts that they may make.
 
     result : with the corrections of the names `idle`.
     """

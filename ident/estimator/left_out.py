@@ -26,7 +26,7 @@ TILT, COMPLIANCE = "tilt", "compliance"
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """What the terms that were left out at once could move the estimate by."""
+    """Shifts of the estimate by the terms that were left out of a fit at once."""
 
     names: tuple[str, ...]  # (P,) of the unknowns that stayed
     shifts: Array  # (P, H) for independent directions of their coefficients
@@ -42,7 +42,7 @@ class LeftOut:
 def left_out(
     names: Sequence[str], x: Array, covariance: Array, gone: NDArray[np.intp], widening: float
 ) -> LeftOut:
-    """What it may mean that a fit's unknowns `gone` (H,), of mean 0, are left out.
+    """Shifts that a fit may lack without its unknowns `gone` (H,), of mean 0.
 
     x : (P,) estimate with them. covariance : (P, P) of it, if residuals were white. widening : of
     the variance, as they are not.
@@ -59,7 +59,7 @@ def left_out(
 
 
 def held_tilts(names: Sequence[str], sizes: Mapping[str, float]) -> Array:
-    """(P,) what unknowns hold of tilts of bearings that no data tell from them.
+    """(P,) deviations of unknowns by tilts of bearings that no data tell from them.
 
     Of a joint whose tilt about y has no coefficient, the gear of the joint before turns about the
     same axis. Its bearing is taken to be as soft as the others are in the median. sizes : root mean

@@ -18,7 +18,7 @@ the estimate would move by
 
 (a case left out; Cook 1977), which chance makes as large as `d_k^2 / (s_k^2 - C_kk) = t_k^2 = 1`.
 The share `1 - 1 / t_k^2` of its square that is beyond chance adds to the covariance, so that what
-is stated covers the result with and without each length: a factor on all of them alike (Birge 1932)
+is stated covers the result with and without each length: one factor on all of them (Birge 1932)
 would leave a rod that is stated far too well nearly as sure as it was.
 
 Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
@@ -135,7 +135,7 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
 
 
 def _left_out(fit: Fit) -> Array:
-    """(P, K) what terms that the fit left out may move it by, and bearings that gears hold."""
+    """(P, K) shifts by terms that the fit left out, and by bearings that gears hold."""
     layout = fit.model.unknowns
     second = np.diag(fit.covariance) + fit.x**2
     sizes = dict(zip(layout.names, np.sqrt(second).tolist(), strict=True))
@@ -239,7 +239,7 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
         dtype=np.intp,
     )
     units = np.outer(layout.sigma[known], layout.sigma[known])
-    alone = _told_alone(covariance[np.ix_(known, known)] / units)
+    alone = _determined_alone(covariance[np.ix_(known, known)] / units)
     known = shared = known[~alone]
     units = units[np.ix_(~alone, ~alone)]
     scale = layout.sigma[known]
@@ -257,16 +257,16 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
     onto = seen @ seen.T
     alone, variance = np.diag(onto @ moved @ onto), np.diag(onto @ chance @ onto)
     each = onto @ off
-    told = np.abs(each) * scale < MISSTATED * alone
-    known, scale, each = known[told], scale[told], each[told]
-    square = each**2 / variance[told]
-    moves = covariance[:, known] / scale * (each / alone[told])
+    plausible = np.abs(each) * scale < MISSTATED * alone
+    known, scale, each = known[plausible], scale[plausible], each[plausible]
+    square = each**2 / variance[plausible]
+    moves = covariance[:, known] / scale * (each / alone[plausible])
     doubt = moves * np.sqrt(1.0 - 1.0 / np.maximum(square, 1.0))
     named = known[square > max(1.0, SUSPECT * square.max(initial=0.0))]
     return KnownLengths(shared, apart, needed, doubt, tuple(layout.names[i] for i in named))
 
 
-def _told_alone(covariance: Array) -> NDArray[np.bool_]:
+def _determined_alone(covariance: Array) -> NDArray[np.bool_]:
     """(K,) whether the data tell a known length by themselves, whatever the others are.
 
     covariance : (K, K) in units of the prior deviations.
