@@ -22,7 +22,7 @@ from ballbar.scenario import (
     write_scenario,
 )
 from ballbar.trial.nominal_path import recorded_log
-from ballbar.truth.compare import followed_against_truth, identification_against_truth
+from ballbar.truth.compare import against_simulation
 from ballbar.truth.limits import plant_limits, result_limits
 from cell.errors import InputError
 from cell.extended_yaml import files_of
@@ -151,12 +151,7 @@ def run_scenario(
         data = identify_files(
             [folder], held_out, settings=scenario.identify, listener=Listener(progress)
         )
-        if simulation.still is False and simulation.follower and data.identification.poses:
-            comparison = followed_against_truth(
-                data.identification.poses, simulation.truth, simulation.cell
-            )
-        else:
-            comparison = identification_against_truth(data.identification, simulation.truth)
+        comparison = against_simulation(data.identification, simulation)
         outcomes = [validation.outcome for validation in data.validations]
         limits = (
             *result_limits(data.identification, comparison, accept, outcomes),

@@ -96,15 +96,6 @@ def unsupported(result: Fit) -> set[str]:
     return out
 
 
-def unsupported_substitutes(result: Fit) -> set[str]:
-    """Names of the substitutes among `unsupported`.
-
-    What they take up of each other passes for support of both, so they are tried again once others
-    went.
-    """
-    return unsupported(result) & SUBSTITUTES.keys()
-
-
 def negative_coefficients(result: Fit, sigma: Array) -> tuple[str, ...]:
     """Compliances and plays that came out negative beyond their uncertainty.
 

@@ -37,6 +37,7 @@ NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 UNDETERMINED = 0.5  # information gain below which the prior tells more than the data
 LOST = 0.1  # of the poses: so many outliers have a cause
 MORE_POSES = "measure more poses, spread over all joints."
+LONGER_PATH = "record a longer path, over all joints."
 
 
 def judge(parts: Sequence[Evidence]) -> Verdict:
@@ -192,13 +193,15 @@ def _undetermined(e: Evidence) -> Iterator[str]:
     poses = e.judged_by
     if poses is None or not (poses.alone and poses.table.moving.any()):
         return
-    layout, known = poses.fit.model.unknowns, float(poses.sigma_at_poses.mean())
+    layout, noise = poses.fit.model.unknowns, np.sqrt(3.0) * poses.cross_validation.white
+    known = float(np.hypot(poses.sigma_at_poses, noise).mean())  # as the nominal robot is judged
     nominal = float(poses.residual_nominal.mean())
     if known > nominal:
         gains = zip(layout.names, poses.information_gain[layout.geometric], strict=False)
         open_ones = ", ".join(name for name, gain in gains if gain < UNDETERMINED)
         yield (
-            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses), "
+            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses, "
+            f"noise included), "
             f"and the nominal robot is off by {nominal * 1e3:.3g} mm. This path does not determine "
             f"{open_ones or 'the parameters together'}. Move every joint further and turn the tool."
         )
@@ -226,14 +229,14 @@ def _extrapolated(e: Evidence) -> Iterator[str]:
     if (poses := e.judged_by) is None:
         return
     validation, (fitted, _) = poses.cross_validation, poses.residual_means
+    few, more = "too few poses for so many parameters; fitted ones", MORE_POSES
+    if poses.table.moving.any():
+        few, more = "too short a path for so many parameters; fitted poses", LONGER_PATH
     if validation.mean > NO_GAIN * float(np.median(poses.residual_nominal)):
-        yield (
-            f"little was won over the nominal robot; {poses.predicted}. {MORE_POSES.capitalize()}"
-        )
+        yield (f"little was won over the nominal robot; {poses.predicted}. {more.capitalize()}")
     if poses.alone and validation.mean > OVERFITTED * fitted:  # else recordings tell the parameters
         yield (
-            f"too few poses for so many parameters; fitted ones lie within "
-            f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {MORE_POSES.capitalize()}"
+            f"{few} lie within {fitted * 1e3:.3f} mm, but {poses.predicted}. {more.capitalize()}"
         )
     if poses.at_one_place and not e.elsewhere:
         yield (

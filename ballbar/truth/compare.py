@@ -37,8 +37,10 @@ from sim.settings import CellSettings
 from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
 
-if TYPE_CHECKING:  # a run compares what it has identified, and reads no result
+if TYPE_CHECKING:  # a run compares what it has identified: it reads no result, nor simulates here
     from ballbar.result.calibration import Calibration
+    from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
 
 
 def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
@@ -133,6 +135,13 @@ def compare_with_truth(
     return robot_comparison(model, nominal, reference, actual, names, errors)
 
 
+def against_simulation(result: Identification, made: Simulation | PoseSimulation) -> Comparison:
+    """The result against the truth of what was simulated: poses, a recording, a followed robot."""
+    if made.still is False and made.follower and result.poses:
+        return followed_against_truth(result.poses, made.truth, made.cell)
+    return identification_against_truth(result, made.truth)
+
+
 def identification_against_truth(
     result: Identification, truth: Truth | PoseTruth, recording: int = 0
 ) -> Comparison:
@@ -188,7 +197,7 @@ def followed_against_truth(result: TableEstimate, truth: Truth, cell: Cell) -> C
     actual = true_tool(cell, truth, truth.geometry, q, np.array(led))
     target = before.model.unknowns.target(before.x, result.target)
     bare = replace(model.rigid(robot_geometry(robot)), target=target)
-    ((clock, _),) = result.clocks.values()
+    clock, _ = next(iter(result.clocks.values()))  # of the first recording
     return Comparison(
         {},
         position_error(model.tool(q), actual),
