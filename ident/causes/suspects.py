@@ -5,7 +5,7 @@ In this order, and only what explains the recording at least three times better 
 1. other columns and line counts (ident.causes.columns), by what they leave of the rod's motion;
 2. encoders and axes that stand still;
 3. one channel that is late or scaled (ident.causes.channels), where a fit can be judged;
-4. the rod's length by the radius of the sphere, or one other length (ident.causes.lengths);
+4. the rod's length by the radius of the sphere, or one other length (ident.causes.agreement);
 5. too short a log;
 6. a sphere without agreement at any lag: logs of different runs. The ball-bar's log played
    backwards shows how much agreement is chance;
@@ -28,15 +28,16 @@ from cell.number_text import significant_text
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from ident.causes.agreement import (
     SPHERE_ROWS,
+    Length,
     LoggedMotion,
     ToolPath,
     left_of,
     motion_of,
+    single_lengths,
     tool_path,
 )
 from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
-from ident.causes.lengths import Length, single_lengths
 from ident.causes.robot_log import PLURAL
 from ident.estimator.fit import Fit
 from ident.recording_fit import Logs, RecordingFit
