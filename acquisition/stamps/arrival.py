@@ -37,11 +37,11 @@ from cell.neighbours import Mask, Rows, robust_sigma
 
 ARRIVAL = "stamps of arrival"  # the finding
 IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows
-FEWEST = 100  # rows with new values
+FEWEST, FEW = 100, 0.2  # rows with new values; sure links, of all: fewer tell of no ticks
 HALVES = (0.05, 0.1, 0.2)  # [s] of arrivals on either side that show the speed at first
 ROWS = (16, 8, 5)  # on either side that show it then, in passes in which their ticks get right
 REGION = 16  # links on either side that must go on by whole ticks, for a link to be sure
-ENOUGH = 0.999  # of the links: so many sure ones need no second look
+ENOUGH, MOSTLY = 0.999, 0.5  # of the links, sure ones: no second look; each tick has a row
 WHOLE, NEAR = (0.2, 0.4), 4.0  # ticks off a whole number, at least and at most; times the noise
 SURE, LIKELY = 0.6, 0.3  # mean cosine of the phases of a region
 BETTER = 0.5  # of what the stamps leave: as much whole ticks may leave
@@ -145,11 +145,11 @@ def _source(arrival: Array, values: Array) -> _Source | None:
     count, sure, progress = _counted(values, np.ones(arrival.size - 1))
     if sure.mean() <= ENOUGH:  # not nearly every tick has a row
         others = _some_ticks(arrival, values)
-        if others[2].sum() > sure.sum():
+        if others[2].mean() > sure.mean() or sure.mean() < MOSTLY:
             period, count, sure, progress = others
     every = slice(None, None, 1 + sure.size // SAMPLE)
     known, shown = sure[every], progress[every]
-    if np.count_nonzero(sure) < FEWEST or not known.any():
+    if np.count_nonzero(sure) < max(FEWEST, FEW * sure.size) or not known.any():
         return None
     left = np.abs(shown - count[every])[known]
     stamped = np.abs((arrival[1:][every] - arrival[:-1][every]) / period - shown)[known]
