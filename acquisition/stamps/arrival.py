@@ -206,8 +206,8 @@ def _counted(
         region = uniform_filter1d(np.cos(2.0 * np.pi * progress), 2 * REGION + 1)
         steady = region > SURE
         noise = (progress - whole)[steady][:: 1 + progress.size // SAMPLE]
-        near = np.clip(NEAR * robust_sigma(noise), *WHOLE) if noise.size else WHOLE[0]
-        sure = steady & (np.abs(progress - whole) < near)
+        tolerance = np.clip(NEAR * robust_sigma(noise), *WHOLE) if noise.size else WHOLE[0]
+        sure = steady & (np.abs(progress - whole) < tolerance)
         before, count = count, np.where(region > LIKELY, whole, likely)
         if rows and np.array_equal(before, count):
             break

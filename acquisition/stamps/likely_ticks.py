@@ -93,10 +93,10 @@ def _delay_costs(late: Array, change: Array, first: Rows) -> Array:
     rows = np.diff(first, append=late.size)[:, None]
     cost = (np.add.reduceat(late, first)[:, None] - rows * (edge + change)) / mean
     cost += rows * np.log(mean) / TOGETHER
-    near = np.flatnonzero(late < edge + CHANGES)  # the others are late whatever their tick
-    early = np.minimum(late[near, None] - edge - change, 0.0)
+    prompt = np.flatnonzero(late < edge + CHANGES)  # the others are late whatever their tick
+    early = np.minimum(late[prompt, None] - edge - change, 0.0)
     early = 0.5 * (early / EARLY) ** 2 - early / mean
-    piece = np.searchsorted(first, near, side="right") - 1
+    piece = np.searchsorted(first, prompt, side="right") - 1
     cost += np.stack([np.bincount(piece, k, minlength=first.size) for k in early.T], axis=1)
     return np.asarray(cost)
 
