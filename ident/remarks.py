@@ -14,9 +14,15 @@ from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
 from ident.evidence import ClosureEvidence, Evidence
-from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TURN, not_by_chance
+from ident.least_sizes import (
+    LITTLE_LAG,
+    LITTLE_RATIO,
+    LITTLE_RIPPLE,
+    LITTLE_SHIFT,
+    LITTLE_TURN,
+    not_by_chance,
+)
 from ident.loads.payload import PayloadEstimate
-from ident.model_choice import RATIO
 from ident.result import CorrectionEstimate, RecordingEstimate
 from ident.signals.smooth_log import LogOutliers
 from ident.signals.steps import StepFault
@@ -181,7 +187,7 @@ def wrong_ratios(fit: Fit, sigma: Array) -> str:
 
     sigma : (P,) stated deviations of the unknowns.
     """
-    wrong = _gears(fit, sigma, "ratio", RATIO)
+    wrong = _gears(fit, sigma, "ratio", LITTLE_RATIO)
     return ", ".join(f"gear {g} turns {1.0 + off:.5f} times as far as logged" for g, off in wrong)
 
 
@@ -193,10 +199,10 @@ def _gears(fit: Fit, sigma: Array, kind: str, least: float) -> Iterator[tuple[st
             yield gear, float(value)
 
 
-def unlike_tools(payload: PayloadEstimate | None) -> str:
-    """That the torque logs of the recordings ask for different tools; else empty."""
-    if payload is None or not payload.each:
-        return ""
+def loaded_otherwise(payload: PayloadEstimate | None) -> str:
+    """What the torque logs show of other loads, or of a tool in each recording; else empty."""
+    if payload is None or payload.undeclared or not payload.each:
+        return "" if payload is None else payload.undeclared
     masses = " kg, ".join(f"recording {k} for {m:.1f}" for k, m in enumerate(payload.each, 1))
     return (
         f"the recordings are not of one tool: by its torque log {masses} kg at the flange. "

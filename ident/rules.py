@@ -14,6 +14,7 @@ import numpy as np
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text, significant_text
 from cell.statistics import rms
+from ident.estimator.priors import PULL
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
 from ident.remarks import recording_remarks, rod_remark
@@ -28,7 +29,6 @@ AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
 # of a class, 1.2 in the mean of six)
 ALL_SOFTER = 1.35
 RIGID = 1.0 / 3.0  # as soft: gears are stiff then; no arm weighs that little of its catalogue mass
-PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 # Standard deviations by which the lengths that give the scale contradict each other, from which one
 # of them is wrong: once in 370 sound machines
 CONTRADICTION = 3.0

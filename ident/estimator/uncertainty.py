@@ -13,6 +13,16 @@ posterior of C, the posterior mean is off the prior's by a normal deviate of cov
 what the inflation adds to C, where everything stated is true. Where it is off by more, the stated
 deviations are widened by as much (Birge 1932, as for constants that disagree).
 
+An unknown of the machine, other than the robot's parameters, that stands further from its prior than
+chance explains stands for something that the model does not have, and what that does elsewhere
+nobody knows. Of the estimate x
+and the one in which those unknowns are at their priors' means,
+
+    x_d = x - C_xs C_ss^-1 (x_s - m_s),
+
+either may be nearer to the truth: a share DOUBT of their difference, which grows with what stands
+beyond the priors, is a standard deviation.
+
 Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change `r_m` for one standard
 deviation of a direction of the masses, the estimate moves by
@@ -38,12 +48,14 @@ from cell.descriptions import Cell
 from cell.geometry import parameter_named
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
+from ident.estimator.priors import beyond_priors, robot_unknowns
 from ident.estimator.time_blocks import BLOCK, each_block
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
+DOUBT = 0.5  # as of masses (ident.fitted_robot.MASSES_IN_DOUBT)
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
 SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
 SAMPLES = 300  # of each recording: four a second of a motion of 120 s, whose loads vary slowly
@@ -96,6 +108,8 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
     doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
     covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
+    doubt = DOUBT * doubted_shift(fit)
+    covariance += np.outer(doubt, doubt)
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -233,6 +247,18 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
     square = float(along @ np.linalg.solve(expected, along))
     needed = float(np.abs(scale * (seen @ along)).sum())
     return KnownLengths(known, float(np.sqrt(square / along.size)), needed)
+
+
+def doubted_shift(fit: Fit) -> Array:
+    """(P,) by which pulled unknowns moved the estimate from where their priors' means have it.
+
+    The robot's own parameters are none: a zero may have been set anywhere, and it is measured.
+    """
+    layout = fit.model.unknowns
+    pulled = np.setdiff1d(beyond_priors(layout, fit.x), robot_unknowns(layout))
+    off = (fit.x - layout.mean)[pulled]
+    own = fit.covariance[np.ix_(pulled, pulled)]
+    return np.asarray(fit.covariance[:, pulled] @ np.linalg.solve(own, off))
 
 
 def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:

@@ -14,7 +14,7 @@ from ident.loads.gear_loads import loads, mass_model, own_weight
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import SURE, PayloadEstimate, payload_of_recordings
-from ident.remarks import unlike_tools
+from ident.remarks import loaded_otherwise
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
@@ -40,7 +40,7 @@ def logged(true: Cell, *, seed: int = 1) -> LoggedTorque:
     rotors = 1.4 * true.robot.required("rotor_inertia_kg_m2")[:, None] * (acceleration @ to_gear).T
     noise: Array = np.random.default_rng(seed).standard_normal(friction.shape)
     torque = (1.0 + GAINS[:, None]) * felt.gears(tension_at(T)) + friction + rotors + 0.5 * noise
-    return LoggedTorque(T, torque, q, at_gears, (acceleration @ to_gear).T, carried)
+    return LoggedTorque(T, torque, q, at_gears, (acceleration @ to_gear).T, carried, b)
 
 
 def found(true: Cell) -> PayloadEstimate:
@@ -143,10 +143,10 @@ def test_recordings_under_two_tools_are_not_pooled() -> None:
     assert first == pytest.approx(body.mass, abs=1.0)
     assert second == pytest.approx(2.5 * body.mass, abs=1.5)
     assert estimate.payload.mass == first
-    assert f"recording 2 for {second:.1f} kg" in unlike_tools(estimate)
+    assert f"recording 2 for {second:.1f} kg" in loaded_otherwise(estimate)
     equal = payload_of_recordings(CELL, [NOMINAL] * 2, [logged(CELL), logged(CELL, seed=2)])
     assert equal.each == ()
-    assert unlike_tools(equal) == ""
+    assert loaded_otherwise(equal) == ""
 
 
 def test_each_link_of_a_cell_has_its_own_deviation() -> None:
