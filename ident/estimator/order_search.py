@@ -145,7 +145,9 @@ def search_orders(
         taken.append(chosen)
         joint, order = pairs[chosen]
         same = [
-            k for k, pair in enumerate(pairs) if pair[0] == joint and SLOPE not in (order, pair[1])
+            k
+            for k, pair in enumerate(pairs)
+            if pair[0] == joint and k != chosen and SLOPE not in (order, pair[1])
         ]
         aliases = tuple(pairs[k][1] for k in scores.aliases_of(chosen, same))
         orders.append(JointOrder(joint, order, float(tests[chosen]), float(gain), aliases))

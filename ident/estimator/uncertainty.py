@@ -13,10 +13,9 @@ posterior of C, the posterior mean is off the prior's by a normal deviate of cov
 what the inflation adds to C, where everything stated is true. Where it is off by more, the stated
 deviations are widened by as much (Birge 1932, as for constants that disagree).
 
-An unknown of the machine, other than the robot's parameters, that stands further from its prior than
-chance explains stands for something that the model does not have, and what that does elsewhere
-nobody knows. Of the estimate x
-and the one in which those unknowns are at their priors' means,
+An unknown of the machine that stands further from its prior than chance explains, the robot's own
+parameters apart, stands for something that the model does not have, and what that does elsewhere
+nobody knows. Of the estimate x and the one in which such unknowns are at their priors' means,
 
     x_d = x - C_xs C_ss^-1 (x_s - m_s),
 

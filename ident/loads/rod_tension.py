@@ -28,7 +28,7 @@ TORQUE_SIGMA = 2.0
 # Keys of the robot's file without which motor torques do not tell the tension.
 TORQUE_NEEDS: tuple[Key, ...] = ("links", "gears", "rotor_inertia_kg_m2")
 TORQUE_GAIN = 0.02  # (notes/identification sec. 1)
-TORQUE_OFFSET = 0.3  # of the Coulomb friction; assumed
+TORQUE_OFFSET = 0.1  # of the Coulomb friction; assumed
 # [rad/s] below it friction is no law's: wider than where it may have either sign, 0.012
 # (notes/identification sec. 5), since it builds up over a travel of its own (Dahl 1968)
 REVERSAL_SPEED = 0.03

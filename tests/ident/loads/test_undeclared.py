@@ -49,7 +49,8 @@ def test_gravity_beside_the_robots_file_is_found_with_its_direction(degrees: flo
         degrees, abs=0.02 * degrees + 0.1
     )
     vector = np.array(sentence.split("[")[1].split("]")[0].split(","), dtype=float)
-    np.testing.assert_allclose(vector, leaning(degrees).robot.gravity, atol=0.25)
+    least = 9.81 * np.deg2rad(0.02 * degrees + 0.1)  # [m/s^2] of the same error of the angle
+    np.testing.assert_allclose(vector, leaning(degrees).robot.gravity, atol=least)
 
 
 def test_a_force_at_the_tool_is_found_with_its_size() -> None:
