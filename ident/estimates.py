@@ -41,6 +41,7 @@ from ident.remarks import (
     lag_remark,
     loaded_otherwise,
     log_remarks,
+    offset_remark,
     payload_remark,
     wrong_ratios,
 )
@@ -173,6 +174,7 @@ def _remarks(
             )
     remarks = [
         payload_remark(robot.payload),
+        offset_remark(robot.payload),
         lag_remark(fit, np.sqrt(np.diag(stated.covariance))),
         *change_remarks(fit, stated.covariance),
         joint_error_remark(orders, robot.corrections) if orders else "",

@@ -168,6 +168,17 @@ def payload_remark(payload: PayloadEstimate | None) -> str:
     )
 
 
+def offset_remark(payload: PayloadEstimate | None) -> str:
+    """That logged torques are off by a constant; else empty."""
+    if payload is None or not payload.offsets:
+        return ""
+    each = [f"gear {gear} by {offset:+.0f} N m" for gear, offset in payload.offsets.items()]
+    return (
+        f"logged torques have an offset: {', '.join(each)}. It is in the fit; set the zero of the "
+        "current's sensor, or look for a spring or a balancer that the robot's file does not have"
+    )
+
+
 def lag_remark(fit: Fit, sigma: Array) -> str:
     """That some gears are logged later or earlier than the first; else empty.
 

@@ -6,11 +6,10 @@ the estimate of a fit with covariance C and Jacobian J the cost falls with them 
     h' W^-1 h,   h = S'r,   W = S'S - S'J C J'S,
 
 whatever the other unknowns do meanwhile. Gravity: loads of the same masses under another direction.
-A force at the tool, as of a hose or a cable. Hysteresis:
-stop operators of each gear's load (Prandtl-Ishlinskii model: Visintin 1994, ch. 3). Reversal: the way
-in which each gear turned last (Dahl 1968), as of backlash that friction takes up. Drift: the zero
-of a gear in proportion to time. Sway: a base of the ball-bar that swings, at the frequency at which
-the residual has its peak.
+A force at the tool, as of a hose or a cable. Hysteresis: stop operators of each gear's load
+(Prandtl-Ishlinskii model: Visintin 1994, ch. 3). Reversal: the way in which each gear turned last
+(Dahl 1968), as of backlash that friction takes up. Drift: the zero of a gear in proportion to time.
+Sway: a base of the ball-bar that swings, at the frequency at which the residual has its peak.
 """
 
 from __future__ import annotations

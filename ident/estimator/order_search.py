@@ -31,7 +31,7 @@ THRESHOLD = 9.0
 TRIED = 24  # candidates cross-validated in each step; with 4 some searches end too early
 GAIN = 0.005  # of the cross-validated sum of squares; less is no evidence
 LARGEST = 60  # pairs; real robots needed 40
-SLOPE = 0.0  # order of a wrong ratio
+SLOPE = 0  # order of a wrong ratio
 # [rad] at a prior of the amplitudes: a slope of 1e-3 (ident.corrections.gear_ratio) is as likely as
 # an amplitude of 3e-4 rad
 _SLOPES = 1e-3 / 3e-4

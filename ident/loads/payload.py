@@ -14,7 +14,7 @@ many times its sigma.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from cell.payload import TOOL, Masses, payload_of
+from ident.estimator.priors import PULL
 from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import ARM, mass_columns, stated_covariance
@@ -62,6 +63,7 @@ class PayloadEstimate:
     covariance: Array  # (4 + 4 J, 4 + 4 J) of the masses (ident.loads.mass_uncertainty)
     each: tuple[float, ...] = ()  # [kg] tool of each recording, where they are not one tool
     undeclared: str = ""  # what else than masses loads the gears, as a sentence
+    offsets: dict[int, float] = field(default_factory=dict)  # [N m] of gears, from 1, far from none
 
     @property
     def excess(self) -> float:
@@ -163,7 +165,19 @@ def _estimate(
         added_load=np.sqrt((added**2).mean(axis=1)),
         significant=significant,
         covariance=with_arm @ covariance @ with_arm.T,
+        offsets=_offsets(cell, change),
     )
+
+
+def _offsets(cell: Cell, change: Array) -> dict[int, float]:
+    """[N m] of gears, from 1, whose logged torque is off by far more than its prior allows."""
+    coulomb = cell.robot.required("gears").coulomb
+    every = zip(change[-coulomb.size :], coulomb, strict=True)
+    return {
+        gear: float(offset)
+        for gear, (offset, friction) in enumerate(every, start=1)
+        if abs(offset) > PULL * TORQUE_OFFSET * friction
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from cell.geometry import robot_frames
 from cell.payload import Payload, with_payload
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
-from ident.remarks import loaded_otherwise
+from ident.remarks import loaded_otherwise, offset_remark
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 from tests.ident.loads.test_payload import logged
 
@@ -74,3 +74,5 @@ def test_an_offset_of_the_torques_is_no_mass() -> None:
     offset = replace(log, torque=log.torque + OFFSET * np.array([[0, 1, 0, 0, 0, 0]]).T)
     with_offset, without = found(offset), found(log)
     assert with_offset.payload.mass == pytest.approx(without.payload.mass, abs=0.3)
+    assert offset_remark(without) == ""
+    assert "logged torques have an offset: gear 2 by +19 N m" in offset_remark(with_offset)
