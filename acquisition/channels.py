@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition import times
 from acquisition.faults.publishers import refuse_two_publishers
 from acquisition.recording import Recording, read_recording
 from acquisition.report import Finding
@@ -35,15 +36,6 @@ from acquisition.table.text import (
     likely_separator,
     read_text,
     split_fields,
-)
-from acquisition.times import (
-    TIME_FORMS,
-    TimeCells,
-    checked_form,
-    form_shown,
-    popped_stamps,
-    stamps_ns,
-    two_columns,
 )
 from cell.dialect import TimeForm
 from cell.errors import InputError, LogError
@@ -80,7 +72,7 @@ def read_channels(
         return _of_recording(path, recording, source or "robot"), recording.report.findings
     if source is not None:
         raise InputError(f"{path}: a table has no source {source}; only recording folders do.")
-    form = None if time is None else checked_form(time, str(path))
+    form = None if time is None else times.checked_form(time, str(path))
     return _of_table(path, form, channels)
 
 
@@ -121,9 +113,9 @@ def _of_table(
         signal=tuple(chosen),
     )
     table, _ = read_table(path, path.name, layout)
-    stamps = popped_stamps(table.columns, both or (column,), path.name, table.line)
+    stamps = times.popped_stamps(table.columns, both or (column,), path.name, table.line)
     form = "ns" if both else _form(stamps, time)
-    ns, findings = stamps_ns(stamps, form)
+    ns, findings = times.stamps_ns(stamps, form)
     table = replace(table, columns={STAMP: ns, **table.columns})
     table = in_sequence(replace(table, findings=(*table.findings, *findings)), None)
     raw, table = table, with_source_times(without_strays(table), chosen)
@@ -141,7 +133,7 @@ def _of_table(
 
 def _own_stamps(text: LogText, names: list[str], channels: Sequence[str]) -> tuple[str, ...]:
     """Columns of seconds and nanoseconds that the first row of the channels fills, if any."""
-    both, separator = two_columns(names) or (), likely_separator(text)
+    both, separator = times.two_columns(names) or (), likely_separator(text)
     wanted = [names.index(name) for name in channels]
     for line in text.lines if both else ():
         cells = split_fields(line, separator)
@@ -163,7 +155,7 @@ def _columns(
     separator = likely_separator(text)
     shown = (text.lines[len(text.lines) // 2], *text.lines[-2:])
     rows = [split_fields(line, separator) for line in shown]
-    stamps = (time, *(two_columns(names) or ()))
+    stamps = (time, *(times.two_columns(names) or ()))
     numbers = [
         name
         for k, name in enumerate(names)
@@ -185,16 +177,16 @@ def _no_numbers(file: str, names: list[str], time: str, rows: Sequence[Sequence[
     return LogError.at(file, what, "Export the table with its values.")
 
 
-def _form(stamps: TimeCells, declared: TimeForm | None) -> TimeForm:
+def _form(stamps: times.TimeCells, declared: TimeForm | None) -> TimeForm:
     """The form of the stamps: declared, the unit in their column's name, or shown by them."""
     if declared is not None:
         return declared
     if match := _UNIT.search(stamps.column):
-        return checked_form(match[1].lower(), stamps.column)
+        return times.checked_form(match[1].lower(), stamps.column)
     # A whole number near 1.7e9 may as well be an up-time in ms.
     whole = "." not in str(stamps.cells[len(stamps.cells) // 2])
-    forms = [form for form in TIME_FORMS if not (whole and form == "unix-s")]
-    return form_shown(stamps, forms, "with `--time-a s`, or in the column's name (`t_ms`)")
+    forms = [form for form in times.TIME_FORMS if not (whole and form == "unix-s")]
+    return times.form_shown(stamps, forms, "with `--time-a s`, or in the column's name (`t_ms`)")
 
 
 def _increasing(table: Table) -> np.ndarray:

@@ -15,7 +15,7 @@ from acquisition.table.text import LogText
 from cell.descriptions import Robot
 from cell.errors import DescriptionError
 from cell.file_units import METRES, RADIANS, AngleUnit
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.pose_file import PoseTableFile, Sigma, ValueColumns
 from cell.selectors import spread
 

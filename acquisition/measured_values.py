@@ -11,8 +11,7 @@ from acquisition.report import Finding
 from acquisition.table.quantities import PoseRows
 from cell.arrays import Array
 from cell.errors import LogError
-from cell.instrument import Instrument
-from cell.instruments.base import Kind
+from cell.instruments.base import Instrument, Kind
 from cell.pose_file import Sigma, ValueColumns
 
 _STEP = 1e-5  # [rad] of the central difference; its error is of the order of 1e-10

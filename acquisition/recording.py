@@ -47,7 +47,7 @@ from acquisition.stamps.order import seconds
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
 from cell.file_units import METRES, RADIANS
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.load import load_instrument, load_robot
 from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
 from cell.recording import LengthFile, RecordingFile, SourceFile, TrackerFile, load_recording_file

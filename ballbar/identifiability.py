@@ -235,17 +235,16 @@ def study_data(result: Study, changes: Influences) -> dict[str, object]:
         "smallest_singular_value": result.spectrum.smallest_counted,
         "largest_ignored_singular_value": result.spectrum.largest_ignored,
         "zero_jacobian": list(selection.without_effect),
-        "groups": [_group_data(group) for group in result.groups],
+        "groups": [
+            {
+                "text": str(group),
+                "members": [list(m) for m in group.members],
+                "vectors": {v.name: dict(v.partners) for v in group.vectors},
+            }
+            for group in result.groups
+        ],
         "selected": list(selection.selected),
         "left_out": _left_out(selection, changes),
-    }
-
-
-def _group_data(group: Group) -> dict[str, object]:
-    return {
-        "text": str(group),
-        "members": [list(m) for m in group.members],
-        "vectors": {v.name: dict(v.partners) for v in group.vectors},
     }
 
 

@@ -7,20 +7,11 @@ from collections.abc import Mapping
 from itertools import takewhile
 from pathlib import Path
 
+from cell import load
 from cell.dialect import dialect_names, load_dialect
 from cell.errors import InputError
 from cell.extended_yaml import SHIPPED
 from cell.files import aside_of, require_writable, write_whole
-from cell.load import (
-    ballbar_names,
-    instrument_names,
-    load_ballbar,
-    load_instrument,
-    load_plate,
-    load_robot,
-    plate_names,
-    robot_names,
-)
 
 DIALECTS = SHIPPED.parent / "cell" / "dialects"
 COPIED = ("*.yaml", "paths", "plans", "sweeps")  # of the scenarios; claims belong to the thesis
@@ -35,10 +26,10 @@ def shipped() -> dict[str, dict[str, str]]:
         for name in dialect_names()
     }
     return {
-        "robots": {name: load_robot(name).title for name in robot_names()},
-        "ballbars": {name: load_ballbar(name).title for name in ballbar_names()},
-        "instruments": {name: load_instrument(name).title for name in instrument_names()},
-        "plates": {name: load_plate(name).title for name in plate_names()},
+        "robots": {name: load.load_robot(name).title for name in load.robot_names()},
+        "ballbars": {name: load.load_ballbar(name).title for name in load.ballbar_names()},
+        "instruments": {name: load.load_instrument(name).title for name in load.instrument_names()},
+        "plates": {name: load.load_plate(name).title for name in load.plate_names()},
         "dialects": dialects,
         "scenarios": {file.stem: _purpose(file) for file in sorted(SHIPPED.glob("*.yaml"))},
     }
@@ -51,17 +42,6 @@ def _purpose(file: Path) -> str:
     return _SENTENCE_END.split(comment, maxsplit=1)[0].removesuffix(".")
 
 
-def _shipped_files() -> dict[Path, bytes]:
-    """Content of what is copied, by its path from SHIPPED."""
-    return {
-        file.relative_to(SHIPPED): file.read_bytes()
-        for pattern in COPIED
-        for source in sorted(SHIPPED.glob(pattern))
-        for file in sorted(source.rglob("*") if source.is_dir() else [source])
-        if file.is_file()
-    }
-
-
 def copy_scenarios(folder: Path) -> list[str]:
     """Copies the shipped scenarios, with their paths, plan requests and sweeps.
 
@@ -70,7 +50,13 @@ def copy_scenarios(folder: Path) -> list[str]:
 
     Raises InputError if it holds anything else, or all of them.
     """
-    files = _shipped_files()
+    files = {
+        file.relative_to(SHIPPED): file.read_bytes()
+        for pattern in COPIED
+        for source in sorted(SHIPPED.glob(pattern))
+        for file in sorted(source.rglob("*") if source.is_dir() else [source])
+        if file.is_file()
+    }
     held = _held(folder, files)
     if held is None or files.keys() <= held:
         what = "exists and holds something; nothing was written."

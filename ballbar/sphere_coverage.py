@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cell.arrays import Array
+from cell.rotation import even_directions
 
 PATCHES = 800  # over the whole sphere: 0.08 of the radius across
 
@@ -33,11 +34,3 @@ def coverage(t: Array, tool: Array, centre: Array) -> Coverage:
     visited, first = np.unique(patch, return_index=True)
     order = np.argsort(first)
     return Coverage(t[first[order]], points[visited[order]])
-
-
-def even_directions(count: int) -> Array:
-    """(count, 3) unit vectors spread evenly over a sphere, on a spiral of the golden angle."""
-    k = np.arange(count) + 0.5
-    height, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
-    across = np.sqrt(1.0 - height * height)
-    return np.column_stack((across * np.cos(turn), across * np.sin(turn), height))

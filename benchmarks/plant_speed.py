@@ -82,15 +82,28 @@ def job_of(name: str) -> Job:
     return Job(Plant(cell, true, effects, cell.robot.servo["soft"]), path)
 
 
+def bare_rollout(job: Job) -> tuple[Callable[[], object], int]:
+    """The rollout of a job's model by itself, and the model's degrees of freedom."""
+    run = prepare(job.plant, job.path, timestep=TIMESTEP, gravity_compensation=True)
+    model = run.compiled.model
+    state, command = run.start[None], run.command[None, 1:]
+    return partial(rollout.rollout, model, mujoco.MjData(model), state, command), model.nv
+
+
+def bare_seconds(name: str) -> tuple[float, float]:
+    """(wall, processor) seconds of the bare rollout of a scenario; the first of two warms up."""
+    bare, _ = bare_rollout(job_of(name))
+    bare()
+    begin, busy = time.perf_counter(), time.process_time()
+    bare()
+    return time.perf_counter() - begin, time.process_time() - busy
+
+
 def main() -> None:
     """Prints the speed, the overhead over the bare rollout, and the gain of a second core."""
     for name in ("irb2400_full", "nj220_full"):
         job = job_of(name)
-        run = prepare(job.plant, job.path, timestep=TIMESTEP, gravity_compensation=True)
-        model, seconds = run.compiled.model, float(job.path.t[-1])
-        bare = partial(
-            rollout.rollout, model, mujoco.MjData(model), run.start[None], run.command[None, 1:]
-        )
+        (bare, freedoms), seconds = bare_rollout(job), float(job.path.t[-1])
         times = np.array(
             [[_timed(part) for part in (bare, job.whole, job.two)] for _ in range(ROUNDS)]
         )
@@ -99,7 +112,7 @@ def main() -> None:
         gain = np.median(2.0 * times[:, 1] / times[:, 2])
         ripples = len(job.plant.effects.ripples)
         print(
-            f"{name}: {model.nv} degrees of freedom, {ripples} ripple terms, "
+            f"{name}: {freedoms} degrees of freedom, {ripples} ripple terms, "
             f"{seconds:.0f} s at 1 ms\n"
             "  whole run, simulated s per wall s : "
             f"median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}\n"

@@ -1,6 +1,6 @@
 """The cost of a sweep in addition to its runs, and how it scales.
 
-    python -m benchmarks.sweep_speed [speed] [overhead] [memory] [dask] [million]    # or all
+    python -m benchmarks.sweep_speed [speed|plant|overhead|memory|dask|million]...    # or all
 
 Ratios of times measured side by side; where other work on the machine would show, of processor
 times. Absolute times vary with the machine.
@@ -25,11 +25,13 @@ from typing import TypeVar
 import numpy as np
 import pyarrow.parquet as pq
 
-from ballbar.scenario import Scenario
+from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task, Trial
+from ballbar.sweep.file import SEED
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import Workers, dask_cluster, processes, run_sweep
+from ballbar.sweep.table import failures_of
 from cell.threads import one_thread_each
 
 T = TypeVar("T")
@@ -38,6 +40,7 @@ CORES = 2
 BUSY = 0.040  # [s] of processor time, the run by which overhead is judged
 SIZES = (100, 1000, 10_000)  # runs
 MILLION = 1_000_000
+PLANT_RUNS = 16
 SWEEP = """schema: ballbar-sweep/1
 name: speed
 scenario: {scenario}
@@ -109,6 +112,7 @@ def swept(
             / runs
         )
         assert pq.read_metadata(outcome.folder.table).num_rows == runs
+        assert not failures_of(outcome.folder.table).count
         return Spent(
             runs,
             wall,
@@ -180,6 +184,42 @@ def speed() -> None:
 def real_sweep() -> Spent:
     """Real runs, on all cores."""
     return swept(real, 400, here())
+
+
+def planted(scenario: Scenario, _folder: Path) -> dict[str, float | int | str]:
+    """A run of the MuJoCo plant with every error source, and of its encoders and clocks."""
+    from sim.simulate import simulate  # noqa: PLC0415  the driver needs none of it
+
+    simulation = simulate(
+        full_scenario().model_copy(update={SEED: scenario.seed}), relative_to=SCENARIOS
+    )
+    return {"samples": simulation.motion.t.size}
+
+
+@cache
+def full_scenario() -> Scenario:
+    """All of the bench's effects."""
+    return load_scenario(SCENARIOS / "irb2400_full.yaml")
+
+
+def plant() -> None:
+    """The full plant inside a sweep, against the bare rollout of its model on one core."""
+    from benchmarks.plant_speed import bare_seconds  # noqa: PLC0415  likewise
+
+    shares: list[tuple[float, float]] = []
+    for _ in range(3):
+        before = alone(bare_seconds, "irb2400_full")
+        spent = swept(planted, PLANT_RUNS, here())
+        after = alone(bare_seconds, "irb2400_full")
+        bare = float(np.mean([before, after], axis=0)[0])
+        processor = float(np.mean([before, after], axis=0)[1])
+        shares.append((spent.steady * bare / CORES, PLANT_RUNS * processor / spent.workers))
+    wall, busy = np.median(shares, axis=0)
+    print(
+        f"full MuJoCo plant in a sweep on {CORES} cores: {wall:.2f} of {CORES} times the bare "
+        f"rollout's speed (target 0.85), {busy:.2f} by processor time"
+    )
+    print("  rounds: " + ", ".join(f"{a:.2f} and {b:.2f}" for a, b in shares))
 
 
 def against_plain_user() -> tuple[float, float, float]:
@@ -312,6 +352,7 @@ def million() -> None:
 
 SECTIONS = {
     "speed": speed,
+    "plant": plant,
     "overhead": overhead,
     "memory": memory,
     "dask": dask,

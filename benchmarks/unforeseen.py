@@ -1,4 +1,4 @@
-"""What no model and no list foresees: is a result then used with exit code 0, and what is named?
+"""Attacks that no list foresees: is a result then used with exit code 0, and which cause is named?
 
     python -m benchmarks.unforeseen                     # docs/studies/unforeseen.csv
     python -m benchmarks.unforeseen --only "ratio 4" --seconds 120
@@ -65,7 +65,7 @@ Spoil = Callable[[Logs], object]
 
 @dataclass(frozen=True)
 class Attack:
-    """What is not as the files and the logs say, and the words that name it."""
+    """One thing that is not as the files and the logs say, and the words that name it."""
 
     effects: Effects = field(default_factory=Effects)
     faults: Faults = field(default_factory=Faults)
@@ -312,7 +312,7 @@ def row_of(name: str, attack: Attack, seconds: float, folder: Path) -> Row:
 
 
 def _findings(folders: Sequence[Path]) -> list[str]:
-    """What reading the logs says."""
+    """The findings of reading the logs."""
     found = (read_recording(folder).report.findings for folder in folders)
     return [finding.sentence for findings in found for finding in findings]
 

@@ -86,7 +86,9 @@ def dh_from_axes(axes: JointAxes) -> DHForm:
     Raises AxesError for two neighbours that are nearly, but not exactly, parallel.
     """
     z, sign = _aligned(axes)
-    frame = _base_frame(axes.point[0], z[0])
+    # row 1: the base frame itself where axis 1 is its z, otherwise on axis 1
+    foot = axes.point[0] - (axes.point[0] @ z[0]) * z[0]
+    frame = _Frame(np.where(np.abs(foot) < TOLERANCE, 0.0, foot), _square_to(z[0]), z[0])
     T_base_dh = frame.pose
     rows = []
     for i in range(len(z) - 1):
@@ -133,13 +135,6 @@ def _aligned(axes: JointAxes) -> tuple[Array, Array]:
     if not bound and _is_parallel(tip, z[-1]) and tip @ z[-1] < 0.0:
         z[-1] = -z[-1]
     return z, np.sign((z * given).sum(axis=1))
-
-
-def _base_frame(point: Array, z: Array) -> _Frame:
-    """Frame of row 1: the base frame itself where axis 1 is its z, otherwise on axis 1."""
-    foot = point - (point @ z) * z
-    foot = np.where(np.abs(foot) < TOLERANCE, 0.0, foot)
-    return _Frame(foot, _square_to(z), z)
 
 
 def _square_to(z: Array) -> Array:

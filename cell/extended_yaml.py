@@ -54,7 +54,12 @@ def load_extended(
     """
     document, *bases = reversed(_chain(path, kind))
     for derived in bases:
-        document = _over(document, derived, kind)
+        own = {key: value for key, value in derived.data.items() if key != EXTENDS}
+        names = renamed(document.data, kind, document.path.parent, derived.path.parent)
+        replaced: set[Loc] = set()
+        data = _merged(names, own, (), replaced)
+        places = dict(_above(document, replaced)) | derived.places
+        document = YamlDocument(derived.path, data, places)
     keys: set[str] = set()
     for text in overrides:
         document = _with_override(document, text, keys)
@@ -161,15 +166,6 @@ def _base_of(document: YamlDocument, kind: ExtendableKind) -> tuple[Path, str]:
     if not file.is_file():
         raise DescriptionError(f"{where}: no such file {file}. Name it relative to this file.")
     return file, where
-
-
-def _over(base: YamlDocument, derived: YamlDocument, kind: ExtendableKind) -> YamlDocument:
-    """A document merged over the one that it extends."""
-    own = {key: value for key, value in derived.data.items() if key != EXTENDS}
-    replaced: set[Loc] = set()
-    names = renamed(base.data, kind, base.path.parent, derived.path.parent)
-    data = _merged(names, own, (), replaced)
-    return YamlDocument(derived.path, data, dict(_above(base, replaced)) | derived.places)
 
 
 def _merged(base: Any, own: Any, loc: Loc, replaced: set[Loc]) -> Any:

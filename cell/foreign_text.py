@@ -26,7 +26,8 @@ def printable(text: str, allowed: str = "\n") -> str:
     """The text with its control, invisible and line-breaking characters as escapes, `\\x1b`."""
     if text.isprintable():
         return text
-    return text.translate({ord(c): _escape(c) for c in _acting(text, allowed)})
+    acting = _acting(text, allowed)
+    return text.translate({ord(c): c.encode("unicode_escape").decode("ascii") for c in acting})
 
 
 def one_line(text: str) -> str:
@@ -61,7 +62,3 @@ def markdown(text: str) -> str:
 def _acting(text: str, allowed: str) -> set[str]:
     """Characters of a text that act."""
     return {c for c in set(text) - set(allowed) if unicodedata.category(c) in _ACTING}
-
-
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")

@@ -9,7 +9,6 @@ described by its own class (cell.descriptions.BallBar), for it is a mechanism wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -20,7 +19,7 @@ from cell.description_files import NominalAngle
 from cell.descriptions import BallBar, Link
 from cell.geometry import ROD_ROW
 from cell.instruments import kinds
-from cell.instruments.base import Kind
+from cell.instruments.base import Instrument, Kind
 from cell.inverse import BAR_ALPHA
 from cell.schema import Line, NotNegative, Positive, Strict
 from cell.schema_errors import wrong_key
@@ -105,40 +104,6 @@ class InstrumentFile(Strict):
                     )
                     raise wrong_key("chain", i, message=message)
         return self
-
-
-@dataclass(frozen=True)
-class Instrument:
-    """An instrument that measures one target, and its noise."""
-
-    name: str
-    title: str
-    kind: Kind
-    nominal: float  # [m] length at mid range; 0 for a socket
-    lower: float  # [m] shortest and longest length
-    upper: float
-    sigma_length: float  # [m] of the sensed length, or play of a socket
-    sigma_zero: float  # [m] of the sensed length's zero; 0: calibrated
-    sigma_direction: float  # [rad] of the angles that point at the target, the largest of theirs
-    sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
-    distance: tuple[float, float] | None  # [m] between two seats, and its sigma
-    mass: float  # [kg] of a rod from seat to target
-
-    @property
-    def follows(self) -> bool:
-        """Whether it follows a target on a robot that moves, and holds it by nothing."""
-        return self.kind.directions == 3 and not self.kind.local
-
-    @property
-    def measured(self) -> str:
-        """Name of what it measures."""
-        return self.kind.name
-
-    def sigma(self, values: Array) -> Array:
-        """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a
-        socket.
-        """
-        return self.kind.sigma(values, self)
 
 
 def instrument_of(name: str, file: InstrumentFile) -> Instrument:

@@ -13,18 +13,13 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cell.arrays import Array
-from cell.ballbar_files import (
-    AxialStiffnessFile,
-    BallBarFile,
-    BallBarLinksFile,
-    JointBacklashFile,
-    PlateFile,
-)
+from cell.ballbar_files import AxialStiffnessFile, BallBarFile, JointBacklashFile, PlateFile
 from cell.description_files import DHRowFile, GearsFile, LinkFile, RobotFile, ServoFile
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
 from cell.foreign_files import read_regular
-from cell.instrument import Instrument, InstrumentFile, instrument_of, telescoping_bar
+from cell.instrument import InstrumentFile, instrument_of, telescoping_bar
+from cell.instruments.base import Instrument
 from cell.schema_errors import nearest
 from cell.strict_yaml import MAX_BYTES, M, load_model
 
@@ -149,7 +144,7 @@ def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallB
         encoder_lines=file.encoder.lines,
         encoder_bits=file.encoder.bits,
         encoder_noise_sigma=file.encoder.noise_sigma_rad,
-        links=_links(file.links),
+        links=tuple(_link(body) for _, body in file.links),  # in the order of declaration
     )
 
 
@@ -293,11 +288,6 @@ def _gears(file: GearsFile, ratio: Array) -> Gears:
         stribeck=np.array(friction.stribeck_rad_per_s),
         harmonics=tuple(harmonics),
     )
-
-
-def _links(file: BallBarLinksFile) -> tuple[Link, ...]:
-    """Links of a ball-bar file, in the order of its keys' declaration."""
-    return tuple(_link(body) for _, body in file)
 
 
 def _link(file: LinkFile) -> Link:

@@ -101,15 +101,17 @@ def best_branches(robot: Robot, chain: Chain, poses: Array, *, count: int) -> Ar
     return np.asarray(np.take_along_axis(solutions, best[:, :, None], axis=0))
 
 
-def in_range(robot: Robot, q: Array) -> Array:
+def in_range(robot: Robot, q: Array, *, first: int = 0) -> Array:
     """(..., N, J) [rad] less the whole turns that bring each axis nearest to its range's centre.
 
     q : (..., N, J) [rad] joint angles along paths of N samples, each of which turns as a whole.
+    first : axis, from 0, up to which they stay as they are.
     """
     axes = joints_to_axes(robot, q)
     centre = 0.5 * (robot.axis_lower + robot.axis_upper)
     off = 0.5 * (axes.max(axis=-2) + axes.min(axis=-2)) - centre
     turns = 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+    turns[..., :first] = 0.0
     return np.asarray(q - (turns @ robot.controller_to_joint)[..., None, :])
 
 

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
 from cell.file_units import AngleUnit, LengthUnit, Rotation
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.poses import KnownDistance
 from cell.schema import Positive, Strict
 from cell.schema_errors import nearest, wrong_key

@@ -65,6 +65,15 @@ def kabsch(points: Array, target: Array, *, mirrored: bool = False) -> Array:
 
     mirrored : the best with determinant -1 instead of +1.
     """
-    u, _, vt = np.linalg.svd(target.T @ points)
+    return nearest_rotation(target.T @ points, mirrored=mirrored)
+
+
+def nearest_rotation(matrix: Array, *, mirrored: bool = False) -> Array:
+    """(3, 3) rotation R with the largest trace of `R' matrix` (Kabsch 1976).
+
+    matrix : (3, 3) of any scale, such as a sum of products of two sets of vectors. mirrored : the
+    best with determinant -1 instead of +1.
+    """
+    u, _, vt = np.linalg.svd(matrix)
     sign = np.sign(np.linalg.det(u @ vt)) * (-1.0 if mirrored else 1.0)
     return np.asarray(u @ np.diag([1.0, 1.0, sign]) @ vt)

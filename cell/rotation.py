@@ -15,6 +15,14 @@ _SMALL = 1e-4  # [rad] below it the series is exact to rounding: next term is ph
 _NEAR_HALF_TURN = 3.0  # [rad] beyond it the skew part loses the axis
 
 
+def even_directions(count: int) -> Array:
+    """(count, 3) unit vectors spread evenly over a sphere: a Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    height, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - height * height)
+    return np.column_stack((across * np.cos(turn), across * np.sin(turn), height))
+
+
 def rotvec_from_matrix(rotation: Array) -> Array:
     """(3, N) [rad] rotation vectors of (3, 3, N) rotation matrices, angle within [0, pi]."""
     skew = 0.5 * np.stack(

@@ -126,7 +126,9 @@ def _expectation(error: ErrorDetails, context: Mapping[str, Any], value: Any) ->
     if kind == "union_tag_invalid":
         return f"expected one of {context['expected_tags']}"
     text = (
-        _EXPECTED[kind].format(**{k: _plain(v) for k, v in context.items()})
+        _EXPECTED[kind].format(
+            **{k: f"{v:g}" if isinstance(v, float) else v for k, v in context.items()}
+        )
         if kind in _EXPECTED
         else error["msg"][0].lower() + error["msg"][1:]
     )
@@ -174,10 +176,6 @@ def _shown(value: Any) -> str:
         return ""
     text = _flow(value).lower() if value is None or isinstance(value, bool) else repr(value)
     return f" = {text if len(text) <= 60 else text[:57] + '...'}"
-
-
-def _plain(value: Any) -> Any:
-    return f"{value:g}" if isinstance(value, float) else value
 
 
 def _add_it(loc: Loc, model: type[BaseModel], example: Example | None) -> str:

@@ -157,20 +157,16 @@ def _machine_count(layout: Unknowns, robot: IdentifiedRobot) -> int:
 
 def normalised_innovation(closed: Fit, machine: Machine) -> float:
     """Residual of a machine that was held over what noise and its stated uncertainty explain."""
-    added = _expected(closed, machine)
-    return float(np.sqrt(closed.chi2_per_dof * closed.degrees / (closed.degrees + added)))
-
-
-def _expected(fit: Fit, machine: Machine) -> float:
-    """trace(C S): chi-square that the machine's uncertainty adds on average."""
-    layout = fit.model.unknowns
+    layout = closed.model.unknowns
     held = np.arange(layout.count) < _machine_count(layout, machine.robot)
-    data: Array = fit.linear.normal - np.diag(np.where(held, layout.sigma**-2.0, 0.0))
+    data: Array = closed.linear.normal - np.diag(np.where(held, layout.sigma**-2.0, 0.0))
     mixed, own = data[np.ix_(held, ~held)], data[np.ix_(~held, ~held)]
     information = data[np.ix_(held, held)] - mixed @ np.linalg.solve(own, mixed.T)
     known = [k for k, name in enumerate(machine.names) if name in layout.names]
     at = [layout.names.index(machine.names[k]) for k in known]
-    return float(np.trace(machine.covariance[np.ix_(known, known)] @ information[np.ix_(at, at)]))
+    # trace(C S): chi-square that the machine's uncertainty adds on average
+    added = np.trace(machine.covariance[np.ix_(known, known)] @ information[np.ix_(at, at)])
+    return float(np.sqrt(closed.chi2_per_dof * closed.degrees / (closed.degrees + added)))
 
 
 def loop_closure(fit: Fit) -> LoopClosure:

@@ -26,11 +26,11 @@ from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
+from ident.model_choice import AUTOCORRELATED
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.remarks import CORRELATED
 from ident.result import Identification
-from ident.rules import AUTOCORRELATED
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
 from ident.start.placements import placed_by
@@ -258,6 +258,8 @@ def _asks_for_more(simple: Identification) -> bool:
         left = simple.fit.autocorrelation > AUTOCORRELATED
         return left or not simple.verdict.acceptable
     left = simple.verdict.status in (Status.SUSPECT, Status.MISFIT)
+    # Gears that no file describes may yield by more than any robot is off its catalogue.
+    left |= simple.verdict.status is Status.IMPLAUSIBLE and simple.robot.robot.lacks("gears")
     return (left and len(recording.encoders) >= COMPLETE_ENCODERS) or bool(recording.step_faults)
 
 

@@ -87,9 +87,13 @@ class _Place:
 
 def step_of(fit: Fit) -> Step | None:
     """The clearest step of a seat or a target; None where nothing shows one."""
-    bounded = _bounded(fit)
-    equations = bounded.linear
-    jacobian, residual = stacked(bounded.jacobians), stacked(equations.residuals)
+    # by the fit with Huber's weights for all poses, none left out
+    lengths = whitened_lengths(fit.linear)
+    scale = max(1.0, median_scale(lengths))
+    robust = [np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) for v in lengths]
+    equations = equations_at(fit.model, fit.x, fit.excess, robust)
+    jacobian = stacked(replace(fit, linear=equations).jacobians)
+    residual = stacked(equations.residuals)
     places = [
         place
         for rows in _candidates(fit)
@@ -119,14 +123,6 @@ def confirms(before: Fit, after: Fit, candidate: Step, step: Step) -> bool:
         step.size > drifting
         and float(np.linalg.norm(step.shift - candidate.shift)) < candidate.size
     )
-
-
-def _bounded(fit: Fit) -> Fit:
-    """The fit with Huber's weights for all poses, none left out."""
-    lengths = whitened_lengths(fit.linear)
-    scale = max(1.0, median_scale(lengths))
-    robust = [np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) for v in lengths]
-    return replace(fit, linear=equations_at(fit.model, fit.x, fit.excess, robust))
 
 
 def _candidates(fit: Fit) -> list[_Rows]:

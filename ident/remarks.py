@@ -211,7 +211,7 @@ def _gears(fit: Fit, sigma: Array, kind: str, least: float) -> Iterator[tuple[st
 
 
 def loaded_otherwise(payload: PayloadEstimate | None) -> str:
-    """What the torque logs show of other loads, or of a tool in each recording; else empty."""
+    """Other loads or unlike tools that the torque logs show; else empty."""
     if payload is None or payload.undeclared or not payload.each:
         return "" if payload is None else payload.undeclared
     masses = " kg, ".join(f"recording {k} for {m:.1f}" for k, m in enumerate(payload.each, 1))

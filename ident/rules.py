@@ -17,14 +17,11 @@ from cell.statistics import rms
 from ident.estimator.priors import PULL
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
+from ident.model_choice import AUTOCORRELATED, AUTOCORRELATED_MISFIT
 from ident.remarks import recording_remarks, rod_remark
 from ident.table_remarks import table_remarks
 from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_status
 
-# Autocorrelation of the complete model's residual (docs/validation, incomplete models): 0.2 to 0.5
-# where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
-# ripple, encoder harmonics, backlash or compliance.
-AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
 # Compliance of all gears over the catalogue's that is no chance of single gears (1.7 between those
 # of a class, 1.2 in the mean of six)
 ALL_SOFTER = 1.35

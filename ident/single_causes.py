@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cell.arrays import Array
-from cell.descriptions import Cell, Robot
+from cell.descriptions import Cell
 from cell.geometry import parameter_named, parameter_table
 from ident.corrections.base import GEAR
 from ident.estimator.fit import Fit
@@ -117,7 +117,12 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
             names = tuple(dict.fromkeys(n for shares, _ in known for n in shares))
             made.append(Cause(kind, name, columns, np.array([s for _, s in known]), names))
 
-    zeros, sensed = _zeros(robot), machine.robot.cell.ballbar.stroke is not None
+    sensed = machine.robot.cell.ballbar.stroke is not None
+    # joint angles that the zero of each axis moves, and by how much; of axis 1 the base alone
+    zeros = {
+        axis: {f"rtheta{j}": float(share) for j, share in enumerate(row, start=1) if share}
+        for axis, row in enumerate(robot.controller_to_joint, start=1)
+    }
     last = [f"r{kind}{robot.joints}" for kind in ("d", "a", "theta", "alpha", "beta")]
     for axis, shares in zeros.items():
         add("axis", str(axis), [(shares, ZERO)])
@@ -148,14 +153,6 @@ def single_causes(machine: Machine, free: Fit) -> tuple[Cause, ...]:
         shares = {n: -machine.robot.geometry[n] for n in lengths if n.startswith("r")}
         add("scale", "", [(shares, SCALE)])
     return tuple(made)
-
-
-def _zeros(robot: Robot) -> dict[int, dict[str, float]]:
-    """Joint angles that the zero of each axis moves, and by how much; of axis 1 the base alone."""
-    return {
-        axis: {f"rtheta{j}": float(share) for j, share in enumerate(row, start=1) if share}
-        for axis, row in enumerate(robot.controller_to_joint, start=1)
-    }
 
 
 def free_names(machine: Machine, free: Fit) -> list[str]:

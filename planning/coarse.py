@@ -14,20 +14,10 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
+from planning import evaluation
 from planning.candidate import rounded
 from planning.clearance import TIME_STEP
 from planning.coarse_crlb import coarse_normals
-from planning.evaluation import (
-    INFEASIBLE,
-    NEARLY,
-    SCREENED_OUT,
-    UNEXAMINED,
-    UNIT_CLEARANCE,
-    Evaluator,
-    check,
-    rms_of_normal,
-    tensions_of,
-)
 from planning.force import predicted_forces
 from planning.limits import measures
 from planning.screen import UNREACHED, screen
@@ -38,7 +28,7 @@ BATCH, KEPT = 128, 2  # random candidates of a draw, and those of them that may 
 STEP = 0.5  # [s] of the grid; force, clearance and prediction take every other sample
 
 
-def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -> Array:
+def objectives(evaluator: evaluation.Evaluator, genomes: Array, *, best: float = -np.inf) -> Array:
     """(M,) coarse objectives of genomes (M, S) [-]; above INFEASIBLE as in `objective`.
 
     best : objective below which a candidate is looked at closely, until one of them violates no
@@ -46,8 +36,8 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     """
     space = evaluator.space
     screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
-    values = SCREENED_OUT + screened.excess
-    passed = np.flatnonzero(values <= SCREENED_OUT)
+    values = evaluation.SCREENED_OUT + screened.excess
+    passed = np.flatnonzero(values <= evaluation.SCREENED_OUT)
     if not passed.size:
         return values
     shapes, positions = space.many(genomes[passed])
@@ -55,14 +45,14 @@ def objectives(evaluator: Evaluator, genomes: Array, *, best: float = -np.inf) -
     for k in np.argsort(values, kind="stable"):
         if values[k] >= best:
             break
-        closely = check(evaluator, rounded(space.candidate(genomes[k])))
+        closely = evaluation.check(evaluator, rounded(space.candidate(genomes[k])))
         if not closely.violations:
             break
-        values[k] = INFEASIBLE + closely.excess
+        values[k] = evaluation.INFEASIBLE + closely.excess
     return values
 
 
-def sample(evaluator: Evaluator, *, seed: int) -> tuple[Array, Array, int]:
+def sample(evaluator: evaluation.Evaluator, *, seed: int) -> tuple[Array, Array, int]:
     """The KEPT best of BATCH uniform draws from the search space that pass the screen.
 
     Returns their genomes (K, S) [-], best first, their coarse objectives (K,), and the draws.
@@ -71,15 +61,15 @@ def sample(evaluator: Evaluator, *, seed: int) -> tuple[Array, Array, int]:
     genomes = np.random.default_rng(seed).random((BATCH, size))
     values = objectives(evaluator, genomes)
     best = np.argsort(values, kind="stable")[:KEPT]
-    best = best[values[best] < SCREENED_OUT]
+    best = best[values[best] < evaluation.SCREENED_OUT]
     return genomes[best], values[best], BATCH
 
 
 def _of_screened(
-    evaluator: Evaluator, shapes: Lissajous, positions: Array, allowed: NDArray[np.bool_]
+    evaluator: evaluation.Evaluator, shapes: Lissajous, positions: Array, allowed: NDArray[np.bool_]
 ) -> Array:
     """(M,) coarse objectives of candidates that passed the screen."""
-    values = np.full(len(positions), INFEASIBLE + UNREACHED + UNEXAMINED)
+    values = np.full(len(positions), evaluation.INFEASIBLE + UNREACHED + evaluation.UNEXAMINED)
     runs_of_all = trajectories_of_many(
         evaluator.cell, shapes, positions, evaluator.request.timing, allowed=allowed, step=STEP
     )
@@ -90,8 +80,8 @@ def _of_screened(
     limits = measures(evaluator.cell, evaluator.limits, trajectory, evaluator.request.cell)
     worst = (limit.excess.reshape(trajectory.runs, -1).max(axis=1) for limit in limits)
     excess = np.asarray(np.sum([np.maximum(over, 0.0) for over in worst], axis=0))
-    np.minimum.at(values, which, INFEASIBLE + UNEXAMINED + excess)
-    waiting = excess < NEARLY
+    np.minimum.at(values, which, evaluation.INFEASIBLE + evaluation.UNEXAMINED + excess)
+    waiting = excess < evaluation.NEARLY
     while waiting.any():  # one configuration after the other, of those that cannot be run yet
         runs = np.flatnonzero(waiting)
         runs = runs[np.unique(which[runs], return_index=True)[1]]
@@ -99,12 +89,12 @@ def _of_screened(
         examined = _examined(evaluator, some, excess[runs], positions[which[runs]])
         values[which[runs]] = np.minimum(values[which[runs]], examined)
         waiting[runs] = False
-        waiting &= values[which] >= INFEASIBLE
+        waiting &= values[which] >= evaluation.INFEASIBLE
     return values
 
 
 def _examined(
-    evaluator: Evaluator, trajectory: Trajectory, excess: Array, positions: Array
+    evaluator: evaluation.Evaluator, trajectory: Trajectory, excess: Array, positions: Array
 ) -> Array:
     """(R,) coarse objectives of runs with their forces and clearances.
 
@@ -124,16 +114,19 @@ def _examined(
         within=limits.clearance_m,
     )
     distance = np.array([nearest.distance for nearest in closest])
-    excess = excess + (over + (limits.clearance_m - distance) / UNIT_CLEARANCE)
-    values, runnable = INFEASIBLE + excess, np.flatnonzero(excess <= 0.0)
+    excess = excess + (over + (limits.clearance_m - distance) / evaluation.UNIT_CLEARANCE)
+    values, runnable = evaluation.INFEASIBLE + excess, np.flatnonzero(excess <= 0.0)
     if runnable.size:
         samples = np.arange(trajectory.t.size).reshape(count, -1)[runnable].ravel()
         normals = coarse_normals(
             evaluator.coarse,
             trajectory.of_runs(runnable),
             None if forces is None else forces.carried.part(samples),
-            tensions_of(trajectory, forces)[0, samples],
+            evaluation.tensions_of(trajectory, forces)[0, samples],
         )
-        tcp = [rms_of_normal(evaluator, normal, evaluator.coarse.layout) for normal in normals]
+        tcp = [
+            evaluation.rms_of_normal(evaluator, normal, evaluator.coarse.layout)
+            for normal in normals
+        ]
         values[runnable] = np.log(np.array(tcp) * 1e6)
     return values

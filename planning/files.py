@@ -13,6 +13,7 @@ from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
 from cell.geometry import nominal_chain
 from cell.instruments.base import Kind
 from cell.robot_angles import joints_to_axes
+from planning import programs
 from planning.candidate import DECIMALS, PathCandidate
 from planning.crlb import PredictedInformation
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
@@ -20,19 +21,6 @@ from planning.plan import PathPlan
 from planning.planned_scenario import PATH, scenario_data
 from planning.pose_plan import PosePlan
 from planning.pose_request import PosePlanRequest
-from planning.programs import (
-    BALLBAR,
-    SUFFIXES,
-    TELESCOPING,
-    ProgrammedPath,
-    axis_columns,
-    path_program,
-    path_table,
-    pose_program,
-    pose_table,
-    program_files,
-    without_program,
-)
 from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
 from planning.stations import PoseSetup
 from planning.trajectory import Targets, targets_of
@@ -45,7 +33,12 @@ UNITS = {"m": "mm", "rad": "deg"}  # of the columns of poses.csv that are filled
 
 def output_names(request: PlanRequest | PosePlanRequest) -> set[str]:
     """Names of all files that a plan may write."""
-    names = {NUMBERS, REQUEST, DESCRIPTIONS, *program_files(request.name)}
+    names = {
+        NUMBERS,
+        REQUEST,
+        DESCRIPTIONS,
+        *(f"{request.name}.{end}" for end in programs.SUFFIXES.values()),
+    }
     if isinstance(request, PosePlanRequest):
         return names | {POSE_TABLE, POSES}
     return names | {PATH, SCENARIO, TABLE, "what_if.csv", *PICTURES}
@@ -184,14 +177,14 @@ def write_plan(plan: PathPlan, folder: Path) -> list[str]:
     """
     robot, request = plan.evaluator.cell.robot, plan.request
     targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
-    gauge = TELESCOPING if request.telescoping else BALLBAR
-    path = ProgrammedPath(request.name, robot, targets, limit_lines(request), gauge)
+    gauge = programs.TELESCOPING if request.telescoping else programs.BALLBAR
+    path = programs.ProgrammedPath(request.name, robot, targets, limit_lines(request), gauge)
     cell = cell_data(plan, folder)
     write_yaml(folder / PATH, planned_path_data(plan))
     write_yaml(folder / SCENARIO, scenario_data(plan, cell))
-    texts = {TABLE: path_table(path)}
-    if robot.program_language and not without_program(robot):
-        texts[f"{path.name}.{SUFFIXES[robot.program_language]}"] = path_program(
+    texts = {TABLE: programs.path_table(path)}
+    if robot.program_language and not programs.without_program(robot):
+        texts[f"{path.name}.{programs.SUFFIXES[robot.program_language]}"] = programs.path_program(
             robot.program_language, path
         )
     for file, text in texts.items():
@@ -213,7 +206,7 @@ def poses_data(setup: PoseSetup, *, relative_to: Path, folder: Path) -> dict[str
     request, kind = setup.request, setup.instrument.kind
     entry: dict[str, object] = {
         "files": [POSE_TABLE],
-        "joints": {"columns": axis_columns(setup.robot), "unit": "deg", "angles": "axes"},
+        "joints": {"columns": programs.axis_columns(setup.robot), "unit": "deg", "angles": "axes"},
     }
     if columns := value_columns(kind):
         entry["values"] = {
@@ -273,9 +266,11 @@ def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
 def write_pose_plan(plan: PosePlan, folder: Path, *, relative_to: Path) -> list[str]:
     """Write all files; relative_to : folder of the request. Returns their names."""
     setup, language = plan.setup, plan.setup.robot.program_language
-    texts = {POSE_TABLE: pose_table(plan, value_columns(setup.instrument.kind))}
-    if language and not without_program(setup.robot):
-        texts[f"{setup.request.name}.{SUFFIXES[language]}"] = pose_program(language, plan)
+    texts = {POSE_TABLE: programs.pose_table(plan, value_columns(setup.instrument.kind))}
+    if language and not programs.without_program(setup.robot):
+        texts[f"{setup.request.name}.{programs.SUFFIXES[language]}"] = programs.pose_program(
+            language, plan
+        )
     for file, text in texts.items():
         write_whole(folder / file, text.encode())
     write_yaml(folder / POSES, poses_data(setup, relative_to=relative_to, folder=folder))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.bodies import carried_bodies, link_bodies
 from cell.chain import Frames, screw
-from cell.descriptions import Cell, ServoGains
+from cell.descriptions import Cell, Robot
 from cell.dynamics import joint_torques, torques_of_each
 from cell.geometry import (
     Geometry,
@@ -70,10 +70,10 @@ class Forces:
 
 @dataclass(frozen=True, eq=False)
 class Machines:
-    """R robots drawn from the spread about a typical one."""
+    """R robots of one geometry in error each; one row of the rest is of all of them."""
 
-    errors: Array  # (P, R) [m, rad] deviations as those of ForceModel
-    mass: Array  # (R, J) of each link over the typical one
+    errors: Array  # (P, R) [m, rad] deviations of the parameters
+    mass: Array  # (R, J) of each link over the stated or typical one
     gear: Array  # (R, J) [rad/(N m)] compliance
     servo: Array  # (R, J) [rad/(N m)] compliance
     coulomb: Array  # (R, J) [N m]
@@ -86,11 +86,10 @@ class ForceModel:
 
     cell: Cell  # with typical values for what the robot's file lacks
     masses: MassModel
-    gains: ServoGains
     names: tuple[str, ...]  # of P parameters that deviate
-    errors: Array  # (P, DRAWS) [m, rad] their deviations
+    robots: Machines  # DRAWS of them, as stated, or typical
     typical: Spread  # of the robot
-    machines: Machines | None  # None for a robot whose file is complete
+    drawn: Machines | None  # MACHINES from the spread; None for a robot whose file is complete
 
 
 def force_model(cell: Cell, servo: str, *, seed: int) -> ForceModel:
@@ -103,23 +102,23 @@ def force_model(cell: Cell, servo: str, *, seed: int) -> ForceModel:
     wrist = (n for n in table.robot if int(n[-1]) >= 6 and n != table.plate)
     names = tuple(dict.fromkeys((*THESIS_3_1, *(wrist if robot.joints > 6 else ()))))
     rng = np.random.default_rng(seed)
-    errors = ERROR * rng.standard_normal((len(names), DRAWS))
-    gains, machines = servo_gains(robot, servo, key="servo"), None
-    if typical.keys:
-        drawn = [typical.drawn(robot, rng) for _ in range(MACHINES)]
-        masses = np.array([[link.mass for link in r.required("links")[1:]] for r in drawn])
-        gears = [r.required("gears") for r in drawn]
-        machines = Machines(
-            errors=ERROR * rng.standard_normal((len(names), MACHINES)),
+
+    def machines(robots: list[Robot], count: int) -> Machines:
+        masses = np.array([[link.mass for link in r.required("links")[1:]] for r in robots])
+        gears = [r.required("gears") for r in robots]
+        return Machines(
+            errors=ERROR * rng.standard_normal((len(names), count)),
             mass=masses / [link.mass for link in robot.required("links")[1:]],
             gear=1.0 / np.array([g.stiffness for g in gears]),
-            servo=1.0 / np.array([servo_gains(r, servo, key="servo").kp for r in drawn]),
+            servo=1.0 / np.array([servo_gains(r, servo, key="servo").kp for r in robots]),
             coulomb=np.array([g.coulomb for g in gears]),
             viscous=np.array([g.viscous for g in gears]),
         )
-    return ForceModel(
-        cell, mass_model(cell), gains, names, errors, typical=typical, machines=machines
-    )
+
+    robots, drawn = machines([robot], DRAWS), None
+    if typical.keys:
+        drawn = machines([typical.drawn(robot, rng) for _ in range(MACHINES)], MACHINES)
+    return ForceModel(cell, mass_model(cell), names, robots, typical, drawn)
 
 
 def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
@@ -127,39 +126,33 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     geometry, cell, q, b = trajectory.nominal, model.cell, trajectory.q, trajectory.b
     carried = loads(model.masses, geometry, q, b, trajectory.speed, trajectory.acceleration)
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
-    wrench = on_ballbar(model.masses, bar, b)[1]
-    levers = _levers(model, geometry, robot, bar, wrench)
-    gap = _gaps(levers, model.errors, bar.z[2], trajectory.first)
-    per_newton = carried.gear_per_newton
+    levers = _levers(model, geometry, robot, bar, on_ballbar(model.masses, bar, b)[1])
+    to_gear, per_newton = cell.robot.gear_to_joint, carried.gear_per_newton
+    links = np.zeros((len(to_gear), *per_newton.shape))  # (J, J, N) at the gears, of each link
+    if model.drawn is not None:
+        bodies = list(enumerate(link_bodies(cell.robot)))
+        each = torques_of_each(robot, bodies, q, gravity=cell.robot.gravity)
+        links = np.einsum("gj,bjn->bgn", to_gear, each)
     weight = joint_torques(robot, carried_bodies(cell), q, gravity=cell.robot.gravity)
-    gears = cell.robot.required("gears")
-    gear, servo = 1.0 / gears.stiffness[:, None], 1.0 / model.gains.kp[:, None]
-    compliance = 1.0 / cell.ballbar.axial_stiffness + (per_newton**2 * (gear + servo)).sum(axis=0)
+    uncompensated = carried.gear - to_gear @ weight
     speed = (trajectory.speed @ cell.robot.joint_to_gear).T
-    coulomb = gears.coulomb[:, None] * np.tanh(speed / CREEP)
-    friction = coulomb + gears.viscous[:, None] * speed
-    uncompensated = carried.gear - cell.robot.gear_to_joint @ weight + friction
-    sag = (per_newton * (carried.gear * gear + uncompensated * servo)).sum(axis=0)
-    tension = np.asarray((gap - sag) / compliance)
-    extent = np.stack((tension.min(axis=0), tension.max(axis=0)))
-    if model.machines is None:
-        return Forces(carried, tension, extent)
-    drawn, tip = model.machines, np.tanh(speed / CREEP)
-    bodies = list(enumerate(link_bodies(cell.robot)))
-    each = torques_of_each(robot, bodies, q, gravity=cell.robot.gravity)
-    links = np.einsum("gj,bjn->bgn", cell.robot.gear_to_joint, each) * per_newton
-    steady = per_newton * (uncompensated - friction)
-    # (R, N) of the drawn robots: of one axis after the other, all of them at once
-    gap = _gaps(levers, drawn.errors, bar.z[2], trajectory.first)
-    sag, yielding = np.zeros_like(gap), np.full_like(gap, 1.0 / cell.ballbar.axial_stiffness)
-    for j, lever in enumerate(per_newton):
-        at_gear = lever * carried.gear[j] + (drawn.mass - 1.0) @ links[:, j]
-        rubbing = np.outer(drawn.coulomb[:, j], lever * tip[j])
-        rubbing += np.outer(drawn.viscous[:, j], lever * speed[j])
-        gear, servo = drawn.gear[:, j, None], drawn.servo[:, j, None]
-        sag += gear * at_gear + servo * (steady[j] + rubbing)
-        yielding += (gear + servo) * lever**2
-    every = np.concatenate((extent, (gap - sag) / yielding))
+    side = np.tanh(speed / CREEP)
+
+    def tension_of(m: Machines) -> Array:
+        """(R, N) of one axis after the other, all robots at once."""
+        gap = _gaps(levers, m.errors, bar.z[2], trajectory.first)
+        sag, yielding = np.zeros_like(gap), np.full_like(gap, 1.0 / cell.ballbar.axial_stiffness)
+        for j, lever in enumerate(per_newton):
+            at_gear = carried.gear[j] + (m.mass - 1.0) @ links[:, j]
+            rubbing = np.outer(m.coulomb[:, j], side[j]) + np.outer(m.viscous[:, j], speed[j])
+            gear, servo = m.gear[:, j, None], m.servo[:, j, None]
+            sag += lever * (gear * at_gear + servo * (uncompensated[j] + rubbing))
+            yielding += (gear + servo) * lever**2
+        return np.asarray((gap - sag) / yielding)
+
+    every = tension = tension_of(model.robots)
+    if model.drawn is not None:
+        every = np.concatenate((tension, tension_of(model.drawn)))
     return Forces(carried, tension, np.stack((every.min(axis=0), every.max(axis=0))))
 
 

@@ -13,12 +13,13 @@ import numpy as np
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.geometry import bar_frames
+from cell.rotation import even_directions
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
-from planning.coarse import BATCH
+from planning.coarse import BATCH, objectives
 from planning.crlb import PathPrediction, predictions
 from planning.evaluation import (
     INFEASIBLE,
@@ -28,7 +29,6 @@ from planning.evaluation import (
     check,
     evaluate,
     evaluators,
-    objective,
     tcp_rms_before,
     tensions_of,
 )
@@ -78,13 +78,11 @@ def first_path(
         tried += len(genomes)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
         start = genomes[int(screened.excess.argmin())]
-        if evaluator.force_model is None:
-            passed = genomes[screened.excess <= 0.0][:TRIED]
-            values = [objective(evaluator, genome) for genome in passed]
-            if values:
-                start = passed[int(np.argmin(values))]
-                if min(values) < INFEASIBLE:
-                    return RatedCandidate(rod, start, min(values)), tried
+        if (passed := genomes[screened.excess <= 0.0][:TRIED]).size:
+            values = objectives(evaluator, passed, best=INFEASIBLE)
+            start = passed[int(values.argmin())]
+            if values.min() < INFEASIBLE:
+                return RatedCandidate(rod, start, float(values.min())), tried
         genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
         if least < INFEASIBLE:
             return RatedCandidate(rod, genome, least), tried
@@ -107,20 +105,17 @@ def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tupl
     """
     free = free_numbers(space)
     search = evolution(start[free], seed=seed)
-    best, least, gained = start, objective(evaluator, start), 0
+    best, least, gained = start, np.inf, 0
     for generation in range(MOST_GENERATIONS):
-        if generation - gained >= GENERATIONS:
+        points = search.ask()
+        genomes = np.tile(start, (len(points), 1))
+        genomes[:, free] = points
+        values = objectives(evaluator, genomes, best=INFEASIBLE)
+        if values.min() < least:
+            best, least, gained = folded(genomes[values.argmin()]), float(values.min()), generation
+        if least < INFEASIBLE or generation - gained >= GENERATIONS:
             break
-        points, values = search.ask(), []
-        for x in points:
-            genome = start.copy()
-            genome[free] = x
-            values.append(objective(evaluator, genome))
-            if values[-1] < least:
-                best, least, gained = folded(genome), values[-1], generation
-            if least < INFEASIBLE:
-                return best, least
-        search.tell(points, values)
+        search.tell(points, values.tolist())
     return best, least
 
 
@@ -200,11 +195,8 @@ class PathPlan:
 
 def covered(directions: Array) -> float:
     """Share of the unit sphere within COVERED_WITHIN of unit vectors (3, N) [-]."""
-    k = np.arange(SPHERE_POINTS) + 0.5
-    z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
-    radius = np.sqrt(1.0 - z * z)
-    points = np.stack((radius * np.cos(turn), radius * np.sin(turn), z), axis=1)
-    return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
+    nearest = (even_directions(SPHERE_POINTS) @ directions).max(axis=1)
+    return float((nearest > np.cos(COVERED_WITHIN)).mean())
 
 
 def plans(

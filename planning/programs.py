@@ -81,11 +81,6 @@ class ProgrammedPath:
         ]
 
 
-def program_files(name: str) -> frozenset[str]:
-    """Names of the programs that a plan of this name may have."""
-    return frozenset(f"{name}.{suffix}" for suffix in SUFFIXES.values())
-
-
 def without_program(robot: Robot) -> str:
     """Why no program is written for a robot; empty where one is."""
     if robot.joints != PROGRAM_AXES:

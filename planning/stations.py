@@ -17,7 +17,7 @@ from cell.chain import Chain, Frames, forward
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import nominal_chain
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.load import load_instrument, load_robot
 from cell.placement import Placement, target_frames
 from cell.pose_file import known_distances

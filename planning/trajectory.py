@@ -19,6 +19,7 @@ from planning.request import PlanTiming
 from sim.path import Lissajous, branches_along, phase_over_time, tool_poses
 
 STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
+ARM_AXES = 3  # of an arm with closed form, whose angles are unique: only its wrist turns as a whole
 DEGREE = 5  # of the spline that is differentiated; a cubic one is off by 9 % at steps of 0.5 s
 
 
@@ -74,11 +75,10 @@ def trajectories(
     t, phase = _times(timing, step)
     b = candidate.shape.angles(phase)
     tip = tool_poses(nominal, candidate.shape, phase)[:, :3, 3]
-    unique = has_closed_form(nominal.robot)
-    return [
-        _moving(nominal, t, b, centred(cell, q) if unique else in_range(cell.robot, q), tip, runs=1)
-        for q in branches_along(cell.robot, nominal, candidate.shape, phase)
-    ]
+    first = ARM_AXES if has_closed_form(nominal.robot) else 0
+    branches = branches_along(cell.robot, nominal, candidate.shape, phase)
+    angles = [in_range(cell.robot, q, first=first) for q in branches]
+    return [_moving(nominal, t, b, q, tip, runs=1) for q in angles]
 
 
 def trajectories_of_many(
@@ -105,7 +105,7 @@ def trajectories_of_many(
         counted = np.flatnonzero(allowed.T)
         reached = counted[~np.isnan(branches[counted]).any(axis=(1, 2))]
         which = reached % m
-        q = centred(cell, np.unwrap(branches[reached], axis=1))
+        q = in_range(cell.robot, np.unwrap(branches[reached], axis=1), first=ARM_AXES)
     else:
         led = [
             branches_along(cell.robot, nominal_geometry(cell, position), shape_of(shapes, k), phase)
@@ -147,18 +147,6 @@ def _moving(
         tip_speed=np.linalg.norm(rate[:, :, joints:], axis=2).ravel(),
         runs=runs,
     )
-
-
-def centred(cell: Cell, q: Array) -> Array:
-    """(..., N, J) [rad] joint angles q (..., N, J) less the whole turns that bring each wrist axis
-    nearest to the centre of its range.
-    """
-    axes = joints_to_axes(cell.robot, q.reshape(-1, q.shape[-1])).reshape(q.shape)
-    centre = 0.5 * (cell.robot.axis_lower + cell.robot.axis_upper)
-    beyond = 0.5 * (axes.max(axis=-2) + axes.min(axis=-2)) - centre
-    turns = 2.0 * np.pi * np.round(beyond / (2.0 * np.pi))
-    turns[..., :3] = 0.0  # the arm's angles are unique
-    return np.asarray(q - (turns @ cell.robot.controller_to_joint)[..., None, :])
 
 
 SAG = 1.0e-4  # [m] about 5 N under soft servo, of which 1 mm makes some 50 N

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.chain import forward
-from cell.instrument import Instrument
-from cell.instruments.base import TrueStand
+from cell.instruments.base import Instrument, TrueStand
 from cell.robot_angles import joints_to_axes
 from sim.settings import ErrorSettings
 from sim.streams import stream

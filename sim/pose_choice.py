@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.numerical_inverse import reach_points
 from cell.robot_angles import controller_to_joints
 from sim.settings import PosesSettings

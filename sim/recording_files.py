@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.dialect import Dialect, load_dialect
 from cell.files import beside, write_whole, write_yaml
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows

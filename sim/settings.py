@@ -14,27 +14,13 @@ from pydantic import Field, model_validator
 
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.schema import NotNegative, Positive, Strict
 from cell.schema_errors import missing_key, wrong_key
+from sim.errors import sensor_errors
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
 from sim.errors.sample_errors import SampleErrors
-from sim.errors.sensor_errors import (
-    LEAD,
-    ClockStep,
-    ClockWander,
-    DroppedRows,
-    DuplicatedRows,
-    EncoderNumber,
-    JointLag,
-    JointNoise,
-    LoggerRestart,
-    Outliers,
-    SensorErrors,
-    StampJitter,
-    StampQuantum,
-)
 from sim.errors.static_errors import CellErrors
 from sim.logging.load_logs import DeviceLogs, OpticalTracker
 from sim.streams import recording_seed
@@ -154,13 +140,13 @@ class PlantSettings(RodAndWire):
     """
 
 
-class ErrorSettings(CellErrors, PlantErrors, ArmErrors, SensorErrors, SampleErrors):
+class ErrorSettings(CellErrors, PlantErrors, ArmErrors, sensor_errors.SensorErrors, SampleErrors):
     """Error sources; each is absent unless named."""
 
-    joint_lag: JointLag | None = None
-    joint_noise: JointNoise | None = None
+    joint_lag: sensor_errors.JointLag | None = None
+    joint_noise: sensor_errors.JointNoise | None = None
     instrument_noise: InstrumentNoise | None = None
-    outliers: Outliers | None = None
+    outliers: sensor_errors.Outliers | None = None
     unsettled: Unsettled | None = None
     rounding: Rounding | None = None
     drift: Drift | None = None
@@ -169,7 +155,7 @@ class ErrorSettings(CellErrors, PlantErrors, ArmErrors, SensorErrors, SampleErro
 class EncoderSettings(Strict):
     """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are drawn."""
 
-    fitted: tuple[EncoderNumber, ...] = (1, 2, 3, 4, 5)
+    fitted: tuple[sensor_errors.EncoderNumber, ...] = (1, 2, 3, 4, 5)
     """Joints with an encoder; [] for a ball-bar without encoders."""
     bits: Annotated[int, Field(ge=8, le=13)] = 12
     """Interpolation of one line (EL5021 8001:11)."""
@@ -213,16 +199,16 @@ class ClockSettings(Strict):
     """
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
     """Share of the ball-bar's rows that come one 5 ms task late."""
-    wander: ClockWander | None = None
+    wander: sensor_errors.ClockWander | None = None
     """Wander of the ball-bar's clock."""
-    robot_wander: ClockWander | None = None
+    robot_wander: sensor_errors.ClockWander | None = None
     """Wander of the robot's clock."""
-    step: ClockStep | None = None
-    quantum: StampQuantum | None = None
-    jitter: StampJitter | None = None
-    dropped_rows: DroppedRows | None = None
-    duplicated_rows: DuplicatedRows | None = None
-    restart: LoggerRestart | None = None
+    step: sensor_errors.ClockStep | None = None
+    quantum: sensor_errors.StampQuantum | None = None
+    jitter: sensor_errors.StampJitter | None = None
+    dropped_rows: sensor_errors.DroppedRows | None = None
+    duplicated_rows: sensor_errors.DuplicatedRows | None = None
+    restart: sensor_errors.LoggerRestart | None = None
 
     def fault_times(self) -> Iterator[tuple[tuple[str, ...], float]]:
         """Scenario key and time [s] of every fault that happens at a stated time."""
@@ -289,7 +275,11 @@ class PosesSettings(Strict):
 # Keys that belong to one kind of scenario: each with what it needs (`refuse_keys`).
 OF_BALLBAR = (
     *("encoders", "clocks.overrun_probability", "logs.force_sensor", "logs.ballbar"),
-    *(f"errors.{name}" for name in SensorErrors.model_fields if name != "resolver_error"),
+    *(
+        f"errors.{name}"
+        for name in sensor_errors.SensorErrors.model_fields
+        if name != "resolver_error"
+    ),
     *(f"errors.{name}" for name in SampleErrors.model_fields),
     *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
     *("errors.bar_friction", "errors.base_compliance", "errors.outliers", "cell.ballbar_set"),
@@ -304,7 +294,7 @@ OF_PATH = (
     ),
     *(
         f"errors.{name}"
-        for part in (CellErrors, PlantErrors, SensorErrors, SampleErrors)
+        for part in (CellErrors, PlantErrors, sensor_errors.SensorErrors, SampleErrors)
         for name in part.model_fields
         if name != "joint_compliance"
     ),
@@ -405,7 +395,7 @@ class SimulationSettings(Strict):
         """Each fault that is stated happens: its encoder is fitted, and its time is logged."""
         if self.path is None:
             return self
-        first, last = LEAD, self.path.duration_s - LEAD
+        first, last = sensor_errors.LEAD, self.path.duration_s - sensor_errors.LEAD
         for key, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
             if not first < time < last:
                 logged = f"the logs run from {first:g} to {last:g} s of the path"

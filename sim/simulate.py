@@ -12,7 +12,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.logs import RobotLog
 from sim.errors.sample_errors import refuse_sample_errors
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects

@@ -16,7 +16,7 @@ from cell.arrays import Array
 from cell.chain import KINDS
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.load import load_instrument, load_robot
 from cell.numerical_inverse import reach_points
 from sim.instrument_readings import (

@@ -22,7 +22,7 @@ from cell.descriptions import Cell, Robot
 from cell.dynamics import joint_torques
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.load import load_cell, load_instrument, load_plate, load_robot, load_telescoping_bar
 from cell.typical_machine import Spread, motor_turns, with_typical
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects

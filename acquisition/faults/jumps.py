@@ -39,14 +39,7 @@ class Jumps:
         return self.fast.size > max(2 * LONGEST, MANY * self.damaged.size)
 
 
-def angle_difference(later: NDArray[Any], earlier: NDArray[Any]) -> Array:
-    """(N, C) [rad] differences of angles (N, C) [rad]."""
-    return np.asarray(later - earlier, dtype=np.float64)
-
-
-def find_jumps(
-    t: Array, values: NDArray[Any], fastest: Array, difference: Difference = angle_difference
-) -> Jumps:
+def find_jumps(t: Array, values: NDArray[Any], fastest: Array, difference: Difference) -> Jumps:
     """Steps of a log that are faster than possible.
 
     t : (N,) [s], may go back where the clock was set. values : (N, C). fastest : (C,) [rad/s].

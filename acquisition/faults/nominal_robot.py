@@ -23,9 +23,9 @@ from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.file_units import METRES, RADIANS, AngleUnit, LogLengthUnit
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.pose_file import ValueColumns
-from cell.rigid_fit import nominal_frames, rigid_fit
+from cell.rigid_fit import nearest_rotation, nominal_frames, rigid_fit
 
 FEWEST = 10  # poses: fewer lie on many robots
 MOST_JUDGED = 400  # poses; more show nothing new
@@ -211,8 +211,7 @@ class Orientations:
         """
         measured = rotation(convention, raw[self.chosen], angle).as_matrix()
         on_flange = self.expected.transpose(0, 2, 1) @ measured
-        u, _, vt = np.linalg.svd(on_flange.mean(axis=0))
-        mean = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        mean = nearest_rotation(on_flange.mean(axis=0))
         cosine = 0.5 * (np.einsum("ij,nij->n", mean, on_flange) - 1.0)
         return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
 

@@ -118,23 +118,17 @@ def _refuse_other_angles(table: Table, angles: RobotAngles) -> None:
 
 def _question(angles: RobotAngles) -> str:
     """A question about what the angles may be instead of what they are declared to be."""
-    exchanged = _exchanged_columns(angles)
-    if len(exchanged) > FEW_PAIRS:
-        exchanged = [f"two of the columns, such as {exchanged[0]},"]
-    questions = "".join(f" Or are {columns} exchanged?" for columns in exchanged)
-    return f"{_other_reading(angles)}{questions}"
-
-
-def _exchanged_columns(angles: RobotAngles) -> list[str]:
-    """Pairs of columns with which the robot, once they are exchanged, moves within its limits."""
-    robot, pairs = angles.robot, []
+    robot, exchanged = angles.robot, list[str]()  # pairs that leave it within its limits
     for i, j in reversed(list(combinations(range(robot.joints), 2))):  # wrists are mixed up first
         order = np.arange(robot.joints)
         order[[i, j]] = j, i
         joints = angles.reading.joints(robot, angles.logged[:, order])
         if _fits(angles, joints_to_axes(robot, joints)):
-            pairs.append(f"{angles.reading.kind} {i + 1} and {j + 1}")
-    return pairs
+            exchanged.append(f"{angles.reading.kind} {i + 1} and {j + 1}")
+    if len(exchanged) > FEW_PAIRS:
+        exchanged = [f"two of the columns, such as {exchanged[0]},"]
+    questions = "".join(f" Or are {columns} exchanged?" for columns in exchanged)
+    return f"{_other_reading(angles)}{questions}"
 
 
 def _other_reading(angles: RobotAngles) -> str:

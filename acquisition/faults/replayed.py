@@ -2,7 +2,7 @@
 
 A recorder that sends a buffer again gives old values new stamps. A robot that repeats its program
 repeats commanded angles as well, but it never leaps: a stretch is replayed where all columns of
-several rows repeat those of as many earlier rows, no two of them alike, and the first of them lies
+several rows repeat those of as many earlier rows, no two of them equal, and the first of them lies
 further from the row before than those around it do.
 """
 

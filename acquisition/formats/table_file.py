@@ -37,12 +37,7 @@ from acquisition.table.text import (
 )
 from cell.errors import InputError, LogError
 
-_ZIP = b"PK\x03\x04"
-
-
-def holds_workbook(raw: bytes) -> bool:
-    """Whether the content of a file is a zip archive, as workbooks are."""
-    return raw.startswith(_ZIP)
+_ZIP = b"PK\x03\x04"  # a workbook is a zip archive
 
 
 def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
@@ -110,11 +105,6 @@ _BEGINS = re.compile(r"\bjointtarget\b|\bMoveAbsJ\b", re.IGNORECASE)
 _LIST = re.compile(r"\[\s*\[\s*[-+0-9.]")
 
 
-def holds_jointtargets(text: LogText) -> bool:
-    """Whether a text is RAPID code with joint targets."""
-    return any(_BEGINS.search(line) and "[" in line for line in text.lines)
-
-
 def jointtarget_text(text: LogText) -> LogText:
     """A table of COLUMNS with the axis angles [deg] of every joint target.
 
@@ -160,7 +150,7 @@ def pose_text(path: Path, file: str, sheet: str | None = None) -> tuple[LogText,
     content = read_bytes(path, file)
     if not content.raw:
         raise LogError(f"{file}: the file is empty. Export it again.")
-    if holds_workbook(content.raw):
+    if content.raw.startswith(_ZIP):
         return workbook_text(content, file, sheet), "workbook"
     if sheet is not None:
         raise LogError(f"{file}: is no workbook, so it has no sheet {sheet!r}. Leave `sheet` out.")
@@ -173,7 +163,7 @@ def pose_text(path: Path, file: str, sheet: str | None = None) -> tuple[LogText,
         raise LogError.at(file, f"a log ({kind}), not a table of still poses.", remedy)
     if kind == "kuka-rsi":
         return rsi_text(text), "kuka-rsi"
-    if holds_jointtargets(text):
+    if any(_BEGINS.search(line) and "[" in line for line in text.lines):
         return jointtarget_text(text), "rapid"
     return _without_comments(text), "table"
 

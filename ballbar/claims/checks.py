@@ -7,22 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ballbar.claims.kinds import (
-    OF_RUNS,
-    AmongLargest,
-    Apart,
-    Bound,
-    Check,
-    EqualTable,
-    Formula,
-    Limited,
-    Measure,
-    Monotonic,
-    Ordered,
-    Quotient,
-    Ratio,
-    TableName,
-)
+from ballbar.claims import kinds
 from ballbar.claims.table import ClaimEvidence, apart, numbers, places, selected, unit_of
 from ballbar.plan.beam import CALCULATIONS
 from ballbar.units import MM, UM, URAD
@@ -43,47 +28,49 @@ class CheckOutcome:
     limits: str
 
 
-def judge(check: Check, evidence: ClaimEvidence) -> CheckOutcome:
+def judge(check: kinds.Check, evidence: ClaimEvidence) -> CheckOutcome:
     """Evaluates a check.
 
     Raises InputError where the check names columns, runs or parameters that the evidence lacks.
     """
-    if isinstance(check, OF_RUNS) and evidence.failures:
+    if isinstance(check, kinds.OF_RUNS) and evidence.failures:
         return CheckOutcome(False, evidence.failures, "no run fails")
     match check:
-        case Formula():
+        case kinds.Formula():
             return _formula(check)
-        case Bound():
+        case kinds.Bound():
             values = numbers(check, evidence.table).values()
             return _limited(check, values, _unit(check))
-        case Ratio():
+        case kinds.Ratio():
             return _limited(check, _ratios(check, evidence), " times")
-        case Apart():
+        case kinds.Apart():
             table = selected(evidence.table, check.rows)
             first, second = selected(table, check.first), selected(table, check.second)
             return _limited(check, apart(first, second, check.each), " times their size")
-        case AmongLargest():
+        case kinds.AmongLargest():
             return _among_largest(check, evidence)
-        case EqualTable():
+        case kinds.EqualTable():
             return _equal_table(check, evidence)
-        case Ordered():
+        case kinds.Ordered():
             return _ordered(check, evidence)
-        case Monotonic():
+        case kinds.Monotonic():
             return _monotonic(check, evidence)
 
 
-def measured(measure: Measure, evidence: ClaimEvidence) -> str:
+def measured(measure: kinds.Measure, evidence: ClaimEvidence) -> str:
     """A number, or the range of several, with its text before it."""
     if evidence.failures:
         return evidence.failures
     return f"{measure.what}: {_range(numbers(measure, evidence.table).values(), _unit(measure))}"
 
 
-def _unit(measure: Measure) -> str:
+def _unit(measure: kinds.Measure) -> str:
     return "" if measure.statistic == "relative_spread" else unit_of(measure.column)
 
 
-def _limited(check: Bound | Limited, values: Iterable[float], unit: str) -> CheckOutcome:
+def _limited(
+    check: kinds.Bound | kinds.Limited, values: Iterable[float], unit: str
+) -> CheckOutcome:
     """Whether all values lie within the limits of a check."""
     values, met, limits = list(values), True, []
     if check.at_least is not None:
@@ -95,14 +82,14 @@ def _limited(check: Bound | Limited, values: Iterable[float], unit: str) -> Chec
     return CheckOutcome(met, f"{check.what}: {_range(values, unit)}", ", ".join(limits))
 
 
-def _formula(check: Formula) -> CheckOutcome:
+def _formula(check: kinds.Formula) -> CheckOutcome:
     value = CALCULATIONS[check.figure]() * _PER_SI[check.unit]
     met = abs(value - check.value) <= check.tolerance * abs(check.value)
     limits = f"{check.value:g} {check.unit} within {check.tolerance:.0%}"
     return CheckOutcome(met, f"{check.what}: {value:.3g} {check.unit}", limits)
 
 
-def _among_largest(check: AmongLargest, evidence: ClaimEvidence) -> CheckOutcome:
+def _among_largest(check: kinds.AmongLargest, evidence: ClaimEvidence) -> CheckOutcome:
     runs = places(selected(evidence.table, check.rows), check.places)
     names = list(itertools.chain.from_iterable(runs))
     share = sum(name.startswith(tuple(check.parameters)) for name in names) / len(names)
@@ -111,7 +98,7 @@ def _among_largest(check: AmongLargest, evidence: ClaimEvidence) -> CheckOutcome
     return CheckOutcome(met, f"{check.what}: {share:.0%}", limits)
 
 
-def _ratios(check: Ratio, evidence: ClaimEvidence) -> list[float]:
+def _ratios(check: kinds.Ratio, evidence: ClaimEvidence) -> list[float]:
     ratios = _quotients(check, check, evidence)
     if check.than is None:
         return list(ratios.values())
@@ -119,7 +106,9 @@ def _ratios(check: Ratio, evidence: ClaimEvidence) -> list[float]:
     return [ratio / others[value] for value, ratio in ratios.items()]
 
 
-def _quotients(check: Ratio, runs: Quotient, evidence: ClaimEvidence) -> dict[Any, float]:
+def _quotients(
+    check: kinds.Ratio, runs: kinds.Quotient, evidence: ClaimEvidence
+) -> dict[Any, float]:
     """The number of `of` over that of `over`, by the values of `each`."""
     above = numbers(check, evidence.table, runs.of)
     below = numbers(check, evidence.table, runs.over)
@@ -132,7 +121,7 @@ def _quotients(check: Ratio, runs: Quotient, evidence: ClaimEvidence) -> dict[An
     return {value: above[value] / below[value] for value in above}
 
 
-def _ordered(check: Ordered, evidence: ClaimEvidence) -> CheckOutcome:
+def _ordered(check: kinds.Ordered, evidence: ClaimEvidence) -> CheckOutcome:
     groups = [numbers(check, evidence.table, {check.by: value}) for value in check.order]
     if any(group.keys() != groups[0].keys() for group in groups):
         what = f"not every group of {check.by} has the same values."
@@ -150,7 +139,7 @@ def _ordered(check: Ordered, evidence: ClaimEvidence) -> CheckOutcome:
     return CheckOutcome(met, f"{check.what}: {ranges}", f"in this order{apart}")
 
 
-def _monotonic(check: Monotonic, evidence: ClaimEvidence) -> CheckOutcome:
+def _monotonic(check: kinds.Monotonic, evidence: ClaimEvidence) -> CheckOutcome:
     by_value = check.model_copy(update={"each": check.over})
     values = list(numbers(by_value, evidence.table).values())
     if len(values) < 2:
@@ -162,7 +151,7 @@ def _monotonic(check: Monotonic, evidence: ClaimEvidence) -> CheckOutcome:
     return CheckOutcome(met, f"{check.what}: {ends}", check.direction)
 
 
-def _equal_table(check: EqualTable, evidence: ClaimEvidence) -> CheckOutcome:
+def _equal_table(check: kinds.EqualTable, evidence: ClaimEvidence) -> CheckOutcome:
     """Compares a printed table with ours, entry by entry; exceptions must differ as stated."""
     printed, ours = _tables(check.table, evidence)
     entries = [*printed, *(entry for entry in ours if entry not in printed)]
@@ -192,7 +181,7 @@ def _equal_table(check: EqualTable, evidence: ClaimEvidence) -> CheckOutcome:
     return CheckOutcome(not unexpected, result, limits)
 
 
-def _tables(name: TableName, evidence: ClaimEvidence) -> tuple[Entries, Entries]:
+def _tables(name: kinds.TableName, evidence: ClaimEvidence) -> tuple[Entries, Entries]:
     """Printed entries of a table, and ours."""
     studies = {cost: study for cost, (study, _) in evidence.studies.items()}
     match name:

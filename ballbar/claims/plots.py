@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
+from ballbar import figure_style
 from ballbar.claims.file import (
     AnyPlot,
     CurvesPlot,
@@ -26,23 +27,6 @@ from ballbar.claims.file import (
 )
 from ballbar.claims.kinds import DISTANCE, LARGEST
 from ballbar.claims.table import IDENTIFIED, ClaimEvidence, places, selected
-from ballbar.figure_style import (
-    BLUE,
-    BROWN,
-    DASHED,
-    FRAME,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    QUIET,
-    RED,
-    TEAL,
-    logarithmic,
-    svg_text,
-    to_hundredths,
-)
 from ballbar.plan.plate_figure import draw_deflection
 from cell.geometry import table_of_names
 from ident.thesis.names import ParameterSet
@@ -52,13 +36,19 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 # of a cost, the same in every plot
-_COLOURS = {"C_l": BLUE, "C_P": ORANGE, "C_Ptheta": GREEN, "C_T": PURPLE, "ml": "#222222"}
-_OTHERS = (RED, TEAL, BROWN, GREY)
+_COLOURS = {
+    "C_l": figure_style.BLUE,
+    "C_P": figure_style.ORANGE,
+    "C_Ptheta": figure_style.GREEN,
+    "C_T": figure_style.PURPLE,
+    "ml": "#222222",
+}
+_OTHERS = (figure_style.RED, figure_style.TEAL, figure_style.BROWN, figure_style.GREY)
 _WIDTH, _HEIGHT = 560, 300  # [px]
 PANELS = {DISTANCE: "distance [mm|mrad]", LARGEST: "largest error [mm|mrad]"}  # thesis sec. 3.4
 _MAX_TICKS = 8  # varied values up to which each of them is a tick
 _STYLE: dict[RcKeyType, Any] = {
-    **FRAME,
+    **figure_style.FRAME,
     "svg.hashsalt": "claims",
     "font.size": 9.0,
     "axes.prop_cycle": cycler(color=_OTHERS),
@@ -78,7 +68,7 @@ def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, ClaimEvidence]) -> b
         size = (len(results) * _WIDTH / 96.0, _HEIGHT / 96.0)
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(1, len(results), squeeze=False)[0]
-        panels[0].set_title(plot.title, fontsize=9.0, loc="left", color=INK)
+        panels[0].set_title(plot.title, fontsize=9.0, loc="left", color=figure_style.INK)
         for axes, (column, label) in zip(panels, results.items(), strict=True):
             if isinstance(plot, PlatePlot):
                 draw_deflection(axes)
@@ -98,7 +88,7 @@ def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, ClaimEvidence]) -> b
                 ncols=4 if below else 1,
                 borderpad=0.0,
             )
-        return to_hundredths(svg_text(figure)).encode()
+        return figure_style.to_hundredths(figure_style.svg_text(figure)).encode()
 
 
 def line_label(value: object) -> str:
@@ -127,14 +117,14 @@ def _curves(
                 low, high = groups.min(), groups.max()
                 axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0.0)
             else:
-                axes.plot(x, median, linestyle=DASHED, color=colour)
-    logarithmic(axes, "x", "y")
+                axes.plot(x, median, linestyle=figure_style.DASHED, color=colour)
+    figure_style.logarithmic(axes, "x", "y")
     ticks = sorted(values)
     if len(ticks) <= _MAX_TICKS:
         axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
         axes.minorticks_off()
     if plot.limit is not None and y == plot.y:
-        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
+        axes.axhline(plot.limit, color=figure_style.QUIET, linewidth=0.8, linestyle=":")
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(y_label)
 
@@ -173,9 +163,9 @@ def _groups(axes: Axes, plot: GroupedBars, evidence: ClaimEvidence) -> None:
     names = list(dict.fromkeys(selected(evidence.table, plot.rows)[plot.groups]))
     _bars(axes, names, heights, plot.y_label)
     axes.tick_params(axis="x", labelrotation=0)
-    logarithmic(axes, "y")
+    figure_style.logarithmic(axes, "y")
     if plot.limit is not None:
-        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
+        axes.axhline(plot.limit, color=figure_style.QUIET, linewidth=0.8, linestyle=":")
 
 
 def _lines(plot: RunsPlot, evidence: ClaimEvidence) -> Iterator[tuple[object, pd.DataFrame]]:

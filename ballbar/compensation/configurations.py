@@ -48,15 +48,17 @@ def axes_of_pose(robot: Robot, pose: Array, target: ProgramTarget) -> Array:
             "and T, or state axis angles",
         )
     chain = nominal_chain(robot)
-    solutions = _solutions(robot, chain, pose)
-    if not len(solutions):
+    closed = arm_branches(chain, pose[None])
+    q = (pose_branches(chain, pose[None]) if closed is None else closed)[:, 0]
+    q = q[~np.isnan(q).any(axis=1)]
+    if not len(q):
         raise ProgramError(
             target.line,
             f"{target.name}: the nominal robot does not reach the pose, or stands at a singularity "
             "there; are tool, frame and robot the right ones?",
         )
     low, high = np.degrees(robot.axis_lower) - 1e-9, np.degrees(robot.axis_upper) + 1e-9
-    axes = _on_stated_turns(robot, solutions, target)
+    axes = _on_stated_turns(robot, np.degrees(joints_to_axes(robot, q)), target)
     axes = _decided(robot, chain, axes[((axes >= low) & (axes <= high)).all(axis=1)], target)
     if not len(axes):
         raise ProgramError(
@@ -97,14 +99,6 @@ def configuration_changes(
         if changed[axis] and _outside(after[axis], int(number.value)) > 0.0:
             changes.append((number, number.with_integer(int(np.floor(after[axis] / 90.0)))))
     return changes
-
-
-def _solutions(robot: Robot, chain: Chain, pose: Array) -> Array:
-    """(K, J) [deg] axis angles of all configurations at a pose."""
-    closed = arm_branches(chain, pose[None])
-    q = (pose_branches(chain, pose[None]) if closed is None else closed)[:, 0]
-    q = q[~np.isnan(q).any(axis=1)]
-    return np.degrees(joints_to_axes(robot, q)) if len(q) else q
 
 
 def _on_stated_turns(robot: Robot, axes: Array, target: ProgramTarget) -> Array:

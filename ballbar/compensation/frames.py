@@ -46,9 +46,14 @@ def frame_options(
     tools: Sequence[str], frames: Sequence[str], payloads: Sequence[str], keep: Sequence[str]
 ) -> FrameOptions:
     """The options from their texts. Raises InputError for one that is not understood."""
+
+    def poses(option: str, texts: Sequence[str]) -> dict[str, Array]:
+        named = [(name, _numbers(option, v, (6,), "X,Y,Z,A,B,C")) for name, v in map(_named, texts)]
+        return {name: pose_of_angles(numbers) for name, numbers in named}
+
     return FrameOptions(
-        tools={name: _frame("--tool", values) for name, values in map(_named, tools)},
-        frames={name: _frame("--frame", values) for name, values in map(_named, frames)},
+        tools=poses("--tool", tools),
+        frames=poses("--frame", frames),
         payloads={name: _payload(values) for name, values in map(_named, payloads)},
         keep=frozenset(name.strip().lower() for text in keep for name in text.split(",")),
     )
@@ -97,10 +102,6 @@ def _placed(position_mm: Sequence[float], rotation: Rotation) -> Array:
 def _named(text: str) -> tuple[str, str]:
     name, equals, values = text.rpartition("=")
     return (name.strip().lower() if equals else ""), values
-
-
-def _frame(option: str, values: str) -> Array:
-    return pose_of_angles(_numbers(option, values, (6,), "X,Y,Z,A,B,C"))
 
 
 def _payload(values: str) -> Payload:

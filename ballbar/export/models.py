@@ -40,7 +40,9 @@ def urdf(result: Result) -> str:
     robot.append(_comment([*notes(result), _LIMITS, *([] if links else [_NO_MASSES])]))
     ET.SubElement(robot, "link", name="base_link")
     poses, (lower, upper) = _placements(result.chain), _joint_range(result.robot)
-    speed = _joint_speed(result.robot)
+    # of each joint; 0 where the robot's file states none
+    axis_speed = np.nan_to_num(result.robot.axis_speed_max, posinf=0.0)
+    speed = np.abs(result.robot.controller_to_joint.T) @ axis_speed
     parent = "base_link"
     for i in range(result.robot.joints):
         link = ET.SubElement(robot, "link", name=f"link_{i + 1}")
@@ -137,12 +139,6 @@ def _placements(chain: Chain) -> list[tuple[Array, Array]]:
     Returns J + 1 of (rotation (3, 3), translation (3,) [m]).
     """
     return [(np.eye(3), np.zeros(3)), *row_placements(chain)]
-
-
-def _joint_speed(robot: Robot) -> Array:
-    """(J,) [rad/s] largest speed of each joint; 0 where the robot's file states none."""
-    speed = np.abs(robot.controller_to_joint.T) @ np.nan_to_num(robot.axis_speed_max, posinf=0.0)
-    return np.asarray(speed)
 
 
 def _joint_range(robot: Robot) -> tuple[Array, Array]:

@@ -17,12 +17,13 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ballbar.robot_file.urdf_chain import UrdfChain
+from ballbar.robot_file.urdf_chain import UrdfChain, inverse_pose
 from cell.arrays import Array
 from cell.chain import Chain, forward, row_placements
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.number_text import significant_text
+from cell.rigid_fit import nearest_rotation
 
 SAME = 2e-5  # [m, rad] between the file's geometry and that of the nominal robot: its digits
 EXACT = 1e-9  # [m] of the new chain against the identified one
@@ -81,14 +82,14 @@ def new_origins(
     rows = [_pose(*placement) for placement in row_placements(identified)]
     frames = forward(nominal, np.zeros((1, nominal.rows)))
     link = np.eye(4)  # nominal
-    behind = _inverse(match.T_base_dh)  # of link i in the frame of row i
+    behind = inverse_pose(match.T_base_dh)  # of link i in the frame of row i
     origins, fixed = [], chain.fixed
     for i, joint in enumerate(chain.joints):
         link = link @ fixed[i]
-        place = _inverse(match.T_base_dh @ frames.poses(i)[0]) @ link
+        place = inverse_pose(match.T_base_dh @ frames.poses(i)[0]) @ link
         on_axis = _turn_z(float(change[i])) @ _on_axis(place, joint.axis, float(match.sign[i]))
-        origins.append(_inverse(chain.before[i]) @ _inverse(behind) @ on_axis)
-        behind = _inverse(rows[i]) @ on_axis
+        origins.append(inverse_pose(chain.before[i]) @ inverse_pose(behind) @ on_axis)
+        behind = inverse_pose(rows[i]) @ on_axis
     return origins, behind
 
 
@@ -139,7 +140,7 @@ def _constants(tips: Array, rows: Array) -> tuple[Array, Array]:
     null = np.linalg.svd(system.reshape(-1, 18), full_matrices=False)[2][-1]
     scale = np.sign(np.linalg.det(null[9:].reshape(3, 3))) or 1.0
     parts = (null[:9].reshape(3, 3), null[9:].reshape(3, 3))
-    inverse_turn, base_turn = (_nearest(scale * part) for part in parts)
+    inverse_turn, base_turn = (nearest_rotation(scale * part) for part in parts)
     # positions: p_t + R_t y = R_B p_r + b with y = -R_F^-1 p_F
     matrix = np.concatenate((np.tile(np.eye(3), (n, 1, 1)), -tips[:, :3, :3]), axis=2)
     right = tips[:, :3, 3] - rows[:, :3, 3] @ base_turn.T
@@ -147,12 +148,7 @@ def _constants(tips: Array, rows: Array) -> tuple[Array, Array]:
     base, tip_inverse = np.eye(4), np.eye(4)
     base[:3, :3], base[:3, 3] = base_turn, solution[:3]
     tip_inverse[:3, :3], tip_inverse[:3, 3] = inverse_turn, solution[3:]
-    return base, _inverse(tip_inverse)
-
-
-def _nearest(matrix: Array) -> Array:
-    u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    return base, inverse_pose(tip_inverse)
 
 
 def _on_axis(place: Array, axis: tuple[float, ...], sign: float) -> Array:
@@ -179,7 +175,3 @@ def _turn_z(angle: float) -> Array:
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
     return pose
-
-
-def _inverse(pose: Array) -> Array:
-    return np.asarray(np.linalg.inv(pose), dtype=np.float64)

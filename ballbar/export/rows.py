@@ -155,15 +155,11 @@ def _carry_inplace(rows: Rows, i: int, rotation: Array, e: float) -> None:
 
     rotation : (3, 3) end of row i before it was changed. e : [m] shift.
     """
-    changed, _ = _end_of(rows, i)
-    rows.theta[i + 1] += _angle_z(changed.T @ rotation)
+    turn = _end_of(rows, i)[0].T @ rotation
+    rows.theta[i + 1] += np.arctan2(turn[1, 0], turn[0, 0])
     rows.d[i + 1] += e
 
 
 def _turn_z(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _angle_z(rotation: Array) -> float:
-    return float(np.arctan2(rotation[1, 0], rotation[0, 0]))

@@ -16,17 +16,9 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.plan import summary
 from ballbar.plan.known_results import known_from
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
-from ballbar.plan.summary import (
-    instead,
-    say_answers,
-    say_checks,
-    say_gain,
-    say_plan,
-    say_plate,
-    say_pose_plan,
-)
 from ballbar.terminal import animated
 from ballbar.units import UM
 from cell.descriptions import Robot
@@ -107,7 +99,7 @@ def _plan_path(request: PlanRequest, file: Path, options: PlanOptions, outputs: 
     names = [*write_plan(plan, folder), REQUEST, "plan.svg"]
     write_whole(folder / "plan.svg", plan_picture(plan))
     _complete(file, options, outputs - set(names))
-    questions += instead(plan)
+    questions += summary.instead(plan)
     if questions:
         names += answer(plan, questions, folder, out, err)
     _say_files(out, folder, names, plan.evaluator.cell.robot)
@@ -130,7 +122,7 @@ def _plan_poses(
         )
     names = [*write_pose_plan(plan, folder, relative_to=file.parent), REQUEST]
     _complete(file, options, outputs - set(names))
-    say_pose_plan(out, plan)
+    summary.say_pose_plan(out, plan)
     _say_files(out, folder, names, setup.robot)
     out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
     return not plan.route.blocked
@@ -161,14 +153,14 @@ def checked(candidates: Iterator[PathPlan], out: Console, err: Console) -> tuple
     for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
         if attempt:
             out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
-        say_plan(out, plan)
-        say_gain(out, plan)
+        summary.say_plan(out, plan)
+        summary.say_gain(out, plan)
         if plan.forces is None:
             out.print(_NOT_RUN)
             return plan, True
         with status(err, "running it in MuJoCo on soft servo ..."):
             results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
-        say_checks(out, results)
+        summary.say_checks(out, results)
         feasible = not sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
         if feasible:
             break
@@ -220,12 +212,12 @@ def answer(
         for result in answers(plan, questions):
             results.append(result)
             show(f"what if {result.key} were {result.value} ...")
-    say_answers(out, plan, results)
+    summary.say_answers(out, plan, results)
     write_whole(folder / "what_if.csv", answers_csv(results))
     write_whole(folder / "what_if.svg", what_if_picture(plan, results))
     names = ["what_if.csv", "what_if.svg"]
     if any(q.key == "plate_thickness" for q in questions):
-        say_plate(out)
+        summary.say_plate(out)
         write_whole(folder / "plate.svg", plate_picture())
         names.append("plate.svg")
     return names

@@ -25,23 +25,13 @@ from ballbar.recordings.preview import LogPreview
 from ballbar.recordings.proposals import length_unit
 from ballbar.recordings.questions import Ask, answer, loaded, one_of, time_form, whole_number
 from ballbar.recordings.tracker_questions import target_columns, target_units
+from cell import load
 from cell.arrays import Array
 from cell.descriptions import BallBar
 from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
 from cell.errors import InputError
 from cell.file_units import METRES, LogLengthUnit
-from cell.instrument import Instrument
-from cell.load import (
-    ballbar_names,
-    describes_instrument,
-    instrument_names,
-    length_names,
-    load_ballbar,
-    load_instrument,
-    load_robot,
-    load_telescoping_bar,
-    robot_names,
-)
+from cell.instruments.base import Instrument
 from cell.logs import SourceName
 from cell.recording import SourceFile, TrackerFile
 from cell.schema_errors import nearest
@@ -67,16 +57,16 @@ def log_description(
     """The description that answers and files give; raises InputError where an answer is missing."""
     if answers.ballbar and answers.instrument:
         raise InputError("give either --ballbar or --instrument: one of them made the second log.")
-    trackers = [n for n in instrument_names() if load_instrument(n).measured in FOLLOWED]
-    robots = ", ".join(robot_names())
-    bars = ", ".join((*ballbar_names(), *length_names(), *trackers))
+    trackers = [n for n in load.instrument_names() if load.load_instrument(n).measured in FOLLOWED]
+    robots = ", ".join(load.robot_names())
+    bars = ", ".join((*load.ballbar_names(), *load.length_names(), *trackers))
     question = f"Which robot? ({robots}, or a .yaml file)"
-    robot, arm = answer(answers.robot, question, None, loaded(load_robot), ask)
+    robot, arm = answer(answers.robot, question, None, loaded(load.load_robot), ask)
     head = {"schema": "ballbar-recording/1", "kind": "real", "robot": robot}
     question = f"Which ball-bar or other instrument? ({bars}, or a .yaml file)"
     bar, held = answer(answers.ballbar or answers.instrument, question, None, loaded(_holder), ask)
     kind: SourceName = "tracker" if isinstance(held, Instrument) else "ballbar"
-    if kind == "ballbar" and (answers.instrument or describes_instrument(bar)):
+    if kind == "ballbar" and (answers.instrument or load.describes_instrument(bar)):
         kind = "length"
     description = LogDescription({**head, "ballbar" if kind == "ballbar" else "instrument": bar})
     own, columns = OWN if answers.joints else None, list[str]()
@@ -103,7 +93,7 @@ def log_description(
             sources[name]["damaged_rows"] = answers.damaged_rows
     description.recording["sources"] = sources
     if kind == "length":
-        sources[kind] |= _length(bar_log, load_instrument(bar), dialects[kind], answers, ask)
+        sources[kind] |= _length(bar_log, load.load_instrument(bar), dialects[kind], answers, ask)
     elif kind == "tracker":
         logged = robot_log.throughout(dialects["robot"].for_axes(arm.joints).angles)
         q = AngleReading(dialects["robot"].angle_kind, dialects["robot"].angle_unit)
@@ -118,10 +108,10 @@ def log_description(
 
 def _holder(name: str) -> BallBar | Instrument:
     """The ball-bar, or instrument of lengths, that held the robot; or what followed its tool."""
-    if not describes_instrument(name):
-        return load_ballbar(name)
-    instrument = load_instrument(name)
-    return instrument if instrument.measured in FOLLOWED else load_telescoping_bar(name)
+    if not load.describes_instrument(name):
+        return load.load_ballbar(name)
+    instrument = load.load_instrument(name)
+    return instrument if instrument.measured in FOLLOWED else load.load_telescoping_bar(name)
 
 
 def _dialect_for(source: SourceName, log: LogPreview, name: str, *, may_be_own: bool) -> str:
@@ -313,10 +303,14 @@ def _encoders(
     else:
         proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
         listed = ", ".join(columns)
-        question = f"Which column holds which encoder's counter? Columns: {listed}. (b1=COLUMN"
-        parsed = partial(_replied_encoders, columns)
-        chosen = answer(None, f"{question} b2=COLUMN:-1 ...)", proposal, parsed, ask)
-    nominal = load_ballbar(ballbar)
+        question = (
+            f"Which column holds which encoder's counter? Columns: {listed}. (b1=COLUMN "
+            "b2=COLUMN:-1 ...)"
+        )
+        chosen = answer(
+            None, question, proposal, lambda reply: _parsed_encoders(reply.split(), columns), ask
+        )
+    nominal = load.load_ballbar(ballbar)
     question, check = "Lines of the encoders per turn?", whole_number(1, 10_000_000)
     lines = answers.lines or answer(None, question, str(nominal.encoder_lines), check, ask)
     question, check = "Bits of the interpolation (EL5021 object 8001:11)?", whole_number(8, 13)
@@ -325,10 +319,6 @@ def _encoders(
         name: {"column": column, "lines": lines, "bits": bits, "sign": direction}
         for name, (column, direction) in sorted(chosen.items())
     }
-
-
-def _replied_encoders(columns: Sequence[str], reply: str) -> Mapping[str, tuple[str, int]]:
-    return _parsed_encoders(reply.split(), columns)
 
 
 def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[str, tuple[str, int]]:

@@ -85,13 +85,9 @@ class LogPreview:
         values = values.reshape(-1, len(names))
         return values[np.isfinite(values).all(axis=1)]
 
-    def numbers(self, name: str) -> list[float | None]:
-        """The numbers of a column; None for a cell that is none."""
-        return [number(cell) for cell in self.cells(name)]
-
     def values(self, name: str | None) -> Array:
         """(N,) numbers of a column; none of it where a cell is no number."""
-        numbers = [] if name is None else self.numbers(name)
+        numbers = [] if name is None else [number(cell) for cell in self.cells(name)]
         return np.array([] if None in numbers else numbers, dtype=np.float64)
 
 

@@ -39,8 +39,7 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError, LogError
 from cell.file_units import METRES, AngleUnit
-from cell.instrument import Instrument
-from cell.instruments.base import Kind
+from cell.instruments.base import Instrument, Kind
 from cell.load import instrument_names, load_instrument, load_robot, robot_names
 from cell.pose_file import PoseTime
 

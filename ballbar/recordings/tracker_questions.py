@@ -12,7 +12,7 @@ from ballbar.recordings.preview import LogPreview
 from ballbar.recordings.proposals import ColumnNames, value_columns
 from ballbar.recordings.questions import Ask, answer, one_of
 from cell.file_units import METRES, AngleUnit
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 
 
 def target_columns(

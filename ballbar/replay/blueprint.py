@@ -13,32 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun.blueprint as rrb
 
-from ballbar.replay.entities import (
-    AFTER,
-    ANGLE,
-    BEFORE,
-    CELL,
-    CLOCK,
-    CLOCK_ERROR,
-    COVERAGE_SHARE,
-    COVERED,
-    ENCODERS,
-    EVENT_LOG,
-    FORCE,
-    JOINTS,
-    LANES,
-    LEGEND,
-    NOTES,
-    PARAMETERS,
-    PATH_SO_FAR,
-    POSITION,
-    SCENARIO,
-    STRAIN,
-    TCP_AFTER,
-    TCP_BEFORE,
-    TCP_ERROR,
-    TIMELINE,
-)
+from ballbar.replay import entities
 from ballbar.replay.series import Series
 from ballbar.replay.window import blueprint
 from ballbar.report.colours import BACKGROUND
@@ -48,13 +23,13 @@ _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right, in front and abo
 _LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
 _SPEED = 4.0  # a run takes minutes; the eye still follows
 _MORE = (  # tab, entity and title of a plot, and whether zero is in its middle
-    ("TCP error", TCP_ERROR, "TCP error against the truth [um]", False),
-    ("TCP error", TCP_AFTER, "Of the identified robot alone [um]", False),
-    ("Rod", FORCE, "Rod force, tension positive [N]", True),
-    ("Rod", STRAIN, "Axial elongation of the rod [um]", True),
-    ("Clock", CLOCK, "Clock offset: robot's minus the other log's [ms]", False),
-    ("Clock", CLOCK_ERROR, "Error of the identified offset [us]", True),
-    ("Coverage", COVERAGE_SHARE, "Part of the sphere covered [%]", False),
+    ("TCP error", entities.TCP_ERROR, "TCP error against the truth [um]", False),
+    ("TCP error", entities.TCP_AFTER, "Of the identified robot alone [um]", False),
+    ("Rod", entities.FORCE, "Rod force, tension positive [N]", True),
+    ("Rod", entities.STRAIN, "Axial elongation of the rod [um]", True),
+    ("Clock", entities.CLOCK, "Clock offset: robot's minus the other log's [ms]", False),
+    ("Clock", entities.CLOCK_ERROR, "Error of the identified offset [us]", True),
+    ("Coverage", entities.COVERAGE_SHARE, "Part of the sphere covered [%]", False),
 )
 
 
@@ -77,19 +52,21 @@ class Shown:
 
 def layout(recordings: Sequence[Shown]) -> rrb.Blueprint:
     """The blueprint of a replay."""
-    notes = rrb.TextDocumentView(origin=NOTES, name="Notes: verdict, key figures, parameters")
+    notes = rrb.TextDocumentView(
+        origin=entities.NOTES, name="Notes: verdict, key figures, parameters"
+    )
     parameters = rrb.Horizontal(
         parameter_view(), notes, column_shares=[3, 2], name="Parameters and notes"
     )
     tabs = rrb.Tabs(*map(_recording, recordings), parameters, active_tab=0)
-    return blueprint(tabs, TIMELINE, _SPEED)
+    return blueprint(tabs, entities.TIMELINE, _SPEED)
 
 
 def parameter_view(root: str = "", run: str = "") -> rrb.Spatial2DView:
     """The picture of the parameters; root, run : where it lies in a comparison, and its title."""
     title = "Parameters: change from nominal, and how well each is known"
     return rrb.Spatial2DView(
-        origin=f"{root}{PARAMETERS}",
+        origin=f"{root}{entities.PARAMETERS}",
         name=run or title,
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(x_range=(-17.0, 44.0), y_range=(-3.5, 28.0)),
@@ -101,17 +78,20 @@ def cell_view(
 ) -> rrb.Spatial3DView:
     """The cell; of the path's steps and the patches, one a row, those up to the time shown."""
     so_far = rrb.VisibleTimeRange(
-        TIMELINE,
+        entities.TIMELINE,
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
     gathered = [rrb.VisibleTimeRanges(so_far)]
     return rrb.Spatial3DView(
-        origin=f"{root}{CELL}",
+        origin=f"{root}{entities.CELL}",
         name=title,
         background=BACKGROUND,
         eye_controls=eye_controls,
-        overrides={f"{root}{PATH_SO_FAR}": gathered, f"{root}{COVERED}": gathered},
+        overrides={
+            f"{root}{entities.PATH_SO_FAR}": gathered,
+            f"{root}{entities.COVERED}": gathered,
+        },
     )
 
 
@@ -138,31 +118,36 @@ def _recording(shown: Shown) -> rrb.Container:
     title = "Cell: path of the tool on the sphere of the rod (yellow: so far), patches covered"
     scene = cell_view(shown.root, title, eye)
     texts = _texts(shown.root)
-    if TCP_BEFORE in shown.series:  # the arrows are against the truth
-        legend = rrb.TextDocumentView(origin=f"{shown.root}{LEGEND}", name="Arrows")
+    if entities.TCP_BEFORE in shown.series:  # the arrows are against the truth
+        legend = rrb.TextDocumentView(origin=f"{shown.root}{entities.LEGEND}", name="Arrows")
         left = rrb.Vertical(scene, legend, texts, row_shares=[11, 3, 6])
     else:
         left = rrb.Vertical(scene, texts, row_shares=[13, 7])
     time_axis = rrb.TimeAxis(view_range=whole_range(shown.duration))
-    lanes = rrb.StateTimelineView(origin=f"{shown.root}{LANES}", name="Events", time_view=time_axis)
-    rows = (_residuals(shown), lanes, _angles(shown), _more(shown))
+    lanes = rrb.StateTimelineView(
+        origin=f"{shown.root}{entities.LANES}", name="Events", time_view=time_axis
+    )
+    angles = [_plot(shown, entities.JOINTS, "Robot joint angles [deg]")]
+    if entities.ENCODERS in shown.series:
+        angles.append(_plot(shown, entities.ENCODERS, "Ball-bar encoder angles [deg]"))
+    rows = (_residuals(shown), lanes, rrb.Horizontal(*angles), _more(shown))
     right = rrb.Vertical(*rows, row_shares=[5, 5, 5, 5])
     return rrb.Horizontal(left, right, column_shares=[11, 9], name=shown.name)
 
 
 def _texts(root: str) -> rrb.Container:
     return rrb.Tabs(
-        rrb.TextDocumentView(origin=NOTES, name="Verdict and key figures"),
-        rrb.TextLogView(origin=f"{root}{EVENT_LOG}", name="Events as text"),
-        rrb.TextDocumentView(origin=f"{root}{SCENARIO}", name="Scenario"),
+        rrb.TextDocumentView(origin=entities.NOTES, name="Verdict and key figures"),
+        rrb.TextLogView(origin=f"{root}{entities.EVENT_LOG}", name="Events as text"),
+        rrb.TextDocumentView(origin=f"{root}{entities.SCENARIO}", name="Scenario"),
         active_tab=0,
     )
 
 
 def _residuals(shown: Shown) -> rrb.Container:
     tabs = []
-    for kind, quantity in ((POSITION, "position [um]"), (ANGLE, "angle [urad]")):
-        before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
+    for kind, quantity in ((entities.POSITION, "position [um]"), (entities.ANGLE, "angle [urad]")):
+        before, after = f"{entities.BEFORE}/{kind}", f"{entities.AFTER}/{kind}"
         if after in shown.series:
             both = _plot(shown, before, f"Residual before and after, {quantity}", also=after)
             alone = _plot(shown, after, f"Residual after, {quantity}", about_zero=True)
@@ -170,18 +155,11 @@ def _residuals(shown: Shown) -> rrb.Container:
     return rrb.Tabs(*tabs, active_tab=0)
 
 
-def _angles(shown: Shown) -> rrb.Container:
-    views = [_plot(shown, JOINTS, "Robot joint angles [deg]")]
-    if ENCODERS in shown.series:
-        views.append(_plot(shown, ENCODERS, "Ball-bar encoder angles [deg]"))
-    return rrb.Horizontal(*views)
-
-
 def _more(shown: Shown) -> rrb.Container:
     """TCP error, rod, clock and coverage, as far as they are known."""
     views: dict[str, list[rrb.View]] = {}
     for tab, entity, title, about_zero in _MORE:
-        if shown.largest(entity) is not None or entity == COVERAGE_SHARE:
+        if shown.largest(entity) is not None or entity == entities.COVERAGE_SHARE:
             views.setdefault(tab, []).append(_plot(shown, entity, title, about_zero=about_zero))
     tabs = [rrb.Horizontal(*plots, name=tab) for tab, plots in views.items()]
     return rrb.Tabs(*tabs, active_tab=0)

@@ -9,32 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
-from scipy.spatial.transform import Rotation
 
 from ballbar import figure_style
-from ballbar.replay.entities import (
-    AFTER,
-    ANGLE,
-    BEFORE,
-    CLOCK_ERROR,
-    CLOCK_IDENTIFIED,
-    CLOCK_TRUE,
-    ENCODERS,
-    FORCE_IDENTIFIED,
-    FORCE_TRUE,
-    JOINTS,
-    POSITION,
-    STRAIN_IDENTIFIED,
-    STRAIN_TRUE,
-    TCP_AFTER,
-    TCP_BEFORE,
-    Branch,
-    at,
-)
+from ballbar.replay import entities
 from ballbar.report.colours import (
     AFTER_COLOUR,
     BEFORE_COLOUR,
@@ -49,12 +29,10 @@ from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS, UM, URAD, US
 from cell.arrays import Array
 from cell.geometry import Geometry, robot_frames
+from cell.rigid_fit import kabsch
 from ident.result import RecordingEstimate, RobotEstimate
 from ident.robot.accuracy import accuracy_grid
 from sim.simulate import Simulation
-
-if TYPE_CHECKING:
-    from sim.simulate import Simulation
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +49,14 @@ def _residual_series(estimate: RecordingEstimate, *, angles: bool) -> dict[str, 
     """Loop-closure error before and after; angles : whether there are any: a length sees none."""
     series = {}
     for entity, residuals, colour in (
-        (BEFORE, estimate.before, figure_style.BEFORE),
-        (AFTER, estimate.after, figure_style.AFTER),
+        (entities.BEFORE, estimate.before, figure_style.BEFORE),
+        (entities.AFTER, estimate.after, figure_style.AFTER),
     ):
         t, when = on_robot_clock(estimate, residuals.t), entity.rpartition("/")[2]
         style = [f"{axis} {when}" for axis in "xyz"], shades(colour)
-        series[f"{entity}/{POSITION}"] = Series(t, residuals.position * UM, *style)
+        series[f"{entity}/{entities.POSITION}"] = Series(t, residuals.position * UM, *style)
         if angles:
-            series[f"{entity}/{ANGLE}"] = Series(t, residuals.angle * URAD, *style)
+            series[f"{entity}/{entities.ANGLE}"] = Series(t, residuals.angle * URAD, *style)
     return series
 
 
@@ -89,10 +67,10 @@ def recording_series(
     estimate, log = fitted.estimate, fitted.recording.ballbar_log
     joints = [f"q{i + 1}" for i in range(motion.q.shape[1])]
     colours = list(islice(cycle(LINES), len(joints)))
-    series = {JOINTS: Series(motion.t, np.degrees(motion.q), joints, colours)}
+    series = {entities.JOINTS: Series(motion.t, np.degrees(motion.q), joints, colours)}
     if log is not None:
         rows = np.arange(0, log.t.size, thinning(log.t))
-        series[ENCODERS] = Series(
+        series[entities.ENCODERS] = Series(
             on_robot_clock(estimate, log.t[rows]),
             np.degrees(mechanism_angles(estimate, log)[rows]),
             [f"b{joint}" for joint in log.joints],
@@ -101,7 +79,9 @@ def recording_series(
     series |= _residual_series(estimate, angles=fitted.recording.length_log is None)
     if estimate.clock is not None:
         offset = motion.t - estimate.clock.ballbar_time(motion.t)
-        series[CLOCK_IDENTIFIED] = _curve(motion.t, offset * MS, "identified", AFTER_COLOUR)
+        series[entities.CLOCK_IDENTIFIED] = _curve(
+            motion.t, offset * MS, "identified", AFTER_COLOUR
+        )
     return series | _rod_series(estimate, robot)
 
 
@@ -114,13 +94,13 @@ def truth_series(
         for error in (truth.nominal_error, truth.identified_error)
     )
     series = {
-        TCP_BEFORE: _curve(t, before, "nominal", BEFORE_COLOUR),
-        TCP_AFTER: _curve(t, after, "identified", AFTER_COLOUR),
+        entities.TCP_BEFORE: _curve(t, before, "nominal", BEFORE_COLOUR),
+        entities.TCP_AFTER: _curve(t, after, "identified", AFTER_COLOUR),
     }
     if truth.rod_force.any():  # a kinematic plant knows no forces
-        series[FORCE_TRUE] = _curve(t, truth.rod_force, "true", TRUE_COLOUR)
+        series[entities.FORCE_TRUE] = _curve(t, truth.rod_force, "true", TRUE_COLOUR)
     if truth.rod_force.any() and simulation.instrument is None:
-        series[STRAIN_TRUE] = _curve(t, truth.rod_strain * UM, "true", TRUE_COLOUR)
+        series[entities.STRAIN_TRUE] = _curve(t, truth.rod_strain * UM, "true", TRUE_COLOUR)
     return series | clock_error_series(simulation, estimate, t)
 
 
@@ -141,8 +121,8 @@ def clock_error_series(
     actual = t - np.interp(true_time[inside], times.bar_true, stamps)
     error = t - estimate.clock.ballbar_time(t) - actual
     return {
-        CLOCK_TRUE: _curve(t, actual * MS, "true", TRUE_COLOUR),
-        CLOCK_ERROR: _curve(t, error * US, "identified minus true", WARNING_COLOUR),
+        entities.CLOCK_TRUE: _curve(t, actual * MS, "true", TRUE_COLOUR),
+        entities.CLOCK_ERROR: _curve(t, error * US, "identified minus true", WARNING_COLOUR),
     }
 
 
@@ -155,21 +135,21 @@ def _rod_series(estimate: RecordingEstimate, robot: RobotEstimate) -> dict[str, 
     if estimate.tension is None:
         return {}
     t, force = on_robot_clock(estimate, estimate.after.t), estimate.tension
-    series = {FORCE_IDENTIFIED: _curve(t, force, "identified", AFTER_COLOUR)}
+    series = {entities.FORCE_IDENTIFIED: _curve(t, force, "identified", AFTER_COLOUR)}
     for coefficient in (c for correction in robot.corrections for c in correction.coefficients):
         if coefficient.name == "rod_compliance":
             elongation = coefficient.value * force * UM
-            series[STRAIN_IDENTIFIED] = _curve(t, elongation, "identified", AFTER_COLOUR)
+            series[entities.STRAIN_IDENTIFIED] = _curve(t, elongation, "identified", AFTER_COLOUR)
     return series
 
 
-def log_series(stream: Branch, entity: str, series: Series) -> None:
+def log_series(stream: entities.Branch, entity: str, series: Series) -> None:
     """Writes the curves of one plot."""
     # MinMax: zoomed out, the viewer would draw averages, and hide a single bad sample
     style = rr.SeriesLines(names=series.names, colors=series.colours, aggregation_policy="MinMax")
     stream.log(entity, style, static=True)
     columns = rr.Scalars.columns(scalars=series.values)
-    stream.send_columns(entity, indexes=at(series.t), columns=columns)
+    stream.send_columns(entity, indexes=entities.at(series.t), columns=columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +189,5 @@ def base_alignment(model: Geometry, truth: Geometry, grid: Array) -> tuple[Array
     parameters held fixed (`rd1`, `rtheta1`) leave the base where it is not.
     """
     predicted, actual = robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T
-    centred = actual - actual.mean(axis=0), predicted - predicted.mean(axis=0)
-    rotation = np.asarray(Rotation.align_vectors(*centred)[0].as_matrix())
+    rotation = kabsch(predicted - predicted.mean(axis=0), actual - actual.mean(axis=0))
     return rotation, actual.mean(axis=0) - rotation @ predicted.mean(axis=0)

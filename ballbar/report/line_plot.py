@@ -16,26 +16,7 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from ballbar.figure_style import AFTER, BEFORE, QUIET
-from ballbar.report.drawing import (
-    BOTTOM,
-    GAP,
-    INCH,
-    LEFT,
-    RIGHT,
-    ROW,
-    SMALL,
-    TEXT,
-    TOP,
-    WIDTH,
-    Axis,
-    ends_of,
-    figure,
-    frame,
-    legend_lines,
-    legend_rows,
-    line,
-    words,
-)
+from ballbar.report import drawing
 from ballbar.units import MM
 from cell.arrays import Array
 
@@ -89,7 +70,7 @@ def draw(
     x_label: str,
     *,
     height: float,
-    width: float = WIDTH,
+    width: float = drawing.WIDTH,
     x: tuple[float, float] | None = None,
     x_log: bool = False,
     legend: bool = False,
@@ -99,24 +80,33 @@ def draw(
 
     height, width : [pt] of the figure. legend : above all, of the first plot. title : above all.
     """
-    rows = legend_rows(plots[0].curves, TEXT, 2.0) if legend else []
-    small = [legend_rows(plot.curves, SMALL, LEFT) if plot.legend else [] for plot in plots]
-    above = TOP + ROW * (len(rows) + bool(title) + len(small[0]))
-    gap = GAP + ROW * max(map(len, small)) + ROW * (x is None)
-    tall = (height - above - BOTTOM - gap * (len(plots) - 1)) / len(plots)
-    parts = list(legend_lines(rows, 8.0, TEXT, 2.0))
+    rows = drawing.legend_rows(plots[0].curves, drawing.TEXT, 2.0) if legend else []
+    small = [
+        drawing.legend_rows(plot.curves, drawing.SMALL, drawing.LEFT) if plot.legend else []
+        for plot in plots
+    ]
+    above = drawing.TOP + drawing.ROW * (len(rows) + bool(title) + len(small[0]))
+    gap = drawing.GAP + drawing.ROW * max(map(len, small)) + drawing.ROW * (x is None)
+    tall = (height - above - drawing.BOTTOM - gap * (len(plots) - 1)) / len(plots)
+    parts = list(drawing.legend_lines(rows, 8.0, drawing.TEXT, 2.0))
     if title:
-        parts.append(words((LEFT, TEXT), title))
+        parts.append(drawing.words((drawing.LEFT, drawing.TEXT), title))
     for k, plot in enumerate(plots):
         top = above + k * (tall + gap)
-        x_ends = x or ends_of([curve.x for curve in plot.curves], log=x_log)
-        y_ends = plot.y or ends_of([curve.y for curve in plot.curves], log=plot.log)
-        across = Axis(*x_ends, LEFT, width - RIGHT, log=x_log)
-        upwards = Axis(*y_ends, top + tall, top, log=plot.log)
+        x_ends = x or drawing.ends_of([curve.x for curve in plot.curves], log=x_log)
+        y_ends = plot.y or drawing.ends_of([curve.y for curve in plot.curves], log=plot.log)
+        across = drawing.Axis(*x_ends, drawing.LEFT, width - drawing.RIGHT, log=x_log)
+        upwards = drawing.Axis(*y_ends, top + tall, top, log=plot.log)
         parts += _plot(plot, across, upwards, numbered=k == len(plots) - 1 or x is None)
-        parts += legend_lines(small[k], top - 6.0 - ROW * (len(small[k]) - 1), SMALL, LEFT)
-    parts.append(words((0.5 * (LEFT + width - RIGHT), height - 4.0), x_label, "middle"))
-    return figure(parts, height, width)
+        parts += drawing.legend_lines(
+            small[k], top - 6.0 - drawing.ROW * (len(small[k]) - 1), drawing.SMALL, drawing.LEFT
+        )
+    parts.append(
+        drawing.words(
+            (0.5 * (drawing.LEFT + width - drawing.RIGHT), height - 4.0), x_label, "middle"
+        )
+    )
+    return drawing.figure(parts, height, width)
 
 
 def cumulative(distributions: Sequence[Distribution], *, label: str) -> Markup:
@@ -128,7 +118,7 @@ def cumulative(distributions: Sequence[Distribution], *, label: str) -> Markup:
         steps = np.repeat(ordered, 2), np.repeat(share, 2)[1:-1]  # it rises at each value
         curves.append(Curve(*steps, d.colour, d.name, width=1.6, dashed=d.dashed))
     plot = Plot(curves, "share of poses [%]", y=(0.0, 101.0))
-    return draw([plot], f"{label} [mm]", height=3.5 * INCH, x_log=True, legend=True)
+    return draw([plot], f"{label} [mm]", height=3.5 * drawing.INCH, x_log=True, legend=True)
 
 
 def order_spectra(before: Array, after: Array) -> Markup:
@@ -148,24 +138,24 @@ def order_spectra(before: Array, after: Array) -> Markup:
     return draw(
         plots,
         "order [cycles a turn]",
-        height=1.25 * INCH * len(plots),
-        width=2.0 * WIDTH,
+        height=1.25 * drawing.INCH * len(plots),
+        width=2.0 * drawing.WIDTH,
         x=(0.0, orders[-1] + 1.0),
         legend=True,
     )
 
 
-def _plot(plot: Plot, x: Axis, y: Axis, *, numbered: bool) -> Iterator[str]:
+def _plot(plot: Plot, x: drawing.Axis, y: drawing.Axis, *, numbered: bool) -> Iterator[str]:
     yield (
         f'<g class="plot" data-x="{x.low:.9g} {x.high:.9g}" data-y="{y.low:.9g} '
         f'{y.high:.9g}" data-log="{int(x.log)} {int(y.log)}" data-box="{x.begin:.2f} '
         f'{y.end:.2f} {x.end - x.begin:.2f} {y.begin - y.end:.2f}">'
     )
     y_ticks = plot.names or y.ticks(max(2, int((y.begin - y.end) / _TICK_HEIGHT)))
-    yield from frame(x, y, x.ticks(_X_TICKS), y_ticks, numbered=numbered)
+    yield from drawing.frame(x, y, x.ticks(_X_TICKS), y_ticks, numbered=numbered)
     if plot.zero and y.low < 0.0 < y.high:
         (place,) = y.at(np.zeros(1))
-        yield line((x.begin, place), (x.end, place), QUIET)
+        yield drawing.line((x.begin, place), (x.end, place), QUIET)
     for begin, end, colour, opacity in plot.spans:
         a, b = np.clip(x.at(np.array([begin, end])), x.begin, x.end)
         if b > a:
@@ -176,20 +166,20 @@ def _plot(plot: Plot, x: Axis, y: Axis, *, numbered: bool) -> Iterator[str]:
     for curve in plot.curves:
         yield _curve(x, y, curve)
     for place in x.at(np.array(plot.lines)):
-        yield line((place, y.end), (place, y.begin), AFTER, width=1.0, dashed=True)
+        yield drawing.line((place, y.end), (place, y.begin), AFTER, width=1.0, dashed=True)
     if plot.note:
-        yield words((x.end, y.end + TEXT), plot.note, "end", QUIET)
+        yield drawing.words((x.end, y.end + drawing.TEXT), plot.note, "end", QUIET)
     middle = 0.5 * (y.begin + y.end)
     for k, text in enumerate(plot.label.split("\n")):
-        at = 10.0 + k * 1.15 * TEXT
+        at = 10.0 + k * 1.15 * drawing.TEXT
         if plot.upright:
-            yield words((at, middle + 0.35 * TEXT), text)
+            yield drawing.words((at, middle + 0.35 * drawing.TEXT), text)
         else:
-            yield words((at, middle), text, "middle", turned=True)
+            yield drawing.words((at, middle), text, "middle", turned=True)
     yield "</g>"
 
 
-def _curve(x_axis: Axis, y_axis: Axis, curve: Curve) -> str:
+def _curve(x_axis: drawing.Axis, y_axis: drawing.Axis, curve: Curve) -> str:
     x, y = x_axis.at(curve.x), y_axis.at(curve.y)
     left, right, top, bottom = x_axis.begin, x_axis.end, y_axis.end, y_axis.begin
     visible = np.flatnonzero((x[1:] >= left) & (x[:-1] <= right))  # with the ends beyond the plot

@@ -35,16 +35,7 @@ from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_correction import CorrectionPart, correction_parts
 from ident.robot.tcp_uncertainty import MASSES, SCALE, TcpDirection, TcpUncertainty
 from ident.verdict import Status
-from planning.next_step import (
-    PATH,
-    REPEAT,
-    ROD_SIGMA,
-    NextStep,
-    RecordedPassage,
-    next_steps,
-    predicted,
-    recorded_sensors,
-)
+from planning import next_step
 from planning.questions import ENCODERS
 from planning.trajectory import Passage
 from sim.path_files import load_lissajous
@@ -67,16 +58,10 @@ _KINDS = {
 
 def machine_sections(run: RunData) -> list[Section]:
     """Held-out recordings, parameters and corrections, and the fit."""
-    return [*_held_out(run), _parameters(run), *_fit(run)]
-
-
-def _held_out(run: RunData) -> list[Section]:
-    """How the held-out recordings are explained."""
-    outcomes = [validation.outcome for validation in run.validations]
-    links = {"held-out": "Held-out"}
-    return (
-        [section("held_out.html", links, machine_row(run), held_out=outcomes)] if outcomes else []
-    )
+    held_out, links = list[Section](), {"held-out": "Held-out"}
+    if outcomes := [validation.outcome for validation in run.validations]:
+        held_out = [section("held_out.html", links, machine_row(run), held_out=outcomes)]
+    return [*held_out, _parameters(run), *_fit(run)]
 
 
 def _parameters(run: RunData) -> Section:
@@ -157,13 +142,13 @@ def advised_steps(run: RunData) -> Steps:
     if robot.cell.ballbar.stroke is not None or result.verdict.status not in ENOUGH:
         return Steps()
     recordings = [recorded_passage(fitted) for fitted in run.recordings]
-    present = predicted(robot, result.fit.excess, recordings)
+    present = next_step.predicted(robot, result.fit.excess, recordings)
     paths = {
         file.stem: load_lissajous(file)
         for kind in PATHS
         if (file := SHIPPED / "paths" / f"{robot.cell.robot.name}_{kind}.yaml").is_file()
     }
-    steps = next_steps(robot, result.fit.excess, recordings, paths)
+    steps = next_step.next_steps(robot, result.fit.excess, recordings, paths)
     return Steps(
         advice=_advice(steps, present),
         present=f"{_mm(present.sigma)} mm with the scale, {_mm(present.without_scale)} mm without",
@@ -227,7 +212,7 @@ def _meaning(name: str) -> str:
     return f"{_KINDS[parameter.kind]}, row {parameter.row + 1}"
 
 
-def recorded_passage(fitted: FittedRecording) -> RecordedPassage:
+def recorded_passage(fitted: FittedRecording) -> next_step.RecordedPassage:
     """A recording from the first instant of its fit to the last, evenly spaced."""
     estimate, log = fitted.estimate, fitted.recording.ballbar_log
     times = estimate.after.t
@@ -238,11 +223,11 @@ def recorded_passage(fitted: FittedRecording) -> RecordedPassage:
     tension = np.zeros(t.size)
     if estimate.tension is not None:
         tension = np.interp(t, times, estimate.tension)
-    return RecordedPassage(
+    return next_step.RecordedPassage(
         passage=Passage(nominal=estimate.geometry, t=t, b=b, q=q),
         tension=tension,
         force_source=estimate.tension_source,
-        sensors=recorded_sensors(
+        sensors=next_step.recorded_sensors(
             estimate.noise,
             estimate.encoders,
             robot_rate,
@@ -256,7 +241,7 @@ def _rate(t: Array) -> float:
     return 1.0 / float(np.median(np.diff(t)))
 
 
-def _advice(steps: Sequence[NextStep], present: TcpUncertainty) -> str:
+def _advice(steps: Sequence[next_step.NextStep], present: TcpUncertainty) -> str:
     best = min(steps, key=lambda step: float(step.predicted.sigma.mean()))
     gain = _gain(best, present)
     if gain < WORTHWHILE:
@@ -267,22 +252,24 @@ def _advice(steps: Sequence[NextStep], present: TcpUncertainty) -> str:
     )
 
 
-def _words(step: NextStep) -> str:
+def _words(step: next_step.NextStep) -> str:
     return {
         ENCODERS: f"an encoder on {listed(step.value.split())} too",
-        "rod_sigma": f"the rod measured to {significant(ROD_SIGMA * 1e6, 1)} µm (--rod-sigma)",
-        REPEAT: "the same path once more",
-        PATH: f"another path from the same place, such as {step.value} (ballbar plan finds others)",
+        "rod_sigma": f"the rod measured to {significant(next_step.ROD_SIGMA * 1e6, 1)} µm "
+        "(--rod-sigma)",
+        next_step.REPEAT: "the same path once more",
+        next_step.PATH: f"another path from the same place, such as {step.value} "
+        "(ballbar plan finds others)",
     }[step.key]
 
 
-def _step_row(step: NextStep, present: TcpUncertainty) -> tuple[str, ...]:
+def _step_row(step: next_step.NextStep, present: TcpUncertainty) -> tuple[str, ...]:
     """A step, the uncertainty after it with the scale and without, and its change."""
     sigmas = step.predicted.sigma, step.predicted.without_scale
     return (_words(step), *map(_mm, sigmas), _percent(-_gain(step, present)))
 
 
-def _gain(step: NextStep, present: TcpUncertainty) -> float:
+def _gain(step: next_step.NextStep, present: TcpUncertainty) -> float:
     return 1.0 - float(step.predicted.sigma.mean() / present.sigma.mean())
 
 

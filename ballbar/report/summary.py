@@ -18,7 +18,6 @@ from ballbar.units import MM, MS, UM, URAD
 from cell.arrays import Array
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text
-from cell.poses import PoseTable
 from ident.result import Identification
 from ident.table_estimate import TableEstimate
 from ident.verdict import Status
@@ -63,8 +62,10 @@ def summary(run: RunData, tcp: TcpView, advice: str) -> Summary:
     if not run.recordings:
         poses = run.identification.poses
         assert poses is not None, "without recordings there are still poses"
-        tiles = _pose_tiles(poses, run.comparison)
-        return replace(common, subtitle=_table_subtitle(poses.table), tiles=tiles, even=True)
+        table, tiles = poses.table, _pose_tiles(poses, run.comparison)
+        kinds = listed(sorted({group.kind.noun for group in table.groups}))
+        subtitle = f"{table.robot.title}; {table.size} {table.what}, {kinds}."
+        return replace(common, subtitle=subtitle, tiles=tiles, even=True)
     return replace(
         common,
         subtitle=_subtitle(run),
@@ -97,11 +98,6 @@ def _heading(run: RunData) -> str:
     if verdict.acceptable and missed:
         return f"Limits of the scenario missed: {', '.join(missed)}"
     return _HEADINGS.get(verdict.status, "Not acceptable")
-
-
-def _table_subtitle(table: PoseTable) -> str:
-    kinds = listed(sorted({group.kind.noun for group in table.groups}))
-    return f"{table.robot.title}; {table.size} {table.what}, {kinds}."
 
 
 def _in_short(tcp: TcpView, result: Identification) -> str:

@@ -105,31 +105,20 @@ def check_rows(source: str, chain: Chain) -> None:
         what = f"{chain.rows} turning joints; a robot has {FEWEST_AXES} to {MOST_AXES}."
         raise InputError.at(source, what, "Choose the ends of the chain with --base and --tip.")
     for i in range(chain.rows):
-        for letter in ("a", "d"):
-            _check_length(f"{source}: {letter} of row {i + 1}", getattr(chain, letter)[i])
-        for letter in ("alpha", "theta"):
-            _check_angle(
-                f"{source}: {letter} of row {i + 1}", np.rad2deg(getattr(chain, letter)[i])
-            )
-
-
-def _check_length(what: str, length: float) -> None:
-    """length : [m]"""
-    if abs(length) > MAX_DH_LENGTH_M:
-        raise InputError(
-            f"{what} is {length:.4g} m, beyond {MAX_DH_LENGTH_M:g} m. Lengths are metres; if they "
-            "are, an axis is nearly parallel to the next and should be exactly so."
-        )
-
-
-def _check_angle(what: str, angle: float) -> None:
-    """angle : [deg]"""
-    if 0.0 < abs(angle) < SMALLEST_TWIST_DEG:
-        raise InputError(
-            f"{what} is {angle:.6g} deg. Nominal angles below {SMALLEST_TWIST_DEG:g} deg are "
-            "refused: they are radians taken for degrees, or the calibrated values of a single "
-            "robot. Give the nominal ones."
-        )
+        for name, length in (("a", chain.a[i]), ("d", chain.d[i])):
+            if abs(length) > MAX_DH_LENGTH_M:
+                raise InputError(
+                    f"{source}: {name} of row {i + 1} is {length:.4g} m, beyond "
+                    f"{MAX_DH_LENGTH_M:g} m. Lengths are metres; if they are, an axis is nearly "
+                    "parallel to the next and should be exactly so."
+                )
+        for name, radians in (("alpha", chain.alpha[i]), ("theta", chain.theta[i])):
+            if 0.0 < abs(angle := np.rad2deg(radians)) < SMALLEST_TWIST_DEG:
+                raise InputError(
+                    f"{source}: {name} of row {i + 1} is {angle:.6g} deg. Nominal angles below "
+                    f"{SMALLEST_TWIST_DEG:g} deg are refused: they are radians taken for degrees, "
+                    "or the calibrated values of a single robot. Give the nominal ones."
+                )
 
 
 def _round(values: Array, digits: int) -> Array:

@@ -26,7 +26,8 @@ _BEND = (0.12, -0.1, 0.08)  # share of the axis range, by axis: a pose that show
 def robot_picture(robot: Robot) -> bytes:
     """PNG with two panels, lengths in mm: all axis angles zero, and another pose."""
     bent = bent_pose(robot)
-    poses = {"all axes at zero": np.zeros(robot.joints), _angles(bent): bent}
+    angles = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(bent))
+    poses = {"all axes at zero": np.zeros(robot.joints), f"axes at {angles} deg": bent}
     points = np.concatenate([corners(robot, frames_at(robot, axes)) for axes in poses.values()])
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * MM
     size = 0.5 * _MARGIN * float(np.ptp(points, axis=0).max()) * MM
@@ -44,10 +45,6 @@ def robot_picture(robot: Robot) -> bytes:
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
-
-
-def _angles(axes: Array) -> str:
-    return "axes at " + ", ".join(f"{angle:.0f}" for angle in np.rad2deg(axes)) + " deg"
 
 
 def _draw(panel: Any, robot: Robot, axes: Array, middle: Array, size: float) -> None:

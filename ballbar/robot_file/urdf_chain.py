@@ -78,7 +78,7 @@ def chain_between(urdf: Urdf, base: str | None = None, tip: str | None = None) -
                 f"{end}. Choose a --base that does not move.",
             )
         pose = pose @ joint.pose
-    before: list[Array] = [_inverse(pose)]
+    before: list[Array] = [inverse_pose(pose)]
     moving = []
     for joint in to_tip:
         if joint.kind == "fixed":
@@ -110,7 +110,7 @@ def bodies(urdf: Urdf, chain: UrdfChain) -> tuple[Link, ...] | str:
     T_root_base = np.eye(4)
     for joint in urdf.joints_to(chain.base):
         T_root_base = T_root_base @ joint.pose
-    placed = {urdf.root: (0, _inverse(T_root_base))}  # body, 0 the base, and pose T_base_link
+    placed = {urdf.root: (0, inverse_pose(T_root_base))}  # body, 0 the base, and pose T_base_link
     for joint in urdf.below(number):
         body, pose = placed[joint.parent]
         placed[joint.child] = number.get(joint.name, body), pose @ joint.pose
@@ -162,7 +162,8 @@ def _longest_tip(urdf: Urdf) -> str:
     return (tools or leaves)[0]
 
 
-def _inverse(pose: Array) -> Array:
+def inverse_pose(pose: Array) -> Array:
+    """(4, 4) [m] inverse of a pose (4, 4) [m]."""
     return np.asarray(np.linalg.inv(pose), dtype=np.float64)
 
 

@@ -27,7 +27,18 @@ def write_view(robot: Robot, path: Path) -> None:
         reach = float(np.abs(robot.a).sum() + np.abs(robot.d).sum())
         for step, axes in enumerate(_motion(robot)):
             stream.set_time(TIMELINE, duration=step * _STEP)
-            _log(stream, robot, axes, reach)
+            frames = frames_at(robot, axes)
+            line = [corners(robot, frames)]
+            shape = rr.LineStrips3D(line, radii=_RADIUS * reach, colors=[_STEEL])
+            stream.log("robot/rows", shape)
+            directions = np.stack((frames.x, frames.y, frames.z), axis=1)[:, :, :, 0]
+            arrows = rr.Arrows3D(
+                origins=np.repeat(frames.origin[:, :, 0], 3, axis=0),
+                vectors=_AXIS_LENGTH * reach * directions.reshape(-1, 3),
+                colors=_AXES * (robot.joints + 1),
+                radii=0.3 * _RADIUS * reach,
+            )
+            stream.log("robot/frames", arrows)
 
 
 def _motion(robot: Robot) -> Array:
@@ -36,18 +47,3 @@ def _motion(robot: Robot) -> Array:
     return np.concatenate(
         [share[:, None] * bent * (np.arange(robot.joints) == i) for i in range(robot.joints)]
     )
-
-
-def _log(stream: rr.RecordingStream, robot: Robot, axes: Array, reach: float) -> None:
-    frames = frames_at(robot, axes)
-    line = rr.LineStrips3D([corners(robot, frames)], radii=_RADIUS * reach, colors=[_STEEL])
-    stream.log("robot/rows", line)
-    origins = np.repeat(frames.origin[:, :, 0], 3, axis=0)
-    vectors = np.stack((frames.x[:, :, 0], frames.y[:, :, 0], frames.z[:, :, 0]), axis=1)
-    arrows = rr.Arrows3D(
-        origins=origins,
-        vectors=_AXIS_LENGTH * reach * vectors.reshape(-1, 3),
-        colors=_AXES * (robot.joints + 1),
-        radii=0.3 * _RADIUS * reach,
-    )
-    stream.log("robot/frames", arrows)

@@ -32,18 +32,12 @@ class Limit:
     @property
     def sizes(self) -> tuple[str, str]:
         """Measured and allowed value with their unit, for display."""
-        measured, allowed = (
-            value if isinstance(value, str) else text(value)
-            for value, text in (
-                (self.measured, _counted_or_measured),
-                (self.allowed, "{:g}".format),
-            )
-        )
+        measured, allowed = self.measured, self.allowed
+        if isinstance(measured, float):
+            measured = f"{measured:.0f}" if measured.is_integer() else significant_text(measured)
+        if isinstance(allowed, float):
+            allowed = f"{allowed:g}"
         return f"{measured} {self.unit}".strip(), f"{allowed} {self.unit}".strip()
-
-
-def _counted_or_measured(value: float) -> str:
-    return f"{value:.0f}" if value.is_integer() else significant_text(value)
 
 
 def plant_limits(truth: Truth | PoseTruth, accept: AcceptSettings) -> tuple[Limit, ...]:

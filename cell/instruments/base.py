@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from cell.arrays import Array
 from cell.chain import cross
 from cell.placement import Placement
 from cell.rotation import matrix_from_rotvec
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +151,40 @@ class Kind(ABC):
         """
         del shares, least, most
         return rod
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """An instrument that measures one target, and its noise."""
+
+    name: str
+    title: str
+    kind: Kind
+    nominal: float  # [m] length at mid range; 0 for a socket
+    lower: float  # [m] shortest and longest length
+    upper: float
+    sigma_length: float  # [m] of the sensed length, or play of a socket
+    sigma_zero: float  # [m] of the sensed length's zero; 0: calibrated
+    sigma_direction: float  # [rad] of the angles that point at the target, the largest of theirs
+    sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
+    distance: tuple[float, float] | None  # [m] between two seats, and its sigma
+    mass: float  # [kg] of a rod from seat to target
+
+    @property
+    def follows(self) -> bool:
+        """Whether it follows a target on a robot that moves, and holds it by nothing."""
+        return self.kind.directions == 3 and not self.kind.local
+
+    @property
+    def measured(self) -> str:
+        """Name of what it measures."""
+        return self.kind.name
+
+    def sigma(self, values: Array) -> Array:
+        """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a
+        socket.
+        """
+        return self.kind.sigma(values, self)
 
 
 def across(along: Array) -> Array:

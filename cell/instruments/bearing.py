@@ -6,17 +6,12 @@ or any other instrument in the same fit, tell it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, TrueStand
+from cell.instruments.base import Instrument, Kind, Sight, TrueStand
 from cell.placement import Placement
-from cell.rigid_fit import kabsch
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
+from cell.rigid_fit import nearest_rotation
 
 
 class SensedBearing(Kind):
@@ -65,7 +60,7 @@ class SensedBearing(Kind):
         if ((known @ matrix.T) * along).sum() < 0.0:
             matrix = -matrix
         linear, shift = matrix[:, :3], matrix[:, 3]
-        return Placement(kabsch(np.eye(3), linear), -np.linalg.solve(linear, shift))
+        return Placement(nearest_rotation(linear.T), -np.linalg.solve(linear, shift))
 
 
 KIND = SensedBearing()

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, TrueStand
+from cell.instruments.base import Instrument, Kind, Sight, TrueStand
 from cell.placement import Placement
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
 
 
 class SensedLength(Kind):

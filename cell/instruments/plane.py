@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, TrueStand, across
+from cell.instruments.base import Instrument, Kind, Sight, TrueStand, across
 from cell.placement import Placement
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
 
 _TILTS = 3  # rounds of tilting the normal, each linear
 _HALF = 0.3  # [m] of the plate's side: a probe that is beyond it is brought back onto it

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Sight, TrueStand, position_in_seat, position_sigma, turned
+from cell.instruments.base import (
+    Instrument,
+    Sight,
+    TrueStand,
+    position_in_seat,
+    position_sigma,
+    turned,
+)
 from cell.instruments.point import SensedPoint
 from cell.placement import Placement
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
 
 
 class SensedPose(SensedPoint):

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.instruments.base import Kind, Sight, TrueStand, seat_axes
+from cell.instruments.base import Instrument, Kind, Sight, TrueStand, seat_axes
 from cell.placement import Placement
-
-if TYPE_CHECKING:
-    from cell.instrument import Instrument
 
 
 class SocketSeat(Kind):

@@ -45,8 +45,12 @@ class OtherAngles:
 
 def other_angles(robot: Robot) -> list[OtherAngles]:
     """Every mistake in a robot's log that is tried; no two of them have the same correction."""
-    distinct: list[OtherAngles] = []
-    for mistake in (*_changed_columns(robot), *_other_kinds(robot)):
+    tried, distinct = list[OtherAngles](), list[OtherAngles]()
+    for kind, (to_joint, zero) in angle_kinds(robot).items():
+        for cause, change in _changes(kind, robot.joints):
+            matrix = np.linalg.inv(to_joint) @ change @ to_joint
+            tried.append(OtherAngles(cause, matrix, zero - zero @ matrix))
+    for mistake in (*tried, *_other_kinds(robot)):
         if not any(mistake.is_as(other) for other in distinct):
             distinct.append(mistake)
     return distinct
@@ -60,13 +64,6 @@ def angle_kinds(robot: Robot) -> dict[str, tuple[Array, Array]]:
         "motor": (robot.transmission, none),
         "joint": (np.eye(robot.joints), none),
     }
-
-
-def _changed_columns(robot: Robot) -> Iterator[OtherAngles]:
-    for kind, (to_joint, zero) in angle_kinds(robot).items():
-        for cause, change in _changes(kind, robot.joints):
-            matrix = np.linalg.inv(to_joint) @ change @ to_joint
-            yield OtherAngles(cause, matrix, zero - zero @ matrix)
 
 
 def _changes(kind: str, n: int) -> Iterator[tuple[str, Array]]:

@@ -5,7 +5,7 @@ In this order, and only what explains the recording at least three times better 
 1. other columns and line counts (ident.causes.columns), by what they leave of the rod's motion;
 2. encoders and axes that stand still;
 3. one channel that is late or scaled (ident.causes.channels), where a fit can be judged;
-4. the rod's length by the radius of the sphere, or one other length (ident.causes.lengths);
+4. the rod's length by the radius of the sphere, or one other length (ident.causes.agreement);
 5. too short a log;
 6. a sphere without agreement at any lag: logs of different runs. The ball-bar's log played
    backwards shows how much agreement is chance;
@@ -28,16 +28,17 @@ from cell.number_text import significant_text
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from ident.causes.agreement import (
     SPHERE_ROWS,
+    Length,
     LoggedMotion,
     ToolPath,
     left_of,
     motion_of,
+    single_lengths,
     tool_path,
 )
 from ident.causes.channels import BESIDE, ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.effects import effects_beside
-from ident.causes.lengths import Length, single_lengths
 from ident.causes.robot_log import PLURAL
 from ident.estimator.fit import Fit
 from ident.recording_fit import Logs, RecordingFit
@@ -261,25 +262,20 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str], *, contested: bool = 
 
     names : of the recordings. contested : whether a change of the machine explains them too.
     """
-    channels, found = channel_errors_beside(cell, fit), dict[str, tuple[float, str, str]]()
-    for error in () if contested else channels:  # from another recording the same is seen again
+    evidence = dict[str, tuple[float, str, str]]()
+    for error in () if contested else channel_errors_beside(cell, fit):
+        # from another recording the same is seen again
         cause = _logged_wrongly(error, names)
-        found.setdefault(error.channel, (error.left, cause, error.remedy))
-    for effect in effects_beside(cell, fit):
+        evidence.setdefault(error.channel, (error.left, cause, error.remedy))
+    for effect in effects_beside(fit):
         if effect.left < 1.0 - (2.0 if contested else 1.0) * BESIDE:
-            found[effect.cause] = effect.left, effect.cause, effect.remedy
-    ranked = sorted(found.values())
-    named = [f for f in ranked if 1.0 - f[0] >= (1.0 - ranked[0][0]) / COMPARABLE]
+            evidence[effect.cause] = effect.left, effect.cause, effect.remedy
+    ranked = sorted(evidence.values())
+    share = "so corrected, the complete model leaves {} of what it leaves without"
     return " Or ".join(
-        str(
-            Suspect(
-                cause,
-                f"so corrected, the complete model leaves {_percent(max(0.0, left))} of what it "
-                "leaves without",
-                remedy,
-            )
-        )
-        for left, cause, remedy in named
+        str(Suspect(cause, share.format(_percent(max(0.0, left))), remedy))
+        for left, cause, remedy in ranked
+        if 1.0 - left >= (1.0 - ranked[0][0]) / COMPARABLE
     )
 
 

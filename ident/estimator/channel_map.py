@@ -26,6 +26,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
 from cell.arrays import Array
+from cell.rigid_fit import kabsch
 
 EXACT = 1e-9  # of the size of the values: residual of exact ones
 FIRST_STEPS, STEPS = 12, 2  # of a map from its closed form, and at each step of the clock
@@ -130,11 +131,11 @@ def first_map(a: Trace, b: Trace) -> ChannelMap:
     """
     turn, hand, d = None, None, a.point.shape[1]
     if a.turn is not None and b.turn is not None:
-        hand = nearest_turn(a.rate.T @ b.rate)
+        hand = Rotation.from_matrix(kabsch(b.rate, a.rate))
         turn = (a.turn * hand * b.turn.inv()).mean()
     centred = [x.point - x.point.mean(axis=0) for x in (a, b)]
     if turn is None and d == 3:
-        turn = nearest_turn(centred[0].T @ centred[1])
+        turn = Rotation.from_matrix(kabsch(centred[1], centred[0]))
     turned = centred[1] if turn is None or not d else turn.apply(centred[1])
     power = max(float((turned * turned).sum()), np.finfo(float).tiny)
     gain = float((turned * centred[0]).sum()) / power if d else 1.0
@@ -142,15 +143,6 @@ def first_map(a: Trace, b: Trace) -> ChannelMap:
     zero = a.point.mean(axis=0) - gain * (mean if turn is None or not d else turn.apply(mean))
     lever = np.zeros(3) if d and (a.turn is not None or b.turn is not None) else None
     return ChannelMap(gain, turn, zero, lever, hand)
-
-
-def nearest_turn(correlation: Array) -> Rotation:
-    """The rotation R with the largest trace of `R' correlation` (Kabsch 1976).
-
-    correlation : (3, 3) sum of products of two sets of vectors, of any scale [-].
-    """
-    u, _, v = np.linalg.svd(correlation)
-    return Rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v)
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,11 +64,6 @@ class Fit:
         return self.linear.x
 
     @property
-    def robust_weights(self) -> Array:
-        """(N,) of every sample of all parts, 1 where it counts in full."""
-        return np.concatenate(self.linear.robust) ** 2
-
-    @property
     def recorded(self) -> list[tuple[Evaluation, Whitening, Array]]:
         """Evaluation, weights and (E, N) residual of each recording."""
         linear, count = self.linear, len(self.model.recordings)

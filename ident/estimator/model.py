@@ -100,6 +100,7 @@ class Evaluation:
     regressors_at: Clock | None = None  # for which regressors without loads were computed
     # (6, N) [m, rad] by which plate and structure move the tool beside the joints; None: not at all
     yielded: Array | None = None
+    bent: Array | float = 0.0  # (N, J) [rad] by which the joints are off the logged angles
 
     @property
     def recording(self) -> Samples:
@@ -250,12 +251,14 @@ class Model:
     ) -> Evaluation:
         """Loop-closure error of part k at x (P,), ball-bar angles (N, 5) [rad].
 
-        Where the length is measured, the bar points at the tool whatever the angles.
+        Where the length is measured, the bar points at the tool whatever the angles. Loads are
+        those of the arm as it is bent: gears that yield by 10 mrad turn them by a hundredth, more
+        than the noise sees.
 
-        previous : an evaluation nearby. Its loads are reused where geometry and clock moved less
-        than LOADS_GEOMETRY and LOADS_CLOCK, its regressors where they do not depend on loads and
-        the clocks agree. hold_loads : reuse the loads whenever the clocks agree, as a trial
-        step within one iteration does.
+        previous : an evaluation nearby, where the arm is bent as here. Its loads are reused where
+        geometry and clock moved less than LOADS_GEOMETRY and LOADS_CLOCK, its regressors where
+        they do not depend on loads and the clocks agree. hold_loads : reuse the loads whenever the
+        clocks agree, as a trial step within one iteration does.
         """
         samples, layout = self.parts[k], self.unknowns
         geometry, clock, at = samples.mechanism(layout, x, k)
@@ -276,34 +279,25 @@ class Model:
             )
             reusable = previous if same_clock else None
             motion = samples.arm_motion(at)
+            motion = replace(motion, q=motion.q + (0.0 if previous is None else previous.bent))
             carried, loads_at = self._loads(
                 motion, previous, geometry, clock, ballbar, hold=hold_loads and same_clock, at=at
             )
-            state = State(
-                t=samples.times,
-                recording=k,
-                gears=(q @ self.gearing.to_gear).T,
-                bar=ballbar[:, :BAR_ROWS].T + geometry.bar.theta[:, None],
-                loads=carried,
-                tension=self.tension(x, k),
-                width=self.gearing.transition,
-                gear_speed=(motion.logged_speed @ self.gearing.to_gear).T,
-                gear_acceleration=(motion.acceleration @ self.gearing.to_gear).T,
-                sharpness=self.sharpness,
-            )
+            bar = ballbar[:, :BAR_ROWS] + geometry.bar.theta
+            state = self._state(x, k, q, bar, carried, motion)
             regressors = self._regressors(state, reusable)
             regressors_at = reusable.regressors_at if reusable else clock
         moved, varied = self._displacements(x, regressors, at.size)
-        joints = q + moved[GEAR:BAR].T @ self.gearing.to_joint
+        bent = moved[GEAR:BAR].T @ self.gearing.to_joint
         bar = ballbar.copy()
         bar[:, :BAR_ROWS] += moved[BAR:ROD].T
-        closure = samples.close(layout, x, geometry, joints, bar)
+        closure = samples.close(layout, x, geometry, q + bent, bar)
         error = closure.error + closure.rod_column * moved[ROD]
         plate = closure.plate_column * moved[PLATE]
         structure = np.einsum("vcn,vn->cn", parameter_jacobian(closure, self.varied), varied)
         error += plate
         error += structure
-        return Evaluation(
+        point = Evaluation(
             samples=samples,
             closure=replace(closure, error=error),
             ballbar=ballbar,
@@ -316,7 +310,11 @@ class Model:
             loads_at=loads_at,
             regressors_at=regressors_at,
             yielded=-(plate + structure),
+            bent=bent,
         )
+        if previous is not None or not isinstance(samples, Samples) or self.masses is None:
+            return point
+        return self.evaluate(x, k, ballbar, replace(point, loads_at=None))
 
     def weights(self, x: Array, evaluation: Evaluation, excess: ExcessNoise) -> Whitening:
         """Weights of one recording from its noise, at an evaluation."""
@@ -366,6 +364,23 @@ class Model:
         out += np.einsum("ckn,cn->kn", evaluation.columns[used], moved[used])
         out += np.einsum("vkn,vn->kn", evaluation.varied_columns, varied)
         return out
+
+    def _state(
+        self, x: Array, k: int, q: Array, bar: Array, carried: Loads, motion: ArmMotion
+    ) -> State:
+        """State of recording k at joint angles q (N, J) and ball-bar angles (N, 5) [rad]."""
+        return State(
+            t=self.recordings[k].times,
+            recording=k,
+            gears=(q @ self.gearing.to_gear).T,
+            bar=bar.T,
+            loads=carried,
+            tension=self.tension(x, k),
+            width=self.gearing.transition,
+            gear_speed=(motion.logged_speed @ self.gearing.to_gear).T,
+            gear_acceleration=(motion.acceleration @ self.gearing.to_gear).T,
+            sharpness=self.sharpness,
+        )
 
     def _loads(
         self,
@@ -420,8 +435,9 @@ class Model:
     def backlash_uncertainty(self, x: Array, evaluation: Evaluation) -> Array | float:
         """(J, N) [rad] uncertainty of each gear's flank: the half width near a load reversal."""
         names = [c.name for correction in self.corrections for c in correction.coefficients]
-        if evaluation.state is None or "backlash1" not in names:
+        first = next((k for k, name in enumerate(names) if name.endswith("backlash1")), None)
+        if evaluation.state is None or first is None:
             return 0.0
-        first = self.unknowns.coefficients.start + names.index("backlash1")
+        first += self.unknowns.coefficients.start
         half = np.abs(x[first : first + len(self.gearing.to_joint)])[:, None]
         return np.asarray(half * (1.0 - evaluation.state.load_sign() ** 2))

@@ -2,7 +2,7 @@
 
 Candidates are the cosine and sine of `n q_j` for joints j and orders n: cycles a turn, by default
 the whole ones. The slope of a joint's own angle may stand beside them as order 0: over a part of a
-turn a wrong ratio and few cycles a turn look alike, so they have to compete. In each step the
+turn a wrong ratio and few cycles a turn look the same, so they compete. In each step the
 candidates are ranked by a score test whose variance is that of the poses' own scores (sandwich
 form: White 1982; a pose's equations, and what is equal within it, count once). Neighbouring samples
 of a log are autocorrelated: there the scores of a block of time count once (Liang & Zeger 1986). Of

@@ -243,8 +243,8 @@ def _regression(cell: Cell, masses: Array, log: LoggedTorque) -> tuple[Array, Ar
     """
     side, rise = friction_sign(log.speed), stribeck_rise(cell, log.speed)
     tension = from_motor_torque(cell, log.torque, log.carried, log.speed, log.acceleration).force
-    one = np.ones_like(log.speed)
-    terms = (side, log.speed, log.carried.gears(tension), log.acceleration, rise, one)
+    loads = log.carried.gears(tension)
+    terms = (side, log.speed, loads, log.acceleration, rise, np.ones_like(loads))
     each = np.zeros((len(terms), cell.robot.joints, *log.torque.shape))
     for k in range(cell.robot.joints):
         each[:, k, k] = [term[k] for term in terms]

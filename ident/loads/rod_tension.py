@@ -66,8 +66,8 @@ def from_motor_torque(
     gears, rotors = cell.robot.required("gears"), cell.robot.required("rotor_inertia_kg_m2")
     coulomb, viscous, none = gears.coulomb, gears.viscous, np.zeros(j)
     columns = np.zeros((6, j, j, n))
-    rise, one = stribeck_rise(cell, speed), np.ones_like(speed)
-    columns[:, range(j), range(j)] = (friction_sign(speed), speed, torque, rise, acceleration, one)
+    terms = (friction_sign(speed), speed, torque, stribeck_rise(cell, speed), acceleration)
+    columns[:, range(j), range(j)] = (*terms, np.ones_like(speed))
     mean = (coulomb, viscous, none, none, rotors, none)
     gain, rising = np.full(j, TORQUE_GAIN), STRIBECK_PRIOR * coulomb
     offset = TORQUE_OFFSET * coulomb

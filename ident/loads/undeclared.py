@@ -1,4 +1,4 @@
-"""What loads the gears beside declared masses, by torque logs: other gravity, a force at the tool.
+"""Loads of the gears beside declared masses, by torque logs: other gravity, a force at the tool.
 
 Loads are linear in the vector of gravity, and in a force at the tool, as of a hose or a cable. That
 force may be constant: what changes in proportion to the tool's place on its sphere is along the
@@ -63,20 +63,20 @@ def undeclared_load(
     masses as declared, and with a tool and an arm that nobody declared.
     """
     declared, masses = (_fitted(rest, design, prior)[0] for prior in priors)
-    decrease, found = {"masses": declared - masses}, {}
+    decrease, estimate = {"masses": declared - masses}, {}
     for name, own in columns.items():
         count = len(priors[0])
         both = np.diag(np.append(np.ones(count), np.full(len(own), PRIORS[name] ** 2)))
         both[:count, :count] = priors[0]
         left, change = _fitted(rest, np.concatenate((design, own)), both)
-        decrease[name], found[name] = declared - left, change[count:]
-    best = max(found, key=decrease.__getitem__)
+        decrease[name], estimate[name] = declared - left, change[count:]
+    best = max(estimate, key=decrease.__getitem__)
     others = max(value for name, value in decrease.items() if name != best)
     if decrease[best] < max(EXPLAINS * declared, DECISIVE * others):
         return ""
     if best == "gravity":
         stated = cell.robot.gravity
-        shown = stated + found[best]
+        shown = stated + estimate[best]
         shown *= np.linalg.norm(stated) / np.linalg.norm(shown)
         angle = np.rad2deg(np.arccos(np.clip(shown @ stated / (stated @ stated), -1.0, 1.0)))
         vector = ", ".join(f"{value:.2f}" for value in shown)
@@ -86,9 +86,9 @@ def undeclared_load(
             f"[{vector}]` into its file"
         )
     return (
-        f"a force of {np.linalg.norm(found[best]):.0f} N at the tool that no file states loads the "
-        "robot, by the torque logs. Take off the cable, hose or spring that holds the tool, and "
-        "record again"
+        f"a force of {np.linalg.norm(estimate[best]):.0f} N at the tool that no file states loads "
+        "the robot, by the torque logs. Take off the cable, hose or spring that holds the tool, "
+        "and record again"
     )
 
 

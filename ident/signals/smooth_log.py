@@ -281,17 +281,13 @@ def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _is_white(residual: Array) -> bool:
-    return bool((_lag_one(residual) < _WHITE).all())
+    """Whether no channel of a residual (N, C) is autocorrelated from row to row."""
+    power = (residual * residual).sum(axis=0)
+    correlation = (residual[1:] * residual[:-1]).sum(axis=0) / np.where(power > 0.0, power, 1.0)
+    return bool((correlation < _WHITE).all())
 
 
 def _fit(t: Array, values: Array, spacing: float) -> tuple[BSpline, Array, int]:
     inner = np.linspace(t[0], t[-1], max(2, int(np.ceil((t[-1] - t[0]) / spacing)) + 1))[1:-1]
     spline = smoothing_spline(t, values, inner)
     return spline, values - spline(t), len(spline.c)
-
-
-def _lag_one(residual: Array) -> Array:
-    power = (residual * residual).sum(axis=0)
-    return np.asarray(
-        (residual[1:] * residual[:-1]).sum(axis=0) / np.where(power > 0.0, power, 1.0)
-    )

@@ -34,7 +34,7 @@ from ident.estimator.priors import fixed_names
 from ident.estimator.sample_times import overlap, sample_times
 from ident.estimator.samples import samples_of
 from ident.signals.smooth_log import SmoothLog
-from ident.start.lag_scan import OffsetBranch, Pair, PairScan, best_lags, scan_lags, subsample
+from ident.start.lag_scan import Pair, PairScan, best_lags, scan_lags, subsample
 from ident.start.length_scan import best_lengths
 from ident.start.sphere import FittedSphere, sphere_candidates
 
@@ -206,9 +206,10 @@ def _aligned(
     scan = scan_lags(list(pairs.values()))
     for index in best_lags(scan, count=LAGS, separation=round(LAG_SEPARATION / step)):
         for branches in product(*(pair.branches(index) for pair in pairs.values())):
-            read: dict[int, tuple[int, float]] = {}
+            read: dict[int, tuple[int, float]] = {}  # direction and offset of each encoder
             for (turning, tilting), branch in zip(pairs, branches, strict=True):
-                read |= _readings(turning, tilting, branch)
+                read[turning] = branch.sign, branch.turning_offset
+                read[tilting] = 1, branch.tilting_offset
             yield float(scan.score[index]), hypotheses(index, read)
 
 
@@ -233,11 +234,6 @@ def length_hypotheses(
         for x, y, z in scan.seats(index):
             geometry = nominal.replaced({"ox": float(x), "oy": float(y), "oz": float(z)} | zero)
             yield Hypothesis(Clock(offset, 0.0), (), geometry, float(scan.scan.score[index]))
-
-
-def _readings(turning: int, tilting: int, branch: OffsetBranch) -> dict[int, tuple[int, float]]:
-    """Direction and offset [rad] of the two encoders of a gimbal."""
-    return {turning: (branch.sign, branch.turning_offset), tilting: (1, branch.tilting_offset)}
 
 
 def _with_roll(

@@ -24,6 +24,7 @@ from cell.errors import FailureError
 from cell.geometry import Geometry
 from cell.placement import Placement
 from cell.poses import PoseGroup, PoseTable
+from cell.rigid_fit import nearest_rotation
 from ident.estimator.build_unknowns import bare_flange, still_unknowns
 from ident.estimator.fit import Fit
 from ident.estimator.model import still_model
@@ -101,7 +102,7 @@ def _points(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
     matrix[:, :, 12 * s :] = -poses.rotation
     solution = _without_far(matrix, poses.origin)
     linear = solution[: 12 * s].reshape(s, 4, 3)[:, :3]
-    turn = np.stack([_nearest_rotation(each, poses) for each in linear])
+    turn = np.stack([_seat_rotation(each, poses) for each in linear])
     moved = poses.origin - np.einsum("nij,nj->ni", turn[poses.seat], poses.values[:, :3])
     matrix = _placements_matrix(poses)
     solution = _without_far(matrix, moved)
@@ -191,9 +192,9 @@ def _without_far(matrix: Array, right: Array) -> Array:
     return np.asarray(solution)
 
 
-def _nearest_rotation(linear: Array, poses: _Poses) -> Array:
+def _seat_rotation(linear: Array, poses: _Poses) -> Array:
     """The rotation nearest to a matrix. Raises PoseStartError for a reflection."""
-    u, singular, vt = np.linalg.svd(linear)
+    singular = np.linalg.svd(linear, compute_uv=False)
     if np.linalg.det(linear) < 0.0 and singular[2] > 0.5 * singular[0]:
         files = ", ".join(dict.fromkeys(g.file for g in poses.groups))
         raise PoseStartError(
@@ -201,8 +202,7 @@ def _nearest_rotation(linear: Array, poses: _Poses) -> Array:
             "left-handed, or are two of its axes exchanged? Change the sign or the order of the "
             "value columns; or the sign of a joint column, of joint 1 above all."
         )
-    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    return np.asarray(u @ turn @ vt)
+    return nearest_rotation(linear)
 
 
 def _target_rotation(poses: _Poses, seats: dict[str, Placement]) -> Array:

@@ -85,7 +85,9 @@ def universal_joint_angles(closure: Closure) -> UniversalJointAngles:
     b4, b5 = (_joint_angle(closure.bar, row) for row in JOINT_ROWS)
     side = np.where(np.sin(b4) < 0.0, -1.0, 1.0)
     gimbal, turns = _gimbal_towards(closure)
-    x, y, z = in_tool = _in_last_frame(closure.robot, gimbal.z[ROD_ROW])
+    tool, rod = closure.robot, gimbal.z[ROD_ROW]
+    in_tool = np.stack([(axis[-1] * rod).sum(axis=0) for axis in (tool.x, tool.y, tool.z)])
+    x, y, z = in_tool
     b4hat, b5hat = side * np.arctan2(np.hypot(x, y), z), np.arctan2(-side * y, side * x)
     return UniversalJointAngles(
         closure, np.stack((b4 - b4hat, b5 - b5hat)), gimbal, turns, in_tool, side
@@ -163,11 +165,4 @@ def _joint_angle(frames: Frames, row: int) -> Array:
     before, after, axis = frames.x[row], frames.x_link[row], frames.z[row]
     return np.asarray(
         np.arctan2((cross(before, after) * axis).sum(axis=0), (before * after).sum(axis=0))
-    )
-
-
-def _in_last_frame(frames: Frames, vector: Array) -> Array:
-    """(3, N) components of a vector (3, N) of the base in the last frame."""
-    return np.stack(
-        [(axis * vector).sum(axis=0) for axis in (frames.x[-1], frames.y[-1], frames.z[-1])]
     )

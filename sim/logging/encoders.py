@@ -57,9 +57,13 @@ class BarEncoder:
         return counted.astype(np.uint32)
 
     def status(self, cycles: NDArray[np.int64], t: Array) -> NDArray[np.int64]:
-        """(N,) EL5021 status words at PLC cycles (N,) and run times (N,) [s]."""
+        """(N,) EL5021 status words at PLC cycles (N,) and run times (N,) [s].
+
+        Without a fault only the toggle, bit 15, changes with each cycle (notes/log_formats sec.
+        A.1).
+        """
         weak = np.where(self.effects.weak_signal(t), WEAK_SIGNAL, 0)
-        return np.asarray(healthy_status(cycles) | weak)
+        return np.asarray((cycles & 1) << 15 | weak)
 
 
 def read_counts(
@@ -92,14 +96,6 @@ def with_frozen_bits(counts: NDArray[np.int64], frozen: NDArray[np.int64]) -> ND
         last = np.maximum.accumulate(np.where(frozen <= bit, rows, 0))
         held = held & ~(1 << bit) | counts[last] & (1 << bit)
     return held
-
-
-def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) EL5021 status words without a fault at PLC cycles (N,).
-
-    Only the toggle, bit 15, changes with each cycle (notes/log_formats sec. A.1).
-    """
-    return (cycles & 1) << 15
 
 
 def motor_angles(

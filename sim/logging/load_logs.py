@@ -20,8 +20,7 @@ from cell.clock import Clock
 from cell.descriptions import Robot
 from cell.dialect import load_dialect
 from cell.errors import DescriptionError
-from cell.instrument import Instrument
-from cell.instruments.base import TrueStand
+from cell.instruments.base import Instrument, TrueStand
 from cell.logs import SourceName
 from cell.rotation import matrix_from_rotvec
 from cell.schema import NotNegative, Strict

@@ -24,7 +24,7 @@ from cell.bodies import link_bodies
 from cell.chain import Frames, row_placements
 from cell.errors import FailureError
 from cell.geometry import robot_frames
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.inverse import pose_error
 from cell.robot_angles import joints_to_motors, motors_to_joints
 from sim.errors.sensor_effects import ResolverEffects

@@ -17,10 +17,11 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Link
 from cell.geometry import robot_frames
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.rotation import quat_wxyz
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
+from sim.plant import mujoco_plant
 from sim.plant.effects import Plant
 from sim.plant.kinematic_plant import bar_at
 from sim.plant.mjcf import (
@@ -33,16 +34,6 @@ from sim.plant.mjcf import (
     unloaded_robot_spec,
 )
 from sim.plant.mjcf_parts import set_inertia
-from sim.plant.mujoco_plant import (
-    CLOSURE_LIMIT,
-    PlantError,
-    PlantRun,
-    bending,
-    full_state,
-    roll_out,
-    servo_command,
-    servo_motion,
-)
 from sim.settings import RodAndWire
 
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first second (as in
@@ -70,26 +61,26 @@ def run_with_instrument(
     """
     model = _model(plant, instrument, forces, timestep)
     t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
-    command = servo_command(plant, path, t, gravity_compensation=gravity_compensation)
+    command = mujoco_plant.servo_command(plant, path, t, gravity_compensation=gravity_compensation)
     if is_wire(instrument) and not instrument.follows:
         command = np.column_stack((command, np.ones(t.size)))
     start = _start(plant, model, instrument, path.q[0])
-    run = PlantRun(plant, model, start, command, timestep)
+    run = mujoco_plant.PlantRun(plant, model, start, command, timestep)
     rest = replace(run, command=np.repeat(command[:1], round(SETTLING / timestep), axis=0))
-    settled = roll_out(rest)[0][-1].copy()
+    settled = mujoco_plant.roll_out(rest)[0][-1].copy()
     settled[0] = 0.0
 
     def on_states(states: Array) -> None:
         if on_motion is not None:
             q = states[:, 1 + model.joints]
-            b = np.column_stack(bar_at(plant.geometry, q, bending(model, states)))
+            b = np.column_stack(bar_at(plant.geometry, q, mujoco_plant.bending(model, states)))
             on_motion(plant.cell, plant.geometry, states[:, 0], q, b)
 
-    states, _ = roll_out(replace(run, start=settled), on_states)
+    states, _ = mujoco_plant.roll_out(replace(run, start=settled), on_states)
     motion = _motion(run, 0.0 if instrument.follows else forces.wire_tension_N, forces, states)
     _check_cup(model, instrument, states, motion)
     if fault := axis_range_fault(plant.cell.robot, motion.t, motion.q):
-        raise PlantError(fault[1])
+        raise mujoco_plant.PlantError(fault[1])
     return motion
 
 
@@ -118,13 +109,13 @@ def _start(plant: Plant, compiled: PlantModel, instrument: Instrument, q: Array)
         end = robot_frames(geometry, q[None]).tip[:, 0]
         cup = int(model.joint(SEAT_JOINT).qposadr[0])
         data.qpos[cup : cup + 5] = rod_position(geometry.origin, end, instrument.nominal)
-    return full_state(model, data)
+    return mujoco_plant.full_state(model, data)
 
 
-def _motion(run: PlantRun, pull: float, forces: RodAndWire, states: Array) -> Motion:
+def _motion(run: mujoco_plant.PlantRun, pull: float, forces: RodAndWire, states: Array) -> Motion:
     compiled = run.compiled
-    q, plate = states[:, 1 + compiled.joints], bending(compiled, states)
-    shown, torque = servo_motion(run, states)
+    q, plate = states[:, 1 + compiled.joints], mujoco_plant.bending(compiled, states)
+    shown, torque = mujoco_plant.servo_motion(run, states)
     b, stretch = bar_at(run.plant.geometry, q, plate)
     force = np.full(len(states), pull)
     if compiled.slide.size:
@@ -148,11 +139,11 @@ def _check_cup(compiled: PlantModel, instrument: Instrument, states: Array, moti
         return
     rod = instrument.nominal + states[:, 1 + compiled.slide[0]]
     open_by = np.abs(rod - motion.rod_stretch - motion.geometry["bd3"])
-    if open_by.max() > CLOSURE_LIMIT:
+    if open_by.max() > mujoco_plant.CLOSURE_LIMIT:
         k = int(open_by.argmax())
-        raise PlantError(
+        raise mujoco_plant.PlantError(
             f"not simulated exactly enough: the rod ends {open_by[k] * 1e6:.2f} um from the tool "
-            f"at t = {motion.t[k]:.2f} s (limit {CLOSURE_LIMIT * 1e6:g} um). Halve "
+            f"at t = {motion.t[k]:.2f} s (limit {mujoco_plant.CLOSURE_LIMIT * 1e6:g} um). Halve "
             "plant.timestep_s, or lengthen path.duration_s"
         )
 

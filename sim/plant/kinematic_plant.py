@@ -24,7 +24,7 @@ from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.inverse import bar_angles, refine
 from sim.errors.plant_errors import ThermalGrowth
 from sim.motion import Motion, bent_plate

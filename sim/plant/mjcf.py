@@ -147,27 +147,21 @@ def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
             spec.add_sensor(name=name, type=kind, objtype=site, objname="flange")
 
 
-def plate_hinge_stiffness(length: float, tip_stiffness: float) -> float:
-    """[N m/rad] stiffness of a hinge at a third of a cantilever, equivalent under a tip load.
-
-    length : [m]. tip_stiffness : [N/m]. Deflection and tilt of the tip are those of the cantilever.
-    """
-    return tip_stiffness * (2.0 * length / 3.0) ** 2
-
-
 def _add_bending_plate(
     flange: mujoco.MjsBody, tool: tuple[Array, Array], length: float, tip_stiffness: float
 ) -> None:
     """The tool on a hinge about the plate's y, two thirds of its length from the tool.
 
-    tool : rotation (3, 3) and position (3,) [m] in the flange's frame. Source: notes/mujoco sec. 1.
+    Under a load at the tip its deflection and tilt are those of a cantilever. tool : rotation
+    (3, 3) and position (3,) [m] in the flange's frame. length : [m]. tip_stiffness : [N/m]. Source:
+    notes/mujoco sec. 1.
     """
     rotation, position = tool
     arm = np.array([2.0 * length / 3.0, 0.0, 0.0])
     tip = flange.add_body(name="plate_tip", pos=position - rotation @ arm, quat=quat_wxyz(rotation))
     tip.mass, tip.inertia, tip.explicitinertial = 1e-9, [1e-9, 1e-9, 1e-9], True
     hinge = tip.add_joint(name=PLATE_JOINT, type=_HINGE, axis=[0, 1, 0], armature=PLATE_ARMATURE)
-    hinge.stiffness[0] = plate_hinge_stiffness(length, tip_stiffness)
+    hinge.stiffness[0] = tip_stiffness * arm[0] ** 2
     hinge.damping[0] = PLATE_DAMPING * hinge.stiffness[0]
     tip.add_site(name="tool", pos=arm)
 

@@ -266,7 +266,7 @@ def share_of_wrong_rows(seed: int) -> float:
     return float(np.mean(wrong[smooth > 0.02 * np.quantile(smooth, 0.9)]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_robot_that_moves_and_rests_mostly_keeps_its_ticks() -> None:
     """Rows between two rests once had the tick before their own, or the next one, which a fit takes
     for a step of the clock. Bursts of up to 20 ms that lose rows while the robot rests leave two of

@@ -48,6 +48,9 @@ def to_and_fro(t: Array) -> Array:
 
 
 MOTIONS = pytest.mark.parametrize("motion", [swinging, with_rests, fast, at_rest, to_and_fro])
+NOISES = pytest.mark.parametrize(
+    "noise", [0.05, *(pytest.param(noise, marks=pytest.mark.slow) for noise in (0.0, 1.0))]
+)
 
 
 def written(folder: Path, t: Array, values: Array, noise: float = 0.05) -> Path:
@@ -87,7 +90,7 @@ def test_neither_a_fixed_order_nor_every_row_is_needed(tmp_path: Path, motion: M
 
 
 @MOTIONS
-@pytest.mark.parametrize("noise", [0.0, 0.05, 1.0])
+@NOISES
 @pytest.mark.parametrize("share", [0.98, 0.6, 0.5, 0.2])
 def test_bursts_of_one_source_are_read(
     tmp_path: Path, motion: Motion, noise: float, share: float
@@ -104,7 +107,7 @@ def test_bursts_of_one_source_are_read(
 
 
 @MOTIONS
-@pytest.mark.parametrize("noise", [0.0, 0.05, 1.0])
+@NOISES
 @pytest.mark.parametrize("pair", ["two of four", "held", "held late", "one twice", "filtered"])
 def test_pairs_of_one_source_are_read(
     tmp_path: Path, motion: Motion, noise: float, pair: str

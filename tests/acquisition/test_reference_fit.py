@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from acquisition.reference_fit import Knock, _Normal, fit_references, fit_with_knocks
+from cell.arrays import Array
 from cell.statistics import rms
 from tests.helpers.reference_points import (
     COUNT,
@@ -18,6 +21,18 @@ from tests.helpers.reference_points import (
     moved,
     readings,
 )
+
+SEEDS = range(4)
+every_number_of_points = pytest.mark.parametrize(
+    "points", [3, *(pytest.param(more, marks=pytest.mark.long) for more in (4, 6))]
+)
+
+
+@cache
+def undisturbed(kind: str, points: int, seed: int) -> tuple[Array, Array]:
+    """Errors of `helpers.reference_points.errors`, and those of single measurements."""
+    read = readings(kind, points, seed)
+    return errors(fitted(read), kind, seed)[0], errors_of_single_measurements(read, kind, seed)
 
 
 @pytest.mark.slow
@@ -33,15 +48,11 @@ from tests.helpers.reference_points import (
         ("shaken", 1.05),  # there is nothing to average
     ],
 )
-@pytest.mark.parametrize("points", [3, 4, 6])
+@every_number_of_points
 def test_motion_is_followed_closer_than_single_measurements_show_it(
     kind: str, share: float, points: int
 ) -> None:
-    left, single = [], []
-    for seed in range(4):
-        read = readings(kind, points, seed)
-        left.append(errors(fitted(read), kind, seed)[0])
-        single.append(errors_of_single_measurements(read, kind, seed))
+    left, single = zip(*(undisturbed(kind, points, seed) for seed in SEEDS), strict=True)
     assert rms(left) < share * rms(single)
 
 
@@ -64,12 +75,12 @@ def test_the_stated_deviation_is_that_of_the_error_whatever_was_declared(
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [2e-4, 2e-2])
 @pytest.mark.parametrize("kind", ["linear", "swinging", "jolted"])
-@pytest.mark.parametrize("points", [3, 4])
+@every_number_of_points
 def test_disturbed_readings_do_no_harm(size: float, kind: str, points: int) -> None:
     left, without = [], []
-    for seed in range(4):
+    for seed in SEEDS:
         read, rng = readings(kind, points, seed), np.random.default_rng([seed, 4])
-        without.append(errors(fitted(read), kind, seed)[0])
+        without.append(undisturbed(kind, points, seed)[0])
         wrong = rng.uniform(size=read.shape[:2]) < 0.03
         away = rng.standard_normal((int(wrong.sum()), 3))
         read[wrong] += size * away / np.linalg.norm(away, axis=1, keepdims=True)
@@ -82,7 +93,7 @@ def test_disturbed_readings_do_no_harm(size: float, kind: str, points: int) -> N
 
 def test_points_that_are_not_read_and_measurements_without_any_are_bridged() -> None:
     rng = np.random.default_rng(7)
-    for seed in range(3):
+    for seed in range(2):
         read = readings("linear", 4, seed)
         read[rng.uniform(size=read.shape[:2]) < 0.3] = np.nan
         read[rng.uniform(size=COUNT) < 0.3] = np.nan
@@ -104,8 +115,17 @@ def test_time_between_measurements_counts() -> None:
     assert steps[pause - 1] > 100.0 * np.delete(steps, pause - 1).max()
 
 
-@pytest.mark.parametrize(("points", "point"), [(5, 0), (5, 3), (6, 5)])
-@pytest.mark.parametrize("kind", ["linear", "jolted"])
+@pytest.mark.parametrize(
+    ("points", "point", "kind"),
+    [
+        (5, 0, "linear"),
+        (6, 5, "jolted"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((5, 3, "linear"), (5, 3, "jolted"))
+        ),
+    ],
+)
 def test_a_knocked_point_is_told_from_the_others(points: int, point: int, kind: str) -> None:
     """Every time with five points or more; with fewer another one may explain as much."""
     read, at = readings(kind, points, 3), 47
@@ -131,9 +151,9 @@ def test_a_point_that_is_knocked_twice_is_three_points() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rest", "linear", "swinging", "jolted", "walking"])
-@pytest.mark.parametrize("points", [3, 4, 6])
+@every_number_of_points
 def test_no_point_is_said_to_be_knocked_that_was_not(kind: str, points: int) -> None:
-    for seed in range(4):
+    for seed in SEEDS:
         read = readings(kind, points, seed, count=40)
         read[11, 0] += 1e-3  # a single disturbed reading is no knock
         assert not fit_with_knocks(read, np.full(read.shape[:2], SIGMA), np.ones(39))[1]

@@ -87,7 +87,7 @@ def test_poses_of_two_frames_are_aligned_by_their_names_or_by_options(tmp_path: 
     assert "several names" in refusal("align", *files, "--channel", "x,y,z=u,v,w")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not (DATA / "eth_arm_camera").is_dir(), reason="no ../shared/real_robots")
 def test_the_clock_of_a_real_arm_and_camera_is_that_of_a_plain_fit(tmp_path: Path) -> None:
     """A plain fit of all rows, not by the project, gave -18.5 ms with a sigma of 2.3 ms."""

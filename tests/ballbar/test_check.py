@@ -42,6 +42,7 @@ def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
     assert "5888 of 5889 rows used" in out
 
 
+@pytest.mark.slow
 def test_the_stage_is_shown_while_a_long_recording_is_read(recording: Path) -> None:
     _, _, stages = ballbar("check", recording, "--verbose")
     assert "reading the recording" in stages

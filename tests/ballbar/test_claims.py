@@ -43,7 +43,7 @@ from tests.helpers.sweeps import inline
 ROOT = SCENARIOS.parent
 CLAIMS = SCENARIOS / "claims"
 # Topics whose quick runs take a second or two, from each chapter and of each kind of check.
-FAST = ("identifiability", "largest_errors", "synchronisation", "truncation", "plate", "rod")
+FAST = ("identifiability", "synchronisation", "truncation", "rod")
 SAMPLED = CLAIMS / "scenarios" / "irb2400.yaml"
 
 # Two costs, two sizes, three seeds; C_l five times C_T, both in proportion to the size; C_P off by

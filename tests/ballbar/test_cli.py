@@ -153,7 +153,13 @@ BAD: dict[str, tuple[str, Callable[[bytes], bytes], tuple[str, ...]]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("file", "damaged", "words"), BAD.values(), ids=BAD)
+@pytest.mark.parametrize(
+    ("file", "damaged", "words"),
+    [  # degrees are looked for among all causes, which takes seconds (test_read_with_causes)
+        pytest.param(*BAD[kind], id=kind, marks=pytest.mark.long if kind == "degrees" else ())
+        for kind in BAD
+    ],
+)
 def test_bad_input_says_what_and_where_with_exit_code_2_and_writes_nothing(
     file: str,
     damaged: Callable[[bytes], bytes],

@@ -56,7 +56,7 @@ def test_a_turn_of_a_robot_without_errors_stays_with_axes_at_zero() -> None:
         assert configuration_changes(robot, target_of(2, given), axes, axes - 2e-7) == []
 
 
-@pytest.mark.parametrize("name", ["kr10_r1100", "kr210"])
+@pytest.mark.parametrize("name", ["kr10_r1100", pytest.param("kr210", marks=pytest.mark.slow)])
 def test_every_posture_of_a_kuka_robot_is_found_from_its_status_and_turn(name: str) -> None:
     """Regression: the search missed 10 of these 200 of the KR 10; one S took the other elbow."""
     robot, rng = load_robot(name), np.random.default_rng(1)

@@ -152,6 +152,7 @@ def test_a_growing_recording_of_an_instrument_that_follows_is_watched(tmp_path: 
     assert panel(state.to_dict())
 
 
+@pytest.mark.slow
 def test_logs_of_two_runs_are_watched_and_called_implausible(tmp_path: Path) -> None:
     made = FollowedRobot(seed=8).write(tmp_path / "made", seconds=20.0, rate=50.0)
     other = FollowedRobot(seed=9).write(tmp_path / "other", seconds=20.0, rate=50.0)

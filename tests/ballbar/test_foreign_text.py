@@ -126,6 +126,7 @@ def test_models_and_json_stay_what_they_are(cell: Cell, made: Result, text: str)
     assert json.loads(exported(result, "json"))["title"] == text
 
 
+@pytest.mark.slow
 @hostile
 @given(HOSTILE)
 @example("\r=")

@@ -21,6 +21,7 @@ path: {{kind: lissajous, duration_s: 20, dwell_s: 1, stops: 0}}
 """
 
 
+@pytest.mark.slow
 def test_a_robot_without_data_is_simulated_on_a_path_that_nobody_named(tmp_path: Path) -> None:
     file = tmp_path / "found.yaml"
     rest = "plant: {typical_spread: 1.0}\nerrors: {joint_compliance: {}, resolver_error: {}}"

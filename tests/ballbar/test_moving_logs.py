@@ -51,7 +51,7 @@ def test_the_commands_of_the_page_lead_from_the_table_to_a_result(
     assert abs(clock["skew"] - 10e-6) < 15e-6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not VICON.exists(), reason="the measured robots are not beside the project")
 def test_eight_seconds_beside_a_motion_capture_are_not_called_good(tmp_path: Path) -> None:
     """The first half of the log is fitted, the second held out: it is no worse than nominal."""

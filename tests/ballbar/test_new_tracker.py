@@ -15,7 +15,7 @@ from tests.helpers.followed_robot import FollowedRobot
 from tests.helpers.terminal import at_the_terminal
 
 EPOCH = 1_720_702_091 * 10**9  # [ns]
-SECONDS = 20.0
+SECONDS = 5.0
 JOINTS = [f"joint_{k}" for k in range(1, 7)]
 TARGET = [f"pv_{c}" for c in "xyz"] + [f"ov_{c}" for c in "xyzw"]
 OWN = [f"ps_{c}" for c in "xyz"] + [f"os_{c}" for c in "xyzw"]  # the controller's own pose
@@ -23,17 +23,24 @@ COLUMNS = ["timestamp", "sec", "nanosec", *TARGET, *OWN, *JOINTS]
 SAID = ["--robot", "ur10e", "--instrument", "tracker_pose", "--yes"]
 
 
-def table(file: Path, robot: FollowedRobot, *, unit: float = 1e-3, own: bool = True) -> Path:
+def table(
+    file: Path,
+    robot: FollowedRobot,
+    *,
+    seconds: float = SECONDS,
+    unit: float = 1e-3,
+    own: bool = True,
+) -> Path:
     """A table whose rows fill the columns of one signal each, in the order of their arrival.
 
     unit : [m] of positions. own : whether the controller's pose is among the signals.
     """
-    t = np.arange(round(SECONDS * 250.0)) / 250.0
+    t = np.arange(round(seconds * 250.0)) / 250.0
     logged = np.rad2deg(robot.logged(t))
     rows = [(EPOCH + round(s * 1e9), JOINTS, q) for s, q in zip(t, logged, strict=True)]
     if own:
         rows += [(at + 300_000, OWN, np.append(q[:3], [0, 0, 0, 1])) for at, _, q in rows]
-    t = np.arange(round((SECONDS - 1.0) * 200.0)) / 200.0
+    t = np.arange(round((seconds - 1.0) * 200.0)) / 200.0
     pose = robot.measured(t, pose=True)
     values = np.hstack((pose[:, :3] / unit, Rotation.from_rotvec(pose[:, 3:]).as_quat()))
     stamps = EPOCH + 17 * 10**9 + np.rint(t * 1e9).astype(np.int64)
@@ -140,8 +147,8 @@ def test_a_point_and_another_order_of_the_quaternion_are_asked_for(
 
 
 @pytest.mark.long
-def test_the_folder_is_checked_aligned_and_identified(log: Path, tmp_path: Path) -> None:
-    made = tmp_path / "made"
+def test_the_folder_is_checked_aligned_and_identified(robot: FollowedRobot, tmp_path: Path) -> None:
+    made, log = tmp_path / "made", table(tmp_path / "cell.csv", robot, seconds=20.0)
     output("new", made, log, *SAID, "--values", ",".join(TARGET))
     assert "tracker log: 3800 samples" in output("check", made)
     words = ["--source-a", "robot", "--source-b", "tracker"]

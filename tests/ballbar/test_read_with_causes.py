@@ -69,7 +69,7 @@ def test_a_unit_or_two_columns_are_named_in_place_of_the_question(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["irb4600", pytest.param("kr210", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("robot", ["irb4600", pytest.param("kr210", marks=pytest.mark.long)])
 def test_another_robot_is_named_and_not_another_unit(
     recorded: Recorded, tmp_path: Path, robot: str
 ) -> None:

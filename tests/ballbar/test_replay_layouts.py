@@ -25,9 +25,10 @@ from ballbar.replay.viewer import _rerun, chosen_replay
 from ballbar.replay.write import scenario_page, write_replay
 from ballbar.report.motion import cell_motion
 from ballbar.result.run_data import RunData
-from ballbar.sphere_coverage import PATCHES, coverage, even_directions
+from ballbar.sphere_coverage import PATCHES, coverage
 from cell.errors import InputError
 from cell.logs import BallBarLog
+from cell.rotation import even_directions
 from tests.helpers.identified_run import simulated_run
 from tests.helpers.replay_files import chunks, entities, free_port, values, verified
 

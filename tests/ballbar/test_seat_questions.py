@@ -274,6 +274,7 @@ def test_files_that_show_nothing_are_refused_by_yes_and_named_by_options(
     made(tmp_path / "made", files, *POINTS, *words)
 
 
+@pytest.mark.slow
 def test_a_file_that_fits_no_robot_or_not_what_is_given_shows_nothing(tmp_path: Path) -> None:
     shuffled = points(OTHERS, REFLECTORS[0])[::-1]
     files = [

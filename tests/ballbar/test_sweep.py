@@ -210,6 +210,9 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     assert not set(skews) & {point_of(other, i)["clocks.skew"] for i in range(20)}
 
 
+DRAWS = 1000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("distribution", "quantile"),
@@ -224,12 +227,12 @@ def test_draws_follow_their_distribution(
 ) -> None:
     plan = plan_of(
         tmp_path,
-        f"draw: {{clocks.offset_s: {{{distribution}}}}}\ndraws: 4000\nseeds: {{count: 1}}\n",
+        f"draw: {{clocks.offset_s: {{{distribution}}}}}\ndraws: {DRAWS}\nseeds: {{count: 1}}\n",
     )
     drawn = np.sort([point_of(plan, i)["clocks.offset_s"] for i in range(plan.points)])
     for u in (0.1, 0.25, 0.5, 0.75, 0.9):
         share = float(np.mean(drawn < quantile(u)))
-        assert abs(share - u) < 4.0 * np.sqrt(u * (1.0 - u) / 4000)  # standard deviations
+        assert abs(share - u) < 4.0 * np.sqrt(u * (1.0 - u) / DRAWS)  # standard deviations
 
 
 def _small_plan(
@@ -642,11 +645,19 @@ NOTHING = Task("", sweep_work.figures, (), Path())
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> None:
+    """The killed worker had chunks in progress, and perhaps the files that all chunks need."""
     from distributed import LocalCluster  # noqa: PLC0415  slow to import
 
     sweep = loaded(tmp_path, GRID.replace("count: 5", "count: 40"))
     alone = swept(sweep, tmp_path / "alone", inline, sweep_work.figures_with_failures)
+    killed: list[int] = []
+
+    def kill_one(done: int, _stage: str) -> None:
+        if done and not killed:
+            killed.append(done)
+            os.kill(cluster.workers[0].pid, signal.SIGKILL)
+
     with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
@@ -655,7 +666,10 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
             tmp_path / "there",
             partial(dask_cluster, address=cluster.scheduler_address),
             sweep_work.figures_with_failures,
+            kill_one,
         )
+    assert killed
+    assert killed[0] < sweep.plan.runs
     assert there.finished
     assert table_bytes(there) == table_bytes(alone)
 

@@ -99,7 +99,7 @@ def test_what_is_stated_at_the_end_is_the_identification_of_the_recording(
     assert estimate.clock[0] == pytest.approx(result.recordings[0].clock.offset, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_enough_is_said_where_the_true_error_is_within_the_accuracy_in_95_percent(
     growing: GrowingRecording,
 ) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cell.chain import Chain, Frames, forward
 from cell.descriptions import BallBar, Robot
 from cell.errors import DescriptionError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.instruments.plane import TouchedPlane
 from cell.load import (
     ballbar_names,

@@ -24,8 +24,8 @@ def test_many_rows_are_mapped_as_each_of_them_is(rows: int) -> None:
     joints = motors_to_joints(ROBOT, motors)
     for k in {0, rows // 2, rows - 1}:
         assert joints[k] == pytest.approx(motors_to_joints(ROBOT, motors[k]), abs=1e-12)
-    assert joints == pytest.approx(motors @ ROBOT.transmission, abs=1e-12)
-    assert joints_to_motors(ROBOT, joints) == pytest.approx(motors, abs=1e-9)
+    np.testing.assert_allclose(joints, motors @ ROBOT.transmission, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(joints_to_motors(ROBOT, joints), motors, rtol=0.0, atol=1e-9)
 
 
 def test_columns_of_a_log_keep_their_layout_in_memory() -> None:

@@ -93,6 +93,7 @@ def test_what_a_file_states_is_neither_replaced_nor_drawn() -> None:
     assert not np.allclose(drawn.required("gears").stiffness, typical.required("gears").stiffness)
 
 
+@pytest.mark.slow
 def test_draws_have_the_stated_spread_and_a_scale_of_zero_draws_the_typical_robot() -> None:
     typical, spread = with_typical(load_robot("ur5e"))
     rng = np.random.default_rng(5)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import chain, groupby
 from pathlib import Path
 
@@ -146,10 +147,14 @@ def _signed(k: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
     return (k + 128) % 256 - 128 if bits == 8 else k
 
 
+@cache
 def channel(
     file: Path, name: str, kind: Kind = "float"
 ) -> tuple[NDArray[np.int64], NDArray, tuple[Finding, ...]]:
-    """Times (N,) [ns] since START_NS and values (N,) of one channel of an export, and findings."""
+    """Times (N,) [ns] since START_NS and values (N,) of one channel of an export, and findings.
+
+    Read once: a file is not written again.
+    """
     table, _ = read_scope(file, file.name, "time", Layout((), {"time": "integer", name: kind}))
     return table.columns["time"] - START_NS, table.columns[name], table.findings
 

@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames
 from cell.inverse import refine
 from ident.estimator.samples import Samples
+from ident.identify import identify_together
+from ident.recording_fit import Logs
+from ident.result import Identification
+from sim.truth import Truth
+from tests.helpers.drawn_robots import recorded as logs_of
+from tests.helpers.drawn_robots import scenario_of
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.synthetic_recording import Loop, recording
 
@@ -25,3 +32,16 @@ def loop(nominal: Geometry) -> Loop:
 def noisy() -> Samples:
     """A minute of the nominal mechanism with 10 urad of white noise on every angle."""
     return recording(noise=1e-5)
+
+
+@pytest.fixture(scope="session")
+def drawn_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Logs, Truth]:
+    """A recording of a drawn robot with everything on, beside which still poses are fitted."""
+    return logs_of(scenario_of("irb2400", "a", 3, 120.0), tmp_path_factory.mktemp("drawn"))
+
+
+@pytest.fixture(scope="session")
+def drawn_alone(drawn_run: tuple[Cell, Logs, Truth]) -> Identification:
+    """The robot that its recording alone identifies."""
+    cell, logs, _ = drawn_run
+    return identify_together(cell, [logs])

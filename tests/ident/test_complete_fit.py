@@ -30,8 +30,9 @@ from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.uncertainty import mean_autocorrelation
 from ident.held_machine import closed_loop
-from ident.model_choice import coefficients_of, lasting, unsupported
+from ident.model_choice import AUTOCORRELATED, coefficients_of, lasting, unsupported
 from ident.options import FitOptions, Listener
 from ident.recording_fit import RecordingFit, fit_recording
 from ident.robot.identified import IdentifiedRobot
@@ -73,6 +74,15 @@ def found(rippled: RecordingFit) -> Fit:
 
 def test_a_correction_without_effect_is_not_supported_and_a_planted_one_is(found: Fit) -> None:
     assert unsupported(found) == {"encoder_harmonics"}
+
+
+def test_nothing_is_seen_to_be_absent_beside_something_systematic(found: Fit) -> None:
+    """The residual may hide it, and left out it would be zero for sure."""
+    residual = found.linear.residuals[0]
+    slow = np.broadcast_to(3.0 * np.sin(0.05 * np.arange(residual.shape[1])), residual.shape)
+    hidden = replace(found, linear=replace(found.linear, residuals=(slow,)))
+    assert mean_autocorrelation(hidden) > AUTOCORRELATED
+    assert unsupported(hidden) == set()
 
 
 def test_planted_ripple_is_found_in_its_own_coefficient(found: Fit) -> None:

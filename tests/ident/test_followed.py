@@ -68,7 +68,7 @@ def tool_error(result: TableEstimate, made: FollowedRobot) -> Array:
     return np.asarray((found - seat.origin) @ seat.rotation - true)
 
 
-@pytest.mark.parametrize("pose", [False, True])
+@pytest.mark.parametrize("pose", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_robot_and_the_clock_of_the_independent_arithmetic_are_found(pose: bool) -> None:
     result = fitted(MADE, pose=pose)
     clock, sigma = result.clocks["moving"]
@@ -82,6 +82,7 @@ def test_the_robot_and_the_clock_of_the_independent_arithmetic_are_found(pose: b
     assert result_at_rest(result).verdict.status is Status.GOOD
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_shifted_is_found_shifted() -> None:
     """By stamps that count from elsewhere, and by an instrument that is late."""
     robot, tracker = logs_of(MADE)
@@ -167,6 +168,7 @@ def test_a_robot_that_stands_gives_the_same_as_the_table_of_its_still_poses(meas
     assert stands.clocks["standing"][1] == pytest.approx([1.0, 1e-3])  # as its prior: nothing shows
 
 
+@pytest.mark.long
 def test_rows_of_a_slow_robot_are_no_single_pose() -> None:
     """Neighbouring rows are less than half a milliradian apart, all along the path."""
     table = table_by(*logs_of(replace(MADE, speed=0.02)))
@@ -184,6 +186,7 @@ def test_logs_that_share_too_little_motion_are_refused() -> None:
         table_by(robot, short)
 
 
+@pytest.mark.slow
 def test_a_frame_with_a_wrong_sign_is_refused_as_a_mirror_image() -> None:
     robot, tracker = logs_of(MADE)
     with pytest.raises(PoseStartError, match="only as a mirror image"):

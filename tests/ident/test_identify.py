@@ -262,7 +262,9 @@ def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_whi
 @pytest.mark.parametrize(
     ("robot", "bar", "words"),
     [
-        ("nj220", "lund_600", "this is not the log of robot nj220"),
+        pytest.param(
+            *("nj220", "lund_600", "this is not the log of robot nj220"), marks=pytest.mark.long
+        ),
         ("irb2400", "lund_900", "the file of lund_900 states 900.0 mm"),
     ],
 )
@@ -281,7 +283,7 @@ def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(
     assert not result.verdict.acceptable
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_logs_of_two_different_runs_are_not_matched_in_silence(
     recorded: Recorded, tmp_path: Path
 ) -> None:

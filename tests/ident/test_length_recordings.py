@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +19,15 @@ from ident.verdict import Status
 from tests.helpers.length_recordings import LengthRun, bar_run, wire_run
 
 DH = FitOptions(model="dh", samples=1000)
+
+
+@cache
+def identified(
+    make: Callable[..., LengthRun], offset: float, seed: int
+) -> tuple[LengthRun, Identification]:
+    """A run whose clock is off, and what its logs identify."""
+    run = make(Clock(offset, 5e-5), seed=seed)
+    return run, identify_together(run.cell, [run.logs], options=DH)
 
 
 def deviations(result: Identification, run: LengthRun) -> dict[str, float]:
@@ -44,10 +55,9 @@ def deviations(result: Identification, run: LengthRun) -> dict[str, float]:
     ],
 )
 def test_clock_and_geometry_lie_within_the_stated_deviations(
-    make: type[LengthRun], offset: float, seed: int
+    make: Callable[..., LengthRun], offset: float, seed: int
 ) -> None:
-    run = make(Clock(offset, 5e-5), seed=seed)
-    result = identify_together(run.cell, [run.logs], options=DH)
+    run, result = identified(make, offset, seed)
     assert result.verdict.status is Status.GOOD
     off = deviations(result, run)
     assert abs(off["offset"]) < 3.0
@@ -61,8 +71,7 @@ def test_clock_and_geometry_lie_within_the_stated_deviations(
 
 @pytest.mark.slow
 def test_what_a_point_cannot_see_stays_at_its_nominal_value() -> None:
-    run = wire_run(Clock(0.3, 0.0), seed=3)
-    result = identify_together(run.cell, [run.logs], options=DH)
+    _, result = identified(wire_run, 1.0, 2)
     dropped = {d.name: d.reason for d in result.robot.dropped}
     assert dropped["ralpha6"] == "no effect"
     assert {"rd1", "rtheta1", "rd3"} <= set(dropped)
@@ -106,7 +115,7 @@ def test_two_lengths_are_fitted_together() -> None:
 
 @pytest.mark.slow
 def test_corrections_of_a_rigid_rod_are_refused() -> None:
-    run = wire_run(Clock(0.3, 0.0), seed=6)
+    run, _ = identified(wire_run, 1.0, 2)
     options = FitOptions(corrections=("rod_strain",), samples=300)
     with pytest.raises(InputError, match="rod_strain is of a ball-bar with a rigid rod"):
         identify_together(run.cell, [run.logs], options=options)

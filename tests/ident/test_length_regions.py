@@ -123,6 +123,7 @@ def test_points_of_a_measured_ur10_lie_in_the_regions_of_its_lengths(tmp_path: P
     assert within(arm, q[300:][inside], points[300:][inside] - seat) > 0.93
 
 
+@pytest.mark.slow
 def test_a_turn_of_the_frame_is_taken_out_by_the_helper() -> None:
     _, result = drawn("ur5", 0, 3)
     arm, q = result.identified_robot(), angles("ur5", 20, 3)

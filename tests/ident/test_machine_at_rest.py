@@ -17,12 +17,11 @@ from ident.corrections import CORRECTIONS
 from ident.identify import identify_together
 from ident.machine_at_rest import arm_at_rest, table_at_rest
 from ident.recording_fit import Logs
-from ident.result import Machine
+from ident.result import Identification, Machine
 from ident.robot.identified import IdentifiedRobot
 from ident.verification import Verification
 from ident.verify_table import verify
 from sim.truth import Truth
-from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.tracker_points import still_points
 
 SEED, MEASURED = 3, 2e-5  # [m] of still poses along each axis
@@ -55,17 +54,6 @@ def test_bare_rows_at_the_angles_at_rest_stand_as_the_robot_does(
     assert forward(nominal.robot, still.q).poses() == pytest.approx(robot.poses(q), abs=1e-7)
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A recording of a drawn robot with everything on."""
-    return recorded(scenario_of("irb2400", "a", SEED, 120.0), tmp_path_factory.mktemp("run"))
-
-
-@pytest.fixture(scope="module")
-def alone(run: Run) -> Machine:
-    return identify_together(run[0], [run[1]]).machine
-
-
 def checked(
     machine: Machine,
     run: Run,
@@ -89,26 +77,27 @@ def checked(
 
 @pytest.mark.slow
 def test_still_poses_are_held_against_a_robot_that_recordings_identified(
-    run: Run, alone: Machine
+    drawn_run: Run, drawn_alone: Identification
 ) -> None:
-    for seed in range(301, 307):
-        outcome = checked(alone, run, {}, seed=seed)
+    alone = drawn_alone.machine
+    for seed in range(301, 304):
+        outcome = checked(alone, drawn_run, {}, seed=seed)
         assert outcome.explanations == (), outcome.sentence
         assert outcome.notes == ()
     for axis in (2, 3, 4, 5):
-        (named,) = checked(alone, run, {}, turned=axis).named
+        (named,) = checked(alone, drawn_run, {}, turned=axis).named
         assert (named.cause.kind, named.cause.name) == ("axis", str(axis))
         assert named.size[0] == pytest.approx(1e-3, abs=4.0 * named.sigma[0])
 
 
 @pytest.mark.slow
-def test_a_target_that_was_identified_with_recordings_and_moved_is_named(run: Run) -> None:
-    cell, logs, truth = run
+def test_a_target_that_was_identified_with_recordings_and_moved_is_named(drawn_run: Run) -> None:
+    cell, logs, truth = drawn_run
     result = identify_together(cell, [logs], still_points(cell, truth, SEED))
     assert result.poses is not None
     targets = {name: entry.placement for name, entry in result.poses.targets.items()}
-    assert checked(result.machine, run, targets).explanations == ()
-    (named,) = checked(result.machine, run, targets, moved=3e-4).named
+    assert checked(result.machine, drawn_run, targets).explanations == ()
+    (named,) = checked(result.machine, drawn_run, targets, moved=3e-4).named
     assert (named.cause.kind, named.cause.name) == ("target", "reflector")
     assert named.size == pytest.approx([0.0, 0.0, 3e-4], abs=4.0 * named.sigma.max())
-    assert checked(result.machine, run, targets, turned=3).named[0].cause.name == "3"
+    assert checked(result.machine, drawn_run, targets, turned=3).named[0].cause.name == "3"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,20 +15,13 @@ from cell.poses import PoseTable
 from ident.identify import identify_together
 from ident.options import FitOptions
 from ident.recording_fit import Logs
+from ident.result import Identification
 from ident.verdict import Status
 from sim.truth import Truth
-from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.tracker_points import SIGMA, still_points
 
 KINEMATICS = FitOptions(model="dh")
 Run = tuple[Cell, Logs, Truth]
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A recording of a drawn robot with everything on."""
-    folder: Path = tmp_path_factory.mktemp("mixed")
-    return recorded(scenario_of("irb2400", "a", 3, 120.0), folder)
 
 
 def moved(table: PoseTable, pose: int, by: Array) -> PoseTable:
@@ -41,16 +33,17 @@ def moved(table: PoseTable, pose: int, by: Array) -> PoseTable:
 
 
 @pytest.mark.slow
-def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
+def test_a_tracker_s_points_tell_what_a_recording_leaves_open(
+    drawn_run: Run, drawn_alone: Identification
+) -> None:
     """The scale above all; seat and target come out beside, and a wrong point does not count."""
-    cell, logs, truth = run
+    cell, logs, truth = drawn_run
     table = moved(still_points(cell, truth, 3), 4, np.array([0.0, 0.02, 0.0]))
-    alone = identify_together(cell, [logs])
     mixed = identify_together(cell, [logs], table)
-    assert alone.poses is None
+    assert drawn_alone.poses is None
     assert mixed.poses is not None
     assert mixed.verdict.status is Status.GOOD, mixed.verdict.sentence
-    assert mixed.robot.tcp_sigma.mean() < 0.8 * alone.robot.tcp_sigma.mean()
+    assert mixed.robot.tcp_sigma.mean() < 0.8 * drawn_alone.robot.tcp_sigma.mean()
     seat = mixed.poses.seats["tracker"]
     assert seat.whole
     assert np.abs(seat.placement.origin - [2.5, -1.0, 0.3]).max() < 5.0 * seat.sigma.max()
@@ -62,18 +55,18 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(run: Run) -> None:
 
 
 @pytest.mark.slow
-def test_a_few_points_beside_a_recording_do_not_judge_the_robot(run: Run) -> None:
+def test_a_few_points_beside_a_recording_do_not_judge_the_robot(drawn_run: Run) -> None:
     """Without one of four, seat and target are hardly known: "not the declared robot" it was."""
-    cell, logs, truth = run
+    cell, logs, truth = drawn_run
     result = identify_together(cell, [logs], still_points(cell, truth, 3, count=4))
     assert result.verdict.acceptable, result.verdict.sentence
     assert any("4 poses of tracker hardly tell more" in w for w in result.verdict.warnings)
 
 
 @pytest.mark.slow
-def test_still_poses_of_another_robot_are_named(run: Run) -> None:
+def test_still_poses_of_another_robot_are_named(drawn_run: Run) -> None:
     """A zero of 0.5 mrad that only the still poses have."""
-    cell, logs, truth = run
+    cell, logs, truth = drawn_run
     table = still_points(cell, truth, 3, count=40)
     (group,) = table.groups
     q = group.q + np.array([0.0, 5e-4, 0.0, 0.0, 0.0, 0.0]) * np.sign(group.q[:, :1])
@@ -83,8 +76,8 @@ def test_still_poses_of_another_robot_are_named(run: Run) -> None:
 
 
 @pytest.mark.slow
-def test_a_table_of_a_robot_of_another_name_is_refused(run: Run) -> None:
-    cell, logs, truth = run
+def test_a_table_of_a_robot_of_another_name_is_refused(drawn_run: Run) -> None:
+    cell, logs, truth = drawn_run
     table = replace(still_points(cell, truth, 3), robot=load_robot("ur5"))
     with pytest.raises(InputError, match="is of robot ur5, the recordings are of irb2400"):
         identify_together(cell, [logs], table, options=KINEMATICS)

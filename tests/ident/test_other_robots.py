@@ -56,7 +56,14 @@ class Run:
         return tcp_error(result.robot.geometry, self.true, accuracy_grid(self.cell.robot)).mean
 
 
-@pytest.fixture(scope="module", params=[FIVE_AXES, UR, SEVEN_AXES], ids=["five", "ur", "seven"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(FIVE_AXES, id="five", marks=pytest.mark.long),
+        pytest.param(UR, id="ur"),
+        pytest.param(SEVEN_AXES, id="seven", marks=pytest.mark.slow),
+    ],
+)
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
     return Run(tmp_path_factory.mktemp("robot"), request.param)
 

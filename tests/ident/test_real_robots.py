@@ -64,7 +64,7 @@ def test_a_measured_panda_is_identified_from_sockets_alone(tmp_path: Path) -> No
     assert any("rtheta3" in warning for warning in verdict_of(result).warnings)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_three_targets_of_a_measured_ur10_in_three_files_are_those_of_one(tmp_path: Path) -> None:
     """The T-Mac's rotation makes three rigid targets of one; 0.087 and 0.160 mm of an IRB 120."""
     full = read_poses(real_robots.ur10_a(tmp_path))

@@ -103,6 +103,7 @@ def test_elastic_gears_and_a_bending_plate_are_in_the_prediction(tmp_path: Path)
     assert check.nominal.rms > 5e-4
 
 
+@pytest.mark.slow
 def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
     """90 um at 0.1 m/s over 685 points: 0.02 ms at the middle, about 1 ppm."""
     clock = check_of(result).identified.clock
@@ -187,7 +188,7 @@ def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_how_much_of_a_milliradian_frame_and_led_leave(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -245,6 +246,7 @@ def test_another_motion_and_a_left_handed_frame_are_contradictions(
         assert other.verdict.status is Status.SUSPECT
 
 
+@pytest.mark.slow
 def test_a_log_that_is_too_short_validates_nothing_and_says_so(
     tracked: Recorded, recording: Recording
 ) -> None:

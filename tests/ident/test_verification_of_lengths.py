@@ -85,6 +85,7 @@ def test_a_longer_tool_is_named_though_its_length_was_taken_as_exact(
     assert abs(sizes["rd6"]) < 1.5e-5
 
 
+@pytest.mark.long
 def test_a_short_stroke_does_not_tell_zero_and_scale_apart(
     machine: Machine, truth: TrueMachine
 ) -> None:

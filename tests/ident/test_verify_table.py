@@ -80,7 +80,7 @@ def test_the_limit_is_that_of_chi_square_where_the_stated_region_is() -> None:
     assert limit_of(24, 0.8) == limit_of(24, 1.0), "never lighter than the normal distribution"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_unchanged_robot_is_called_changed_in_about_two_of_a_hundred(robot: Stored) -> None:
     """More than 4 % is refused. Of 1200 checks of three robots 23 were called changed."""
     rng = np.random.default_rng(2)
@@ -234,6 +234,7 @@ def test_poses_at_one_spot_hold_nothing_that_is_worth_saying(robot: Stored) -> N
     assert not {2, 3, 4} & set(spread.blind)
 
 
+@pytest.mark.slow
 def test_sockets_show_that_a_calibration_holds() -> None:
     true = true_robot("ur10")
     result = fit_table(table_of(true, noise=3e-5), FitOptions(joint_errors="none"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -116,18 +116,12 @@ def test_a_spread_of_nothing_leaves_the_typical_robot_alone() -> None:
     cell = load_cell("nj220", "lund_900", "plate_250")
     unknown = replace(cell, robot=bare(cell.robot))
     model = force_model(unknown, "soft", seed=1)
-    drawn, gears = model.machines, model.cell.robot.required("gears")
-    assert drawn is not None
-    same = replace(
-        drawn,
-        errors=np.tile(model.errors[:, :1], (1, 63)),
-        mass=np.ones_like(drawn.mass),
-        gear=np.tile(1.0 / gears.stiffness, (63, 1)),
-        servo=np.tile(1.0 / model.gains.kp, (63, 1)),
-        coulomb=np.tile(gears.coulomb, (63, 1)),
-        viscous=np.tile(gears.viscous, (63, 1)),
-    )
-    one = replace(model, errors=model.errors[:, :1], machines=same)
+    assert model.drawn is not None
+    errors = model.robots.errors[:, :1]
+    one = replace(model.robots, errors=errors)
+    tiled = {f.name: np.tile(getattr(one, f.name), (63, 1)) for f in fields(one)[1:]}
+    same = replace(model.drawn, errors=np.tile(errors, (1, 63)), **tiled)
+    one = replace(model, robots=one, drawn=same)
     nominal = nominal_geometry(unknown, np.array([1.5, 0.0, 0.7]))
     assert nominal.table.joints == 6
     file = load_model(SCENARIOS / "paths" / "nj220_planned.yaml", LissajousFile)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
+from scipy.optimize import lsq_linear
 
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
@@ -156,12 +156,8 @@ def test_segments_are_no_farther_apart_than_any_of_their_points(seed: int) -> No
     assert distance <= brute + 1e-12
     size = float(np.linalg.norm(u) + np.linalg.norm(v))
     assert distance == pytest.approx(brute, abs=0.01 * size)  # points 0.005 of it apart
-
-    def squared(w: Array) -> float:
-        return float(((p + w[0] * u - q - w[1] * v) ** 2).sum())
-
-    least = minimize(squared, [0.0, 0.0], bounds=[(-1.0, 1.0)] * 2, tol=1e-14)
-    assert distance == pytest.approx(np.sqrt(least.fun), abs=1e-6)  # the minimiser's tolerance
+    least = lsq_linear(np.column_stack((u, -v)), q - p, bounds=(-1.0, 1.0), method="bvls")
+    assert distance == pytest.approx(np.linalg.norm(least.fun), abs=1e-9)  # of rounding
 
 
 def test_clearance_of_runs_is_that_of_each(evaluator: Evaluator, genomes: Array) -> None:

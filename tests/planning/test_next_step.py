@@ -115,6 +115,7 @@ def test_a_measured_rod_brings_what_was_predicted(
     assert steps["rod_sigma"].predicted.sigma.mean() == pytest.approx(measured, rel=0.1)
 
 
+@pytest.mark.slow
 def test_with_every_encoder_none_is_missing(steps: dict[str, NextStep]) -> None:
     assert ENCODERS not in steps
     assert set(steps) == {"rod_sigma", REPEAT, PATH}

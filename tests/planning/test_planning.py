@@ -356,7 +356,9 @@ def test_the_expected_force_is_what_mujoco_measures(
     true = true_geometry(trajectory.nominal, errors, evaluator.cell, seed=0)
     true = set_without_strain(true, trajectory.q[:1])
     deviations = np.array([[true[name] - trajectory.nominal[name]] for name in THESIS_3_1])
-    model = replace(evaluator.force_model, errors=deviations)
+    model = evaluator.force_model
+    assert model is not None
+    model = replace(model, robots=replace(model.robots, errors=deviations))
     expected = predicted_forces(model, trajectory).tension[0]
     measured = np.interp(trajectory.t, motion.t, motion.rod_force)
     assert np.std(measured) > 25.0

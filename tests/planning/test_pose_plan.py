@@ -267,6 +267,7 @@ def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> N
     assert (exchanged(design, start, lambda: False) == start).all()
 
 
+@pytest.mark.slow
 def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PosePlan) -> None:
     assert (tracker.poses.size, wire.poses.size) == (30, 40)
     assert tracker.gain > 1.3

@@ -86,12 +86,14 @@ def test_options_are_described_where_python_leaves_docstrings_out() -> None:
     assert "Lines of the encoders per turn." in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", sorted(set(MODULES.values())))
 def test_the_options_of_a_command_need_no_slow_library(module: str) -> None:
     """So its own help and the completion of its options answer at once."""
     assert not reached(f"ballbar.commands.{module}") & SLOW
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", sorted(set(MODULES.values())))
 def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) -> None:
     app = typer.Typer()
@@ -106,6 +108,7 @@ def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) 
         assert name in COMMANDS[listed.rich_help_panel]
 
 
+@pytest.mark.slow
 def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.identification", "identify", "_settings"))
     assert "ident.identify" in used

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import ast
-import io
 import re
-import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,7 +64,7 @@ def whole(pattern: str) -> str:
     return rf"(?<![A-Za-z])(?:{pattern})(?![A-Za-z])"
 
 
-ANY = re.compile("|".join(whole(word.pattern) for word in BANNED), re.IGNORECASE)
+BEGUN = re.compile(rf"[\"']\s*(?:{'|'.join(FIRST_WORDS)})\b")  # wherever a text begins so
 NAMES = {  # of variables, parameters and attributes of our own: a pronoun hides the noun
     "one": "the noun",
     "found": "the noun",
@@ -75,6 +73,7 @@ NAMES = {  # of variables, parameters and attributes of our own: a pronoun hides
     "asked": "requested, target",
     "told": "reported",
 }
+USED = re.compile(rf"\b(?:{'|'.join(NAMES)})\b")
 QUOTED = re.compile(r"^\s+says: .*(?:\n\s{6,}.*)*", re.MULTILINE)  # the thesis, in scenarios/claims
 CITED = re.compile(r'"[^"\n]+" \((?=(?:sec|ch|App|Table|Fig)\b)')  # the thesis, on a page
 
@@ -88,12 +87,16 @@ def without_quotations(text: str) -> str:
 
 def words_in(text: str) -> Iterator[tuple[int, str]]:
     """Line and fault of every banned word."""
-    for number, line in enumerate(without_quotations(text).splitlines(), start=1):
-        plain = line.replace("_", " ")
-        for word in BANNED if ANY.search(plain) else ():
-            banned = whole(word.pattern)
-            excused = re.search(word.apart_from, line, re.IGNORECASE)
-            if re.search(banned, plain, re.IGNORECASE) and not excused:
+    text = without_quotations(text)
+    lower = text.lower().replace("_", " ")
+    for word in BANNED:
+        if not re.search(word.pattern, lower):  # of any letters before it: quick, and mostly so
+            continue
+        banned = re.compile(whole(word.pattern))
+        for number, (line, plain) in enumerate(
+            zip(text.splitlines(), lower.splitlines(), strict=True), start=1
+        ):
+            if banned.search(plain) and not re.search(word.apart_from, line, re.IGNORECASE):
                 yield number, f"{word.pattern}: say {word.instead}"
 
 
@@ -102,7 +105,7 @@ def docstrings_in(source: str) -> Iterator[tuple[int, str]]:
 
     Docstrings of attributes and descriptions of fields are among them: pages are made of both.
     """
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(ast.parse(source)) if BEGUN.search(source) else ():
         if not isinstance(node, ast.Expr | ast.keyword):
             continue
         text, described = node.value, getattr(node, "arg", "description") == "description"
@@ -114,10 +117,10 @@ def docstrings_in(source: str) -> Iterator[tuple[int, str]]:
 
 def names_in(source: str) -> Iterator[tuple[int, str]]:
     """Line and fault of every name in a Python file that is none."""
-    tokens = list(tokenize.generate_tokens(io.StringIO(source).readline))
-    for token in tokens:
-        if token.type == tokenize.NAME and token.string in NAMES:
-            yield token.start[0], f"name `{token.string}`: say {NAMES[token.string]}"
+    for node in ast.walk(ast.parse(source)) if USED.search(source) else ():
+        for field, name in ast.iter_fields(node):
+            if field != "value" and isinstance(name, str) and name in NAMES:
+                yield node.lineno, f"name `{name}`: say {NAMES[name]}"  # type: ignore[attr-defined]
 
 
 def files() -> list[Path]:

@@ -112,10 +112,15 @@ def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", list(CELLS))
 @pytest.mark.parametrize(
-    "effect",
-    [pytest.param(e, marks=() if e == "everything" else pytest.mark.slow) for e in EFFECTS],
+    ("robot", "effect"),
+    [
+        pytest.param(
+            robot, effect, marks=() if "everything" in effect or k == 0 else pytest.mark.long
+        )
+        for k, robot in enumerate(CELLS)
+        for effect in EFFECTS
+    ],
 )
 def test_a_held_pose_settles_where_the_statics_oracle_says(robot: str, effect: str) -> None:
     """Four poses, 0.1 urad, 0.1 um, 0.02 N; benchmarks/plant_oracle.py compares twenty.

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from acquisition.pose_tables import read_poses
 from cell.errors import InputError
-from cell.instrument import Instrument
+from cell.instruments.base import Instrument
 from cell.load import load_instrument, load_robot
 from cell.poses import PoseTable
 from sim.errors.plant_errors import JointCompliance

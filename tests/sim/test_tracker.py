@@ -62,6 +62,7 @@ def test_it_measures_the_bent_tool_on_its_own_clock_with_the_stated_noise(
     assert abs(np.corrcoef(error[1:, 0], error[:-1, 0])[0, 1]) < 0.05
 
 
+@pytest.mark.slow
 def test_the_tool_is_that_of_the_deflected_mechanism(tracked: Recorded) -> None:
     """Through a spline that passes through every step, and thus exactly there."""
     motion, rows = tracked.simulation.motion, np.arange(0, 60_000, 997)

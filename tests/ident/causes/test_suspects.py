@@ -203,6 +203,10 @@ def test_without_encoders_the_sphere_alone_names_the_mistake(
     assert suspect.cause == cause
     assert "rms off a sphere" in suspect.evidence
     assert "unexplained" not in suspect.evidence
+
+
+@pytest.mark.slow
+def test_without_encoders_a_sound_log_has_no_suspect_and_another_robot_is_named() -> None:
     assert suspects(CELL, sound(())) == []
     assert str(suspects(OTHER, sound(()))[0]).startswith("this is not the log of robot nj220")
 

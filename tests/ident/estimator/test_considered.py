@@ -139,7 +139,7 @@ def test_compliances_scatter_over_drawn_masses_as_stated(
     assert 0.7 < np.sqrt((ratio**2).mean()) < 1.4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_tool_scatters_over_drawn_masses_as_the_joint_covariance_says(
     elastic_fit: Fit, deviated: tuple[Cell, ...]
 ) -> None:

@@ -56,6 +56,7 @@ def test_held_out_cost_is_that_of_fits_without_the_blocks(elastic: Fit) -> None:
         assert time_blocks(elastic).held_out_cost(absent) == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_the_machine_has_lowers_the_held_out_cost(elastic: Fit) -> None:
     blocks = time_blocks(elastic)
     compliance = np.r_[coefficients_of(elastic, elastic.model.corrections[0])]

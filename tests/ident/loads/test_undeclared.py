@@ -12,11 +12,13 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import robot_frames
 from cell.payload import Payload, with_payload
+from ident.loads.gear_loads import loads, mass_model
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
+from ident.loads.undeclared import undeclared_columns
 from ident.remarks import loaded_otherwise, offset_remark
+from tests.helpers.logged_torques import logged
 from tests.helpers.synthetic_recording import CELL, NOMINAL
-from tests.ident.loads.test_payload import logged
 
 OFFSET = 20.0  # [N m] of a motor's torque: its current sensor's
 
@@ -39,6 +41,17 @@ def pulled(log: LoggedTorque, force: Array) -> LoggedTorque:
     axes = frames.z[: CELL.robot.joints].transpose(0, 2, 1)
     at_joints = (axes * moments).sum(axis=2)
     return replace(log, torque=log.torque - CELL.robot.gear_to_joint @ at_joints)
+
+
+def test_columns_of_gravity_are_what_its_change_adds_to_the_loads() -> None:
+    level, log = logged(CELL), logged(leaning(90.0))
+    columns = undeclared_columns(CELL, NOMINAL, robot_frames(NOMINAL, log.q), log)["gravity"]
+    change = leaning(90.0).robot.gravity - CELL.robot.gravity
+    to_joint = CELL.robot.gear_to_joint
+    motion = log.speed.T @ to_joint, log.acceleration.T @ to_joint
+    leant = loads(mass_model(leaning(90.0)), NOMINAL, log.q, log.ballbar, *motion)
+    expected = leant.gear - level.carried.gear
+    np.testing.assert_allclose(np.einsum("k,kjn->jn", change, columns), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("degrees", [1.0, 5.0, 90.0])

@@ -277,7 +277,7 @@ def test_the_uncertainty_is_that_of_robots_one_standard_deviation_off_with_their
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_uncertainty_is_the_spread_of_drawn_robots(cell: Cell, nominal: Geometry) -> None:
     """From 400 robots a variance is known to 7 %, that of three directions together to 6 %."""
     robots, rng = Aligned(cell, nominal), np.random.default_rng(9)
@@ -359,7 +359,10 @@ def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_
     assert np.nanmin(off, axis=0).max() < 1e-4, "13 and 11 of 300 were missed"
 
 
-@pytest.mark.parametrize("name", ["irb4600", "nj220", "ur10"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["irb4600", *(pytest.param(name, marks=pytest.mark.long) for name in ("nj220", "ur10"))]
+)
 def test_the_posture_next_to_the_given_angles_is_kept(tmp_path: Path, name: str) -> None:
     """Regression: 80 of 50 000 postures turned into others, with good flags, where the nominal arm
     has none, and others left the axis ranges."""
@@ -444,6 +447,7 @@ def test_a_corrected_target_leads_the_identified_robot_to_the_nominal_pose(
     assert np.abs(lighter.q - done.q).max() > 1e-5, "the payload counts"
 
 
+@pytest.mark.slow
 def test_the_example_serves_a_result_to_a_plain_program(
     result: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
