@@ -91,7 +91,8 @@ def peak_orders(model: LinearModel, others: Sequence[tuple[int, float]]) -> list
     """Pairs of joint, from 0, and order at which the residual has peaks apart from `others`.
 
     By the score over the joint's own column alone, as if no unknown of the model could stand for a
-    part of it; steps are half of what the joint's range tells apart.
+    part of it; steps are half of what the joint's range tells apart, and a quarter of that is no
+    distance.
     """
     out = []
     for joint, (columns, angle) in enumerate(zip(model.joints, model.angles, strict=True)):
@@ -106,7 +107,7 @@ def peak_orders(model: LinearModel, others: Sequence[tuple[int, float]]) -> list
             low, high, middle = power[k - 1], power[k + 1], power[k]
             vertex = 0.5 * (low - high) / (low - 2.0 * middle + high)
             order = round(float(orders[k] + vertex * step), 2)
-            if all(j != joint or abs(order - o) > _BESIDE for j, o in others):
+            if all(j != joint or abs(order - o) > max(_BESIDE, 0.5 * step) for j, o in others):
                 out.append((joint, order))
     return out
 
