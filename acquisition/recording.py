@@ -239,13 +239,13 @@ def _read_tracker(
     kind, stated = _target_of(folder, description, declared)
     read = read_files(log_source(folder, "tracker", declared))
     table = read.joined()
-    points = np.stack([table.columns[name] for name in read.source.dialect.point], axis=1)
-    points *= METRES[declared.unit]
+    names, unit = read.source.dialect.point, METRES[declared.unit]
+    points = np.stack([table.columns[name] for name in names], axis=1) * unit
+    table = with_frozen_motion_checked(table, seconds(table), dict.fromkeys(names, unit))
     hidden = (points == 0.0).all(axis=1)
     if hidden.any():
         sentence = "no point, or zeros: the target was hidden; row left out."
-        name, flag = "hidden target", RowFlag.INVALID
-        table = table.remarked(name, sentence, rows=hidden, flag=flag)
+        table = table.remarked("hidden target", sentence, rows=hidden, flag=RowFlag.INVALID)
         refuse_few(table, int(np.count_nonzero(~hidden)))
     rows = fit_rows(read, table, points, ["x", "y", "z"])
     values = rows.values

@@ -21,7 +21,6 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
 from cell.arrays import Array
@@ -274,6 +273,8 @@ def _weights(length: Array, read: NDArray[np.bool_]) -> Array:
 
 def _first_weights(readings: Array, sigma: Array, read: NDArray[np.bool_]) -> Array:
     """(E, K) by the distance of each reading from the median of its point's neighbouring ones."""
+    from scipy.ndimage import median_filter  # noqa: PLC0415  slow to import, and rarely needed
+
     length = np.zeros(read.shape)
     for k, own in enumerate(read.T):
         middle = median_filter(readings[own, k], (_NEIGHBOURS, 1), mode="mirror")

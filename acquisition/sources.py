@@ -199,7 +199,7 @@ def refuse_few(table: Table, rows: int) -> None:
 
 def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     table, form = read_file(inside(source.folder, file), file, source.dialect, source.layout)
-    table, time = _with_stamps(source, table)
+    table, time = with_stamps(source, table)
     table = in_sequence(table, source.dialect.sequence)
     angles = {"robot": source.dialect.angle_unit, "ballbar": "counts"}
     unit = getattr(source.declared, "unit", angles.get(source.name, ""))
@@ -220,7 +220,7 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     return table, summary
 
 
-def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
+def with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
     """The table of one file with its stamps in ns, and a text of their column and form."""
     time, columns = source.dialect.time, dict(table.columns)
     if time.column not in columns and time.halves is not None:

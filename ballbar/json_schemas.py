@@ -21,6 +21,7 @@ from cell.extended_yaml import EXTENDS
 from cell.instrument import InstrumentFile
 from cell.pose_file import PosesFile
 from cell.recording import RecordingFile
+from cell.schema import describe_keys
 from planning.pose_request import PosePlanRequest
 from planning.request import PlanRequest
 from sim.path_files import LissajousFile, PushPullFile
@@ -49,6 +50,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "truth": Truth,
     "pose-truth": PoseTruth,
 }
+describe_keys()
 _BASE = {
     "type": "string",
     "title": "Extends",

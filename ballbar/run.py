@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ballbar.outputs import Progress, write_outputs
 from ballbar.plan.found_path import with_found_path
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
@@ -23,7 +22,7 @@ from ballbar.scenario import (
     write_scenario,
 )
 from ballbar.trial.nominal_path import recorded_log
-from ballbar.truth.compare import followed_against_truth, identification_against_truth
+from ballbar.truth.compare import against_simulation
 from ballbar.truth.limits import plant_limits, result_limits
 from cell.errors import InputError
 from cell.extended_yaml import files_of
@@ -41,6 +40,7 @@ _RECORDING = ("recording.yaml", "raw", "a recording", "a real recording", "simul
 _TABLE = ("poses.yaml", TABLE, "a table of poses", "real poses", "simulating the poses")
 
 if TYPE_CHECKING:  # a run without --live imports no viewer
+    from ballbar.outputs import Progress
     from ballbar.replay.live import LiveRun
 
 
@@ -114,6 +114,7 @@ def run_scenario(
     out: Path,
     command: str,
     progress: Progress,
+    answered: Callable[[RunData], None] = lambda _: None,
     live: LiveRun | None = None,
     begin: Begin = partial,
 ) -> RunData:
@@ -121,7 +122,8 @@ def run_scenario(
 
     A recording on accept.held_out_file, of the same machine, is tried on the result.
 
-    command : the command line, for the report. live : window that shows each stage while it runs.
+    command : the command line, for the report. answered : takes the result before report and replay
+    are written. live : window that shows each stage while it runs.
     begin : writes the replay meanwhile (cell.processes).
 
     Raises InputError when the scenario cannot be run or identifies with one of the thesis's costs,
@@ -149,12 +151,7 @@ def run_scenario(
         data = identify_files(
             [folder], held_out, settings=scenario.identify, listener=Listener(progress)
         )
-        if simulation.still is False and simulation.follower and data.identification.poses:
-            comparison = followed_against_truth(
-                data.identification.poses, simulation.truth, simulation.cell
-            )
-        else:
-            comparison = identification_against_truth(data.identification, simulation.truth)
+        comparison = against_simulation(data.identification, simulation)
         outcomes = [validation.outcome for validation in data.validations]
         limits = (
             *result_limits(data.identification, comparison, accept, outcomes),
@@ -169,6 +166,9 @@ def run_scenario(
             scenario=scenario,
             scenario_files=tuple(files_of(scenario_file, SCENARIOS)),
         )
+        answered(data)
+        from ballbar.outputs import write_outputs  # noqa: PLC0415  imports what writes results
+
         if live:
             live.finished(data)
         write_outputs(out, data, command=command, replay=moves, progress=progress, begin=begin)

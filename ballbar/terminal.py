@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Annotated
@@ -86,29 +86,39 @@ def wide_console(console: Console, width: int) -> Console:
     return PlainConsole(file=console.file, width=width, quiet=console.quiet)
 
 
+class Stages:
+    """Shows the stage of a command, and the seconds so far, when it is called with its name."""
+
+    def __init__(self, bar: Progress) -> None:
+        self._bar, self._since = bar, time.monotonic()
+        self._task = bar.add_task("starting", total=None)  # how long a stage takes is not known
+
+    def __call__(self, stage: str) -> None:
+        if _detail.verbose:
+            err.print(f"{time.monotonic() - self._since:7.1f} s  {stage}")
+        self._bar.update(self._task, description=stage)
+
+    @contextmanager
+    def removed(self) -> Iterator[None]:
+        """Takes the bar off the terminal while results are printed."""
+        if not self._bar.live.is_started:
+            yield
+            return
+        self._bar.stop()
+        yield
+        self._bar.start()
+
+
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str], None]]:
+def progress_bar() -> Iterator[Stages]:
     """Shows the stage of a command that the callback is given, and the seconds so far.
 
     On a terminal as a bar; with --verbose as a line for each stage; otherwise not at all.
     """
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=err,
-        transient=True,
-    )
-    task = bar.add_task("starting", total=None)  # the time of a stage is not known before
-    since = time.monotonic()
-
-    def show(stage: str) -> None:
-        if _detail.verbose:
-            err.print(f"{time.monotonic() - since:7.1f} s  {stage}")
-        bar.update(task, description=stage)
-
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    bar = Progress(*columns, console=err, transient=True)
     with bar if animated(err) else nullcontext():
-        yield show
+        yield Stages(bar)
 
 
 def _take_quiet(value: bool) -> None:

@@ -1,7 +1,8 @@
 """Any robot on a double ball-bar: a path, a simulation and an identification without editing.
 
-    python -m benchmarks.any_robot               # every robot; about a minute of processor each
+    python -m benchmarks.any_robot               # every robot; about two minutes each
     python -m benchmarks.any_robot ur5e heavy    # these; the other rows of the table stay
+    python -m benchmarks.any_robot --keep FOLDER # with the plans and recordings that are there
 
 All shipped robots, and three made here from DH rows or a URDF: `light`, a UR3e (3 kg), `heavy`, an
 arm of the class of 210 kg, and `seven`, a KUKA LBR iiwa 7 from its URDF with masses. The request
@@ -13,6 +14,7 @@ the scenario that the plan writes. Writes docs/studies/any_robot.csv.
 from __future__ import annotations
 
 import csv
+import json
 import tempfile
 import time
 from pathlib import Path
@@ -37,7 +39,7 @@ from planning.plan import PathPlan, plans
 from planning.request import PlanRequest, load_request
 from sim.truth import load_truth
 
-SECONDS, EVALUATIONS, WORKERS = 30.0, 4000, 2  # of the search, after the first path
+SECONDS, EVALUATIONS, WORKERS = 60.0, 1500, 1  # of the search at most, after the first path
 HEADINGS = "a_m;d_m;alpha_deg;theta_deg;lower_deg;upper_deg;speed_deg_per_s\n"
 TABLES = {
     # Universal Robots, "DH parameters", and data sheet of the UR3e
@@ -128,33 +130,40 @@ def planned(name: str, robot: str, folder: Path, seed: int) -> PathPlan:
     return plan
 
 
-def row_of(name: str, seed: int) -> dict[str, object]:
-    """One robot: its plan, its force and its TCP error."""
+def row_of(name: str, seed: int, folder: Path) -> dict[str, object]:
+    """The row of one robot, whose plan and recording may stand in a folder."""
+    plan = folder / "row.json"
+    if not plan.exists():
+        plan.write_text(json.dumps(planned_row(name, seed, folder)))
+    row = json.loads(plan.read_text())
+    try:
+        return row | (identified(folder) if row["path"] == "yes" else {})
+    except (InputError, FailureError) as error:
+        return row | {"verdict": str(error)}
+
+
+def planned_row(name: str, seed: int, folder: Path) -> dict[str, object]:
+    """The part of a row that the plan of a robot gives; its recording is simulated."""
     row: dict[str, object] = {"robot": name, "seed": seed}
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        robot, since = made(name, folder), time.monotonic()
-        row |= {"axes": load_robot(robot).joints, "arm_m": arm_length(load_robot(robot))}
-        try:
-            plan = planned(name, robot, folder, seed)
-        except InputError as error:
-            return row | {"path": "no", "verdict": str(error)}
-        assert plan.forces is not None
-        low, high = plan.forces.interval
-        row |= {"path": "yes", "plan_s": time.monotonic() - since, "ballbar": plan.rod}
-        row |= {"typical": " ".join(plan.evaluator.typical.keys), "covered": plan.coverage}
-        row |= {"limit_N": plan.request.limits.force_N, "low_N": low, "high_N": high}
-        try:
-            return row | identified(folder)
-        except (InputError, FailureError) as error:
-            return row | {"verdict": str(error)}
+    robot, since = made(name, folder), time.monotonic()
+    row |= {"axes": load_robot(robot).joints, "arm_m": arm_length(load_robot(robot))}
+    try:
+        plan = planned(name, robot, folder, seed)
+    except InputError as error:
+        return row | {"path": "no", "verdict": str(error)}
+    assert plan.forces is not None
+    low, high = plan.forces.interval
+    row |= {"path": "yes", "plan_s": time.monotonic() - since, "ballbar": plan.rod}
+    row |= {"typical": " ".join(plan.evaluator.typical.keys), "covered": plan.coverage}
+    row |= {"limit_N": plan.request.limits.force_N, "low_N": low, "high_N": high}
+    file = folder / SCENARIO
+    simulate_scenario(load_scenario(file), file, folder / "recording", progress=lambda _: None)
+    return row
 
 
 def identified(folder: Path) -> dict[str, object]:
-    """Force and TCP error of the scenario of a plan."""
-    file, recording = folder / SCENARIO, folder / "recording"
-    simulate_scenario(load_scenario(file), file, recording, progress=lambda _: None)
-    truth = load_truth(folder / "recording.truth.yaml")
+    """Force and TCP error of the recording of a plan."""
+    truth, recording = load_truth(folder / "recording.truth.yaml"), folder / "recording"
     force = truth.rod_force  # type: ignore[union-attr]
     out: dict[str, object] = {"true_low_N": force.min_N, "true_high_N": force.max_N}
     data = identify_files([recording], [], settings=IdentifySettings(), listener=Listener())
@@ -180,16 +189,20 @@ def main() -> None:
     """Runs the study and writes its table after every robot."""
     parser = study_parser(__doc__)
     parser.add_argument("robots", nargs="*")
-    chosen = parser.parse_args().robots
+    parser.add_argument("--keep", type=Path, help="folder of plans and recordings, kept")
+    chosen = parser.parse_args()
     names = [*robot_names(), *TABLES, "seven"]
     file, rows = STUDIES / "any_robot.csv", dict[str, dict[str, object]]()
-    if chosen and file.exists():
+    if chosen.robots and file.exists():
         rows = {row["robot"]: dict(row) for row in csv.DictReader(file.open())}
-    for seed, name in enumerate(names, start=1):
-        if not chosen or name in chosen:
-            rows[name] = row_of(name, seed)
-            print(in_words(rows[name]), flush=True)
-            write_table(file, [rows[n] for n in names if n in rows], ".4g", COLUMNS)
+    with tempfile.TemporaryDirectory() as temporary:
+        for seed, name in enumerate(names, start=1):
+            if not chosen.robots or name in chosen.robots:
+                folder = (chosen.keep or Path(temporary)) / name
+                folder.mkdir(parents=True, exist_ok=True)
+                rows[name] = row_of(name, seed, folder)
+                print(in_words(rows[name]), flush=True)
+                write_table(file, [rows[n] for n in names if n in rows], ".4g", COLUMNS)
 
 
 if __name__ == "__main__":

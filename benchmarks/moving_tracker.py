@@ -28,7 +28,8 @@ from ident.estimator.gauss_newton import inverse
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.robust_fit import LEAST, equations_at
-from ident.start.followed import SEAT, TARGET, followed_table, robot_motion
+from ident.signals.smooth_log import motion_of
+from ident.start.followed import SEAT, TARGET, followed_table
 from ident.table_estimate import TableEstimate
 from ident.table_fit import fit_table
 from tests.helpers.followed_robot import FollowedRobot
@@ -51,7 +52,8 @@ def fitted(robot: FollowedRobot) -> TableEstimate:
     values = robot.measured(rows)
     away = np.linalg.norm(values, axis=1)[:, None]
     sigma = np.repeat(NOISE[0] + NOISE[1] * away, 3, axis=1)
-    motion, log = robot_motion(RobotLog(t, robot.logged(t))), TrackerLog(rows, values, sigma)
+    logged, log = RobotLog(t, robot.logged(t)), TrackerLog(rows, values, sigma)
+    motion = motion_of(logged, logged.q)
     return fit_table(followed_table("moving", ROBOT, robot_geometry(ROBOT), motion, log))
 
 

@@ -22,8 +22,9 @@ from ident.estimator.normal_equations import jacobian
 from ident.estimator.sample_times import sample_times
 from ident.estimator.samples import samples_of
 from ident.options import FitOptions
-from ident.recording_fit import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Logs, fit_recording
+from ident.recording_fit import ROD_SIGMA_START, Logs, fit_recording
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
+from ident.signals.smooth_log import WIDEST_KNOT_SPACING
 from ident.thesis.paired_samples import SampleFit
 
 COUNTS = (75, 150, 300)

@@ -7,12 +7,13 @@ parameter.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
 from cell.file_units import AngleUnit, LogLengthUnit, Rotation
+from cell.logs import SourceName
 from cell.schema import EncoderLines, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
@@ -95,10 +96,10 @@ class Sources(Strict):
     tracker: TrackerFile | None = None  # by itself, or beside a ball-bar or a length
 
     @property
-    def every(self) -> tuple[SourceFile, ...]:
-        """The sources that the recording has."""
-        optional = (self.ballbar, self.length, self.force, self.tracker)
-        return (self.robot, *(source for source in optional if source is not None))
+    def named(self) -> dict[SourceName, SourceFile]:
+        """The sources that the recording has, by their names."""
+        every = ((name, getattr(self, name)) for name in get_args(SourceName))
+        return {name: source for name, source in every if source is not None}
 
 
 class EncoderFitting(Strict):

@@ -27,22 +27,10 @@ class Strict(BaseModel):
     """A frozen model that refuses unknown keys, infinities, NaN, and numbers beyond any quantity.
 
     The unit at the end of a key decides what is beyond; a sigma is not negative. The docstring
-    below a key is its description in the references and in the JSON schemas.
+    below a key is its description in the references and in the JSON schemas (`describe_keys`).
     """
 
-    model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        allow_inf_nan=False,
-        defer_build=True,
-        use_attribute_docstrings=True,
-    )
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **kwargs: object) -> None:
-        for field in cls.model_fields.values():
-            if field.description:  # lines of a docstring are one text
-                field.description = " ".join(field.description.split())
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="after")
     def _numbers_are_of_quantities(self) -> Self:
@@ -52,6 +40,28 @@ class Strict(BaseModel):
                 if reason := _beyond(key, value):
                     raise wrong_key(*loc, message=reason)
         return self
+
+
+def describe_keys() -> None:
+    """Gives the keys of all schemas that are imported the docstrings below them as descriptions.
+
+    Reading them from the sources takes as long as the schemas, and no file is read by them.
+    """
+    from pydantic._internal._docs_extraction import extract_docstrings_from_cls  # noqa: PLC0415
+
+    kinds: list[type[Strict]] = [Strict]
+    for kind in kinds:
+        kinds += [other for other in kind.__subclasses__() if other not in kinds]
+    written = {kind: extract_docstrings_from_cls(kind, use_inspect=True) for kind in kinds}
+    for kind in kinds:
+        for key, field in kind.model_fields.items():
+            texts = (written[base][key] for base in kind.__mro__ if key in written.get(base, {}))
+            field.description = " ".join((field.description or next(texts, "")).split()) or None
+        for built in ("core_schema", "validator", "serializer"):
+            if f"__pydantic_{built}__" in vars(kind):
+                delattr(kind, f"__pydantic_{built}__")
+    for kind in kinds:
+        kind.model_rebuild(force=True)
 
 
 def _numbers(value: Any, loc: Loc) -> Iterator[tuple[Loc, float]]:

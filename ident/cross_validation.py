@@ -14,6 +14,9 @@ the main, and across the rod it may be larger; the fit hides a part of it beside
 nothing to gain across the rod. Where nothing but lengths were measured, the regions of points are
 therefore those of a joint error of the size that explains the residuals along the rod, in place of
 the variance along the rod, which holds the noise of an instrument that measures no points.
+
+Of a robot that moved the rows are many, and their white noise is seen from one to the next: it is
+no error of the robot, and what is stated of the tool is without it.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cell.arrays import Array
-from cell.poses import PoseTable
+from cell.poses import PoseGroup, PoseTable
 from cell.statistics import chi_square_quantile
 from ident.estimator.fit import Fit
 from ident.estimator.model import Evaluation
@@ -34,6 +37,7 @@ from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.regions import pose_regions
 from ident.estimator.uncertainty import inflation_factors
 from ident.estimator.whitening import Whitening
+from ident.signals.smooth_log import WIDEST_KNOT_SPACING
 
 LEVEL = 0.95
 STRANGE = 3e-3  # [m] mean error: industrial robots, identified, stay below 0.5 mm
@@ -47,6 +51,7 @@ FACTOR_OF_RODS = 1.6
 REGIONS, PLACES = "in regions of joint space", "at places"  # that were not fitted
 SAME_PLACE = 0.15  # [m] between seats that see the robot from one place
 BLOCKS = 32  # regions whose poses share what the model leaves over
+CLOSE = 1.5  # periods between neighbouring rows, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,8 @@ class CrossValidation:
     error: Array  # (N,) [m] of the target's position; along the rod where lengths were measured
     counting: NDArray[np.bool_]  # (N,) all but the poses that the fit left out as far off
     sigma: float  # [m] discrepancy along each axis, the instrument's noise included
+    # [m] part of it that is white noise of what followed a moving robot; 0 of still poses
+    white: float
     factor: float  # squared Mahalanobis distance that holds LEVEL, over that of chi-square
     of_points: float  # [m] the same of points: 0 where nothing but lengths were measured
     # [rad] of each joint, in place of it; 0 where more than lengths was measured
@@ -147,6 +154,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
+    white = sum(_white(g, r[:, k], k) for g, (r, _, k) in zip(table.groups, judged, strict=True))
     ratios = [
         mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
         for rest, spread, k in judged
@@ -156,10 +164,27 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
+        white=float(np.sqrt(min(white / count, variance))),
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
     )
+
+
+def _white(group: PoseGroup, rest: Array, counting: NDArray[np.bool_]) -> float:
+    """[m^2] sum of squares of the white noise in errors (E, N) [m] of a robot that moved.
+
+    Second differences of neighbouring rows are without what the model leaves over, which changes
+    slowly; noise that is not white is counted as such. counting : of the group's poses.
+    """
+    if group.motion is None or group.time is None:
+        return 0.0
+    step = np.diff(group.time[counting])
+    usual = float(np.median(step)) if step.size else np.inf
+    even = np.maximum(step[1:], step[:-1]) < CLOSE * usual
+    if usual > WIDEST_KNOT_SPACING or not even.any():
+        return 0.0
+    return float((np.diff(rest, n=2)[:, even] ** 2).mean() / 6.0 * rest.size)
 
 
 def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:

@@ -112,6 +112,8 @@ def result_of(
         blocks=stated.blocks,
         lengths_apart=stated.lengths.apart,
         lengths_off=stated.lengths.off,
+        lengths_named=stated.lengths.named,
+        given_up=fit.given_up,
     )
     remarks = [
         log_remarks(r.samples, e.step_faults) for r, e in zip(single, estimates, strict=True)
@@ -123,7 +125,8 @@ def result_of(
     ]
     poses = added_table(fit, stated.covariance)
     verdict = judge(parts if poses is None else [*parts, Evidence(table=poses, elsewhere=True)])
-    if complete and verdict.status in UNEXPLAINED_FIT and cell.ballbar.stroke is None:
+    tested = verdict.status in UNEXPLAINED_FIT and not fit.given_up  # it is beside a fit
+    if complete and tested and cell.ballbar.stroke is None:
         names = [estimate.name for estimate in estimates]
         contested = bool(closure.disagreement)
         named = payload is not None and payload.undeclared

@@ -16,6 +16,7 @@ from cell.errors import InputError
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import with_payload
 from cell.poses import PoseTable
+from cell.statistics import rms
 from ident.causes import Causes
 from ident.complete_fit import fit_complete, settled
 from ident.corrections import supported_corrections
@@ -40,6 +41,7 @@ from ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 LEFT_OUT = "the points of the tracker were left out: ball-bar and tracker together fit worse"
+BEYOND = 0.010  # [m] rms of what kinematics leave; all that corrections explain is below 1 mm
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
 
 
@@ -96,10 +98,13 @@ def identify_together(
         still = placed_by(single[0].geometry, table)
     if any(map(_is_other_machine, single)):
         causes = Causes.of(cell, recordings, single)
-    if causes and causes.hopeless:  # the complete fit would take long and come to nothing
-        if len(single) > 1:
+    strange = [each for each in single if _is_no_robot(each)]
+    if strange or (causes and causes.hopeless):  # the complete fit would come to nothing
+        if causes and len(single) > 1:
             raise StartError(str(causes))
-        result = result_of(cell, single, single[0].fit, options)
+        result = kinematic_result(cell, (strange or single)[0], options)
+        if len(single) > 1:
+            raise StartError(f"{strange[0].logs.name}: {result.verdict.sentence}")
     else:
         result = _fitted(cell, single, options, listener, still)
         result = _with_points(cell, single, result, table, options, listener)
@@ -177,6 +182,12 @@ def _is_other_machine(recording: RecordingFit) -> bool:
     return bool(strange) or not recording.fit.converged
 
 
+def _is_no_robot(recording: RecordingFit) -> bool:
+    """Whether what kinematics leave of a recording is far beyond the size of any correction."""
+    error = recording.fit.linear.evaluations[0].closure.error[:3]
+    return _is_other_machine(recording) and rms(error) > BEYOND
+
+
 def _is_misfit(recording: RecordingFit) -> bool:
     """Whether the `dh` fit of four encoders is sure to be judged a misfit, before it is judged."""
     several = len(recording.samples.encoders) >= COMPLETE_ENCODERS
@@ -223,10 +234,11 @@ def _fitted(
     if automatic and not together and few:
         corrections = []  # step faults can be sized all the same
     fit = fit_complete(cell, single, corrections, options, listener, still=still)
-    if automatic and corrections:
+    searched = automatic and bool(corrections) and not fit.given_up
+    if searched:
         fit = fit_softening(cell, fit, listener)
     result = result_of(cell, single, fit, options, payload=payload)
-    if automatic and corrections and may_have_joint_errors(result):
+    if searched and may_have_joint_errors(result):
         with_errors, orders = fit_joint_errors(cell, fit, listener)
         if with_errors is not fit:
             fit = settled(with_errors, listener)

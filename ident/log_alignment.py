@@ -30,11 +30,10 @@ from cell.number_text import duration_text, significant_text
 from ident.channel_groups import UNIT, Group, Names, checked_groups, groups_by_name
 from ident.channel_pair import MOVES, ChannelPair, channel_pair
 from ident.estimator.clock_fit import AVERAGED, ClockFit, Side, fit_clock
-from ident.signals.smooth_log import SmoothLog, smooth_log
+from ident.signals.smooth_log import WIDEST_KNOT_SPACING, SmoothLog, smooth_log
 from ident.start.lag_scan import best_lags, subsample
 from ident.start.speed_scan import Columns, likely_pairs, scan_speeds, speed_correlation
 
-WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 SCAN_STEP = 0.02  # [s] of the lags
 MIN_OVERLAP = 5.0  # [s] less cannot tell one motion from another
 LAGS, LAG_SEPARATION = 8, 0.5  # peaks of the scan that are refined, and [s] between them

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.inverse import UnreachableError
-from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog, segment_starts
+from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog
 from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
@@ -28,10 +27,9 @@ from ident.estimator.samples import Samples, samples_of
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
-from ident.signals.smooth_log import SmoothLog, smooth_log
+from ident.signals.smooth_log import SmoothLog, motion_of
 from ident.start.automatic import Hypothesis, Start, StartError, automatic_start
 
-WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
 
 
@@ -164,23 +162,12 @@ def smoothed(
 
     A sensed length is given as the rod's extension [m] beyond its nominal `rod_length` [m].
     """
-    robot = _spline(logs.robot, logs.robot.q)
+    robot = motion_of(logs.robot, logs.robot.q)
     if logs.length is not None:
-        return robot, _spline(logs.length, logs.length.length[:, None] - rod_length), ()
+        return robot, motion_of(logs.length, logs.length.length[:, None] - rod_length), ()
     if logs.ballbar is None:
         return robot, None, ()
-    return robot, _spline(logs.ballbar, logs.ballbar.angles), logs.ballbar.joints
-
-
-def _spline(log: RobotLog | BallBarLog | LengthLog, values: Array) -> SmoothLog:
-    """Values (N, C) of a log, smoothed."""
-    return smooth_log(
-        log.t,
-        values,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(log.segment),
-        checked=log.flags is not None,
-    )
+    return robot, motion_of(logs.ballbar, logs.ballbar.angles), logs.ballbar.joints
 
 
 def nominal_robot_fit(recording: RecordingFit, samples: Samples) -> Fit:

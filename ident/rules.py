@@ -18,7 +18,13 @@ from ident.estimator.priors import PULL
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
 from ident.model_choice import AUTOCORRELATED, AUTOCORRELATED_MISFIT
-from ident.remarks import recording_remarks, rod_remark
+from ident.remarks import (
+    CONTRADICTION,
+    contradiction_remark,
+    doubted_lengths,
+    recording_remarks,
+    rod_remark,
+)
 from ident.table_remarks import table_remarks
 from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_status
 
@@ -26,9 +32,6 @@ from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_statu
 # of a class, 1.2 in the mean of six)
 ALL_SOFTER = 1.35
 RIGID = 1.0 / 3.0  # as soft: gears are stiff then; no arm weighs that little of its catalogue mass
-# Standard deviations by which the lengths that give the scale contradict each other, from which one
-# of them is wrong: once in 370 sound machines
-CONTRADICTION = 3.0
 # Residual of a recording by the machine of the others over what noise and stated uncertainty
 # explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
 UNLIKE_OTHERS = 4.0
@@ -37,6 +40,7 @@ NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 UNDETERMINED = 0.5  # information gain below which the prior tells more than the data
 LOST = 0.1  # of the poses: so many outliers have a cause
 MORE_POSES = "measure more poses, spread over all joints."
+LONGER_PATH = "record a longer path, over all joints."
 
 
 def judge(parts: Sequence[Evidence]) -> Verdict:
@@ -47,7 +51,8 @@ def judge(parts: Sequence[Evidence]) -> Verdict:
     sentence = FIRST_WORDS.get(status, "") + sentence
     if worst > 0 and recording:
         sentence = f"{recording.name}: {sentence}"
-    warnings = [] if parts[0].closure is None else rod_remark(parts[0].closure)
+    closure = parts[0].closure
+    warnings = [] if closure is None else [*rod_remark(closure), *doubted_lengths(closure)]
     several = sum(part.recording is not None for part in parts) > 1
     for part in parts:
         name = f"{part.recording.name}: " if part.recording and several else ""
@@ -91,9 +96,8 @@ def _several_machines(e: Evidence) -> Iterator[str]:
     apart = e.closure.lengths_apart if e.closure else 0.0
     if e.closure and apart > CONTRADICTION and e.closure.lengths_off > LITTLE_SHIFT:
         yield (
-            "the lengths that the files state as known contradict each other by "
-            f"{apart:.1f} standard deviations. Measure the rod and the plate again, or state how "
-            "well they are known."
+            f"{contradiction_remark(e.closure)}. Measure the rod and the plate again, or state "
+            "how well they are known."
         )
 
 
@@ -109,6 +113,16 @@ def _no_machine(e: Evidence) -> Iterator[str]:
         yield (
             f"to fit, {', '.join(e.closure.impossible)}, as in no machine: something else "
             "is in the data that is not in the model."
+        )
+
+
+def _given_up(e: Evidence) -> Iterator[str]:
+    if e.closure and e.closure.given_up:
+        yield (
+            f"after {e.closure.fit.iterations} iterations the residual is "
+            f"{np.sqrt(e.closure.given_up):.0f} times what the noise in the logs explains, and no "
+            "correction brings it down: do not use these parameters. Identify each recording by "
+            "itself, and look where the residuals stand out (report.html)."
         )
 
 
@@ -182,13 +196,15 @@ def _undetermined(e: Evidence) -> Iterator[str]:
     poses = e.judged_by
     if poses is None or not (poses.alone and poses.table.moving.any()):
         return
-    layout, known = poses.fit.model.unknowns, float(poses.sigma_at_poses.mean())
+    layout, noise = poses.fit.model.unknowns, np.sqrt(3.0) * poses.cross_validation.white
+    known = float(np.hypot(poses.sigma_at_poses, noise).mean())  # as the nominal robot is judged
     nominal = float(poses.residual_nominal.mean())
     if known > nominal:
         gains = zip(layout.names, poses.information_gain[layout.geometric], strict=False)
         open_ones = ", ".join(name for name, gain in gains if gain < UNDETERMINED)
         yield (
-            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses), "
+            f"the target is known to {known * 1e3:.3g} mm (1 sigma, mean at the followed poses, "
+            f"noise included), "
             f"and the nominal robot is off by {nominal * 1e3:.3g} mm. This path does not determine "
             f"{open_ones or 'the parameters together'}. Move every joint further and turn the tool."
         )
@@ -216,14 +232,14 @@ def _extrapolated(e: Evidence) -> Iterator[str]:
     if (poses := e.judged_by) is None:
         return
     validation, (fitted, _) = poses.cross_validation, poses.residual_means
+    few, more = "too few poses for so many parameters; fitted ones", MORE_POSES
+    if poses.table.moving.any():
+        few, more = "too short a path for so many parameters; fitted poses", LONGER_PATH
     if validation.mean > NO_GAIN * float(np.median(poses.residual_nominal)):
-        yield (
-            f"little was won over the nominal robot; {poses.predicted}. {MORE_POSES.capitalize()}"
-        )
+        yield (f"little was won over the nominal robot; {poses.predicted}. {more.capitalize()}")
     if poses.alone and validation.mean > OVERFITTED * fitted:  # else recordings tell the parameters
         yield (
-            f"too few poses for so many parameters; fitted ones lie within "
-            f"{fitted * 1e3:.3f} mm, but {poses.predicted}. {MORE_POSES.capitalize()}"
+            f"{few} lie within {fitted * 1e3:.3f} mm, but {poses.predicted}. {more.capitalize()}"
         )
     if poses.at_one_place and not e.elsewhere:
         yield (
@@ -289,6 +305,7 @@ RULES: tuple[tuple[Status, Rule], ...] = (
     (Status.IMPLAUSIBLE, _another_machine),
     (Status.MISFIT, _several_machines),
     (Status.MISFIT, _no_machine),
+    (Status.MISFIT, _given_up),
     (Status.NOT_CONVERGED, _not_converged),
     (Status.AMBIGUOUS, _ambiguous),
     (Status.MISFIT, _unexplained),

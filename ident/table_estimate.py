@@ -253,6 +253,7 @@ class TableEstimate:
                 parameters=layout.shared,
                 values=fit.covariance[np.ix_(index, index)],
                 discrepancy=validation.of_points,
+                white=validation.white,
                 factor=validation.factor_of_points,
                 joint_sigma=validation.joint_sigma,
             ),

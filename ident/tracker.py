@@ -36,8 +36,8 @@ from cell.statistics import rms
 from ident.estimator.model import Evaluation
 from ident.loads.gear_loads import BEARINGS
 from ident.signals.motion import MotionByLog
-from ident.signals.smooth_log import SmoothLog
-from ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows, tracker_motion
+from ident.signals.smooth_log import SmoothLog, motion_of
+from ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows
 from ident.verdict import SUSPECT, Verdict
 
 CLOSE = 0.75  # row periods of the tracker between a sample of the fit and the row compared
@@ -140,7 +140,7 @@ def check_tracker(
     tcp_sigma : [m] stated for the identified robot. name : of the recording. None where log and
     samples share too little.
     """
-    smooth = tracker_motion(log)
+    smooth = motion_of(log, log.points)
     good = ~np.isin(log.t, smooth.outliers.times)
     t, points = log.t[good], log.points[good]
     path, within = _tool_path(identified), CLOSE * smooth.row_period

@@ -18,6 +18,7 @@ from planning import evaluation
 from planning.candidate import rounded
 from planning.clearance import TIME_STEP
 from planning.coarse_crlb import coarse_normals
+from planning.followed_path import predict_followed
 from planning.force import predicted_forces
 from planning.limits import measures
 from planning.screen import UNREACHED, screen
@@ -25,6 +26,7 @@ from planning.trajectory import Trajectory, trajectories_of_many
 from sim.path import Lissajous
 
 BATCH, KEPT = 128, 2  # random candidates of a draw, and those of them that may be starts
+FOLLOWED = 60  # samples of a path that an instrument follows
 STEP = 0.5  # [s] of the grid; force, clearance and prediction take every other sample
 
 
@@ -117,6 +119,12 @@ def _examined(
     excess = excess + (over + (limits.clearance_m - distance) / evaluation.UNIT_CLEARANCE)
     values, runnable = evaluation.INFEASIBLE + excess, np.flatnonzero(excess <= 0.0)
     if runnable.size:
+        if (setup := evaluator.followed) is not None:
+            for run in runnable:
+                alone = trajectory.of_runs(np.array([run]))
+                predicted = predict_followed(setup, evaluator.request, alone, samples=FOLLOWED)
+                values[run] = np.log(evaluation.tcp_rms(evaluator, predicted) * 1e6)
+            return values
         samples = np.arange(trajectory.t.size).reshape(count, -1)[runnable].ravel()
         normals = coarse_normals(
             evaluator.coarse,

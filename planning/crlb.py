@@ -35,10 +35,9 @@ from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import MassModel, mass_model
 from ident.loads.logged_tension import tension_splines
 from ident.options import DEFAULT_SAMPLES
-from ident.recording_fit import WIDEST_KNOT_SPACING
 from ident.robot.accuracy import position_sigma
 from ident.robot.identified import IdentifiedRobot
-from ident.signals.smooth_log import interpolating_log
+from ident.signals.smooth_log import WIDEST_KNOT_SPACING, interpolating_log
 from planning.known import Known
 from planning.request import PlanSensors, PlanTiming
 from planning.trajectory import Passage

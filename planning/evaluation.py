@@ -19,6 +19,7 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import nominal_chain, nominal_geometry
 from cell.load import load_instrument, load_measured_cell
+from cell.statistics import rms
 from cell.typical_machine import Spread
 from ident.estimator.unknowns import Unknowns
 from ident.robot.accuracy import aligned_columns
@@ -34,6 +35,7 @@ from planning.crlb import (
     predictions,
     predictor,
 )
+from planning.followed_path import followed, predict_followed
 from planning.force import (
     ForceModel,
     Forces,
@@ -46,8 +48,10 @@ from planning.known import Known
 from planning.limits import Violation, violations
 from planning.request import PlanLimits, PlanRequest, tightened
 from planning.screen import UNREACHED, screen
+from planning.stations import PoseSetup
 from planning.trajectory import Trajectory, trajectories
 from sim.path import LEAST_AXES
+from sim.true_robot import FREE
 
 NEARLY = 0.5  # excess of the motion's limits up to which forces and clearance are computed
 UNEXAMINED = 10.0  # added to the excess otherwise: more than forces and clearance come to
@@ -77,6 +81,13 @@ class Evaluator:
     clearance: Clearance
     gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
     coarse: CoarsePredictor  # of many candidates at once
+    followed: PoseSetup | None  # where an instrument follows the target
+
+    def predictions(self, trajectory: Trajectory, tensions: Array) -> tuple[PathPrediction, ...]:
+        """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
+        if self.followed is not None:
+            return (predict_followed(self.followed, self.request, trajectory),)
+        return predictions(self.predictor, trajectory, tensions)
 
     @property
     def typical(self) -> Spread:
@@ -113,7 +124,11 @@ def evaluators(request: PlanRequest, known: Known | None = None) -> dict[str, Ev
     InputError for a robot of fewer axes than a path needs.
     """
     chosen = request.cell
-    cells = {rod: load_measured_cell(chosen.robot, rod, chosen.plate) for rod in chosen.rods}
+    free = followed(request) is not None  # nothing holds the tool: a path as about a wire
+    cells = {
+        rod: load_measured_cell(chosen.robot, FREE if free else rod, chosen.plate)
+        for rod in chosen.rods
+    }
     for rod, cell in cells.items():
         if (cell.ballbar.stroke is not None) != request.telescoping:
             keys = ("instrument", "ballbar") if request.telescoping else ("ballbar", "instrument")
@@ -153,7 +168,7 @@ def evaluator_of(
             f"limits.{', '.join(right)} instead"
         )
     on = predictor(cell, request.sensors, request.timing, request.workspace, known=known)
-    forces = None
+    setup, forces = followed(request), None
     if cell.ballbar.stroke is None:
         forces = force_model(cell, request.servo, seed=request.seed)
     nominal = nominal_geometry(cell, np.zeros(3))  # the columns do not depend on the base pose
@@ -168,10 +183,11 @@ def evaluator_of(
         cell=cell,
         predictor=on,
         force_model=forces,
-        stroke_model=stroke_model(cell, seed=request.seed),
+        stroke_model=None if setup else stroke_model(cell, seed=request.seed),
         clearance=clearance(cell, request.cell),
         gram=np.asarray(columns.T @ columns),
         coarse=coarse_predictor(on),
+        followed=setup,
     )
 
 
@@ -201,7 +217,7 @@ def evaluate(evaluator: Evaluator, candidate: PathCandidate, *, robots: int = RO
     tensions = tensions_of(best.trajectory, best.forces)[:robots]
     tcp = [
         tcp_rms(evaluator, prediction)
-        for prediction in predictions(evaluator.predictor, best.trajectory, tensions)
+        for prediction in evaluator.predictions(best.trajectory, tensions)
     ]
     mean = float(np.sqrt(np.mean(np.square(tcp))))
     return Assessment(candidate, (), best.trajectory, best.forces, mean)
@@ -255,6 +271,8 @@ def _violations_when_loaded(
 
 def tcp_rms(evaluator: Evaluator, prediction: PathPrediction) -> float:
     """[m] root mean square of `PathPrediction.tcp_sigma` over the grid, without the covariance."""
+    if prediction.target:
+        return rms(prediction.tcp_sigma)
     return rms_of_normal(evaluator, prediction.normal, prediction.layout)
 
 

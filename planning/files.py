@@ -149,15 +149,15 @@ def _rod_data(plan: PathPlan) -> dict[str, object]:
     return data
 
 
-def limit_lines(request: PlanRequest) -> list[str]:
+def limit_lines(plan: PathPlan) -> list[str]:
     """The limits that a program's header states."""
-    limit, free = request.limits, request.telescoping
+    limit, free = plan.request.limits, plan.gauge != programs.BALLBAR
     return [
         f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, "
         f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
         f"{'' if free else f'rod force {limit.force_N:g} N on soft servo, '}"
         f"clearance {limit.clearance_m * 1e3:g} mm."
-        f"{' The bar must not leave its stroke.' if free else ''}"
+        f"{' The bar must not leave its stroke.' if plan.gauge == programs.TELESCOPING else ''}"
     ]
 
 
@@ -177,8 +177,7 @@ def write_plan(plan: PathPlan, folder: Path) -> list[str]:
     """
     robot, request = plan.evaluator.cell.robot, plan.request
     targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
-    gauge = programs.TELESCOPING if request.telescoping else programs.BALLBAR
-    path = programs.ProgrammedPath(request.name, robot, targets, limit_lines(request), gauge)
+    path = programs.ProgrammedPath(request.name, robot, targets, limit_lines(plan), plan.gauge)
     cell = cell_data(plan, folder)
     write_yaml(folder / PATH, planned_path_data(plan))
     write_yaml(folder / SCENARIO, scenario_data(plan, cell))

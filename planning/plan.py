@@ -20,7 +20,7 @@ from ident.estimator.uncertainty import observability
 from ident.robot.tcp_uncertainty import scale_error
 from planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
 from planning.coarse import BATCH, objectives
-from planning.crlb import PathPrediction, predictions
+from planning.crlb import PathPrediction
 from planning.evaluation import (
     INFEASIBLE,
     SCREENED_OUT,
@@ -34,6 +34,7 @@ from planning.evaluation import (
 )
 from planning.force import Forces, Lengths, load_reversals, predicted_lengths
 from planning.known import Known
+from planning.programs import BALLBAR, TELESCOPING, TRACKED
 from planning.request import PlanRequest
 from planning.screen import screen, tally
 from planning.search import (
@@ -150,8 +151,17 @@ class PathPlan:
         return self.evaluator.rod
 
     @property
+    def gauge(self) -> str:
+        """Name of the thing that is mounted on the flange."""
+        if self.evaluator.followed is not None:
+            return TRACKED
+        return TELESCOPING if self.request.telescoping else BALLBAR
+
+    @property
     def scale_adds(self) -> float:
         """[m] root mean square TCP error from the scale, which no data show."""
+        if self.evaluator.followed is not None:
+            return 0.0  # that of the instrument, which its description does not state
         return scale_error(self.evaluator.cell, self.evaluator.predictor.grid)
 
     @property
@@ -189,7 +199,7 @@ class PathPlan:
         parameters = typical.layout.fixed.table.parameters
         shared = typical.layout.shared
         robot = [k for k, i in enumerate(shared) if parameters[i].side == "robot"]
-        sigma, count = typical.layout.sigma, typical.model.recordings[0].times.size
+        sigma, count = typical.layout.sigma, typical.model.parts[0].size
         return observability(typical.normal, sigma, np.array(robot), count)
 
 
@@ -294,5 +304,5 @@ def assess(evaluator: Evaluator, candidate: PathCandidate) -> PathPlan:
         trajectory=trajectory,
         forces=forces,
         lengths=None if model is None else predicted_lengths(model, trajectory),
-        predictions=predictions(evaluator.predictor, trajectory, tensions_of(trajectory, forces)),
+        predictions=evaluator.predictions(trajectory, tensions_of(trajectory, forces)),
     )

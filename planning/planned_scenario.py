@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cell.descriptions import Robot
 from cell.typical_machine import KEYS
+from planning.followed_path import RATE
 from planning.force import ERROR, Lengths
 from planning.plan import PathPlan
 
@@ -60,7 +61,7 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
         "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
         "seed": request.seed,
     }
-    if plan.lengths is not None:
+    if request.telescoping:
         return common | length_data(plan.lengths, plan.evaluator.cell.robot)
     plant: dict[str, object] = {"servo": request.servo}
     if plan.evaluator.typical.keys:
@@ -79,13 +80,14 @@ def scenario_data(plan: PathPlan, cell: dict[str, object]) -> dict[str, object]:
     }
 
 
-def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
+def length_data(lengths: Lengths | None, robot: Robot) -> dict[str, object]:
     """Plant and errors with which a telescoping bar is simulated: those that its stroke takes.
 
-    They are of an elastic robot in MuJoCo, as in scenarios/irb2400_telescoping.yaml, or of a rigid
-    one where its file lacks what MuJoCo needs.
+    lengths : None where an instrument follows the robot. They are of an elastic robot in MuJoCo, as
+    in scenarios/irb2400_telescoping.yaml, or of a rigid one where its file lacks what MuJoCo needs.
     """
-    size = float(f"{min(ERROR, lengths.scale * ERROR):.1g}")
+    scale = 1.0 if lengths is None else lengths.scale
+    size = float(f"{min(ERROR, scale * ERROR):.1g}")
     errors: dict[str, object] = {
         "static": {"sigma_m": size, "sigma_rad": size},
         "joint_noise": {"sigma_rad": 5e-6},
@@ -93,9 +95,12 @@ def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
     dynamic = not any(robot.lacks(key) for key in KEYS)
     if dynamic:
         errors["joint_compliance"] = {}
+    clock = {"offset_s": 0.137, "skew": 5.0e-5}
+    logged: dict[str, object] = {"length": {"rate_hz": 100}, "clocks": clock}
+    if lengths is None:
+        logged = {"logs": {"tracker": {"rate_hz": RATE, **clock}}}
     return {
         "plant": {"kind": "mujoco", "servo": "stiff"} if dynamic else {"kind": "kinematic"},
         "errors": errors,
-        "length": {"rate_hz": 100},
-        "clocks": {"offset_s": 0.137, "skew": 5.0e-5},
+        **logged,
     }

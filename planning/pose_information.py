@@ -151,7 +151,10 @@ def smooth_joint_errors(robot: Robot) -> Correction:
 
 
 def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
-    """The values that the nominal robot lets an instrument measure at axis angles (N, J) [rad]."""
+    """The values that the nominal robot lets an instrument measure at axis angles (N, J) [rad].
+
+    Of still poses; those of a robot that moves have a time and a motion besides.
+    """
     frames, instrument = station_frames(setup, station, axes), setup.instrument
     rod = frames.tip - station.origin[:, None]
     stand = TrueStand(rod, np.linalg.norm(rod, axis=0), frames.rotation())

@@ -29,7 +29,8 @@ from cell.poses import Measured
 from planning.pose_plan import PosePlan
 from planning.trajectory import Targets
 
-BALLBAR, TELESCOPING = "ball-bar", "telescoping bar"  # what holds the tool
+# what holds the tool, or is followed on it
+BALLBAR, TELESCOPING, TRACKED = "ball-bar", "telescoping bar", "tracked target"
 ATTACHED: frozenset[Measured] = frozenset({"length", "socket"})  # a person attaches these
 PROGRAM_AXES = 6  # of robots that programs are written for
 SUFFIXES: dict[ProgramLanguage, str] = {"rapid": "mod", "pdl2": "pdl", "krl": "src"}
@@ -53,7 +54,7 @@ class ProgrammedPath:
     robot: Robot
     targets: Targets
     limits: Sequence[str]  # lines of the header
-    gauge: str = BALLBAR  # what holds the tool: a ball-bar needs a soft servo
+    gauge: str = BALLBAR  # what is mounted: a ball-bar needs a soft servo
 
     @property
     def soft(self) -> bool:

@@ -53,7 +53,9 @@ class PlanCell(Strict):
     the robot's reach.
     """
     instrument: str | None = None
-    """In place of `ballbar`: an instrument that measures its length, such as qc20w_300."""
+    """In place of `ballbar`: an instrument that measures its length, such as qc20w_300, or one that
+    follows a target on the flange, such as tracker_point.
+    """
     seat: Cup | None = None
     """Cup on the base of an `instrument`."""
     target: Cup | None = None

@@ -7,7 +7,6 @@ JointState messages that name all wanted joints, in whatever order.
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,8 @@ from acquisition.table.text import require_file
 from cell.errors import DescriptionError, LogError
 
 if TYPE_CHECKING:
+    import sqlite3
+
     from acquisition.formats.ros_messages import JointState
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -31,7 +32,6 @@ _SQLITE = b"SQLite format 3\0"
 # Bytes; bags hold camera images too, and are never in memory as a whole.
 _LARGEST_BAG = 100_000_000_000
 _LARGEST_BLOB = 1_000_000  # bytes of one message; a JointState has some hundreds
-_READS = {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ}
 _STEPS = 10_000  # of SQLite's machine between two checks of how long it has computed
 # Reading takes a few checks a megabyte; a database that takes more computes something.
 _CHECKS_PER_MB = 200
@@ -131,6 +131,9 @@ def _holder(
 
 def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator[tuple[str, bytes]]:
     """Topic and CDR bytes of each JointState of a database, which is never written to."""
+    import sqlite3  # noqa: PLC0415  slow to import, and needed here alone
+
+    reads = {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ}
     log = path.with_name(path.name + "-wal")
     if log.is_file() and log.stat().st_size:
         sentence = f"{log.name} holds messages not yet moved in: run `ros2 bag reindex`."
@@ -147,7 +150,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         # An image of a camera passes, a bomb does not.
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 100 * _LARGEST_BLOB)
         connection.set_authorizer(
-            lambda action, *_: sqlite3.SQLITE_OK if action in _READS else sqlite3.SQLITE_DENY
+            lambda action, *_: sqlite3.SQLITE_OK if action in reads else sqlite3.SQLITE_DENY
         )
         _refuse_other_tables(connection, file)
         query = "SELECT id, name, serialization_format FROM topics WHERE type = ?"

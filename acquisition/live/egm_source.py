@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import socket
 import time
+from collections.abc import Mapping
 from itertools import islice
 
 import numpy as np
@@ -52,11 +53,12 @@ class EgmSource:
     file_suffix = ".egm"
     encoders = Encoders()
     channels = tuple(f"q{j}" for j in range(1, _AXES + 1))
+    unit = "deg"
 
     def __init__(
         self, port: int = DEFAULT_PORT, *, address: str = LOOPBACK, torque: bool = False
     ) -> None:
-        self.dialect = "abb-egm-torque" if torque else "abb-egm"
+        self.entry: Mapping[str, object] = {"dialect": "abb-egm-torque" if torque else "abb-egm"}
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)

@@ -17,6 +17,7 @@ from acquisition.live.source import Encoders, Source
 from cell.errors import InputError
 from cell.files import aside_of, require_writable, write_whole, write_yaml
 from cell.logs import SourceName
+from cell.recording import RecordingFile
 
 DESCRIPTION = "recording.yaml"
 _MISSING: dict[SourceName, str] = {
@@ -32,12 +33,24 @@ _MISSING: dict[SourceName, str] = {
 
 @dataclass(frozen=True)
 class CellNames:
-    """Robot, ball-bar and plate as recording.yaml names them, and the lines of the encoders."""
+    """Robot, ball-bar and plate as recording.yaml names them, and the lines of the encoders.
+
+    described : recording.yaml of logs that other programs write. What it says of them, and of all
+        that is not recorded by a name of its own here, is kept.
+    """
 
     robot: str
-    ballbar: str
+    ballbar: str  # or an instrument, as `described` has it
     plate: str
-    lines: int
+    lines: int = 0
+    described: RecordingFile | None = None
+
+    @property
+    def expected(self) -> tuple[SourceName, ...]:
+        """The sources without which the recording is not whole."""
+        if self.described is None:
+            return ("robot", "ballbar")
+        return tuple(self.described.sources.named)
 
 
 class RecordingFolder:
@@ -64,7 +77,7 @@ class RecordingFolder:
         self._cell = cell
         self._encoders = Encoders()
         self._files: dict[SourceName, list[str]] = {}
-        self._dialects: dict[SourceName, str] = {}
+        self._entries: dict[SourceName, Mapping[str, object]] = {}
         self._lock = threading.Lock()  # each source declares its files from a thread of its own
 
     def next_file(self, source: SourceName, suffix: str) -> Path:
@@ -84,7 +97,7 @@ class RecordingFolder:
         """
         with self._lock:
             self._files.setdefault(source.name, []).append(f"raw/{file.name}")
-            self._dialects[source.name] = source.dialect
+            self._entries[source.name] = source.entry
             if source.encoders.joints:
                 self._encoders = source.encoders
             self._write("")
@@ -115,27 +128,35 @@ class RecordingFolder:
     @property
     def missing(self) -> tuple[str, ...]:
         """Phrases for everything that the recording still needs before it can be read."""
-        return tuple(words for name, words in _MISSING.items() if name not in self._files)
+        left = (name for name in self._cell.expected if name not in self._files)
+        return tuple(_MISSING.get(name, f"the rows of sources.{name}") for name in left)
 
     def _write(self, notes: str) -> None:
         recorded = {
-            name: {"files": self._files[name], "dialect": self._dialects[name]}
+            name: {"files": self._files[name], **self._entries[name]}
             for name in sorted(self._files, reverse=True)
         }
         # The direction is left at +1: identification finds it, from either start.
         lines, bits = self._cell.lines, self._encoders.bits
-        fitted = {
+        fitted: object = {
             f"b{j}": {"column": f"b{j}", "lines": lines, "bits": bits, "sign": 1}
             for j in self._encoders.joints
         }
-        content: dict[str, object] = {
-            "schema": "ballbar-recording/1",
-            "kind": "real",
+        content: dict[str, object] = {"schema": "ballbar-recording/1", "kind": "real"}
+        measured_by, described = "ballbar", self._cell.described
+        if described is not None:
+            content = described.model_dump(mode="json", by_alias=True, exclude_unset=True)
+            measured_by = "ballbar" if described.instrument is None else "instrument"
+            fitted, notes = (
+                fitted or content.get("encoders", {}),
+                f"{described.notes} {notes}".strip(),
+            )
+        content |= {
             "robot": self._cell.robot,
-            "ballbar": self._cell.ballbar,
+            measured_by: self._cell.ballbar,
             "plate": self._cell.plate,
             "sources": recorded,
-            "encoders": fitted if "ballbar" in recorded else {},
+            "encoders": fitted or content.get("encoders", {}) if "ballbar" in recorded else {},
             "notes": notes,
         }
         write_yaml(self.path / DESCRIPTION, content)

@@ -8,7 +8,7 @@ counted as lost. If `started` changes, the PLC was restarted and its samples cou
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -142,7 +142,8 @@ class PlcSource:
     """
 
     name: SourceName = "ballbar"
-    dialect = "twincat-plc"
+    entry: Mapping[str, object] = {"dialect": "twincat-plc"}
+    unit = "deg"
     file_suffix = ".csv"
     quiet = "the PLC answers, but writes no samples: is its program running?"
 

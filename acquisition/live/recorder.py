@@ -115,7 +115,8 @@ class Recorder:
         path = self._folder.next_file(self._source.name, self._source.file_suffix)
         self._file, self._declared = SegmentFile(path, self._source.file_start()), False
         self._tally.new_segment()
-        self._tally.show(segments=self.progress.segments + 1, channels=self._source.channels)
+        named = {"channels": self._source.channels, "unit": self._source.unit}
+        self._tally.show(segments=self.progress.segments + 1, **named)
         return RecorderState.FLUSH
 
     def _record(self) -> RecorderState:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Protocol
@@ -29,7 +30,8 @@ class Batch:
 
     records: list[bytes]  # lines or frames of the file, each complete
     t_ns: NDArray[np.int64]  # (N,) [ns] the device's stamps of the records
-    values: Array  # (N, K) [deg] to be shown: encoder angles unwrapped from 0, or joint angles
+    # (N, K) to be shown, in the unit of the source; encoder angles are unwrapped from 0
+    values: Array
     # (K,) status words of the encoders, or-ed over the records; empty for a robot
     status: NDArray[np.int64]
     lost: int = 0  # records that the device made and that cannot be had any more
@@ -49,11 +51,12 @@ class Source(Protocol):
     """A device. `connect` may be called again after each DeviceSilentError."""
 
     name: SourceName  # source of the recording that the device is
-    dialect: str  # name of the dialect of its files
+    entry: Mapping[str, object]  # of recording.yaml, but for the files: dialect, unit, ..
     file_suffix: str  # with the dot
     encoders: Encoders  # for recording.yaml, known once connected; empty for a robot
     quiet: str  # what to say of a device that is there and delivers nothing
     channels: tuple[str, ...]  # names of the columns of Batch.values
+    unit: str  # of these values
 
     def file_start(self) -> bytes:
         """Bytes before the records in each file."""
@@ -97,7 +100,8 @@ class Progress:
     rate: float = 0.0  # [Hz] by the device's stamps, over the last two seconds
     heard: float = 0.0  # time.monotonic() when the last records came
     channels: tuple[str, ...] = ()
-    latest: NDArray[np.float64] | None = None  # (K,) [deg]
+    unit: str = "deg"  # of `latest`
+    latest: NDArray[np.float64] | None = None  # (K,)
     status: NDArray[np.int64] | None = None  # (K,) of the last poll that brought any
     ever: NDArray[np.int64] | None = None  # (K,) or-ed over all polls
     events: tuple[str, ...] = ()  # what ended the segments

@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma
 from acquisition.stamps.order import STAMP, amount
@@ -196,6 +195,8 @@ def _counted(
     values : (C, F). likely : (F-1,) ticks where the values do not tell. progress : (F-1,) in ticks,
     to begin with.
     """
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415  slow to import, and rarely needed
+
     count, sure, begun = likely, np.zeros(likely.size, dtype=bool), progress is not None
     for rows in (0, *ROWS) if begun else ROWS:
         if rows or progress is None:
@@ -290,6 +291,8 @@ def _missed(late: Array, sure: Mask, block: int) -> Array:
     They are as many as none of the next rows contradicts by an arrival before its tick.
     late : (F,) [ticks] of the arrivals after the ticks that were counted.
     """
+    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415  slow to import, and rarely needed
+
     piece = np.concatenate(([True], ~sure))
     ahead = AHEAD * block
     missed = minimum_filter1d(late, 2 * ahead, origin=-ahead, mode="nearest")[piece]

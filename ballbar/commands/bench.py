@@ -29,6 +29,7 @@ from cell.files import require_writable
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.rehearsal.day import Stage
     from ballbar.replay.live import LiveRun
+    from ballbar.result.run_data import RunData
     from ballbar.truth.limits import Limit
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
@@ -46,9 +47,9 @@ def run(
 ) -> None:
     """Simulate a scenario, identify the robot from its logs, and compare it with the truth.
 
-    Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default
-    runs/NAME); of a scenario of still poses recording/, calibration.yaml and report.html. Exits
-    with 1 when a limit under `accept` is not met.
+    Prints the result; writes recording/, calibration.yaml, import_report.json, report.html and
+    run.rrd to DIR (default runs/NAME), of a scenario of still poses recording/, calibration.yaml
+    and report.html. Exits with 1 when a limit under `accept` is not met.
 
     Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`
 
@@ -60,6 +61,8 @@ def run(
 
     settings = load_scenario(scenario, overrides=overrides or ())
     folder, moves = out_dir or Path("runs") / settings.name, settings.path is not None
+    if as_json:
+        silence()
     if live and not moves:
         what = "--live shows a motion, and in a scenario of still poses nothing moves."
         raise InputError.at(scenario, what, "Leave it out.")
@@ -68,9 +71,11 @@ def run(
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if moves else nullcontext(partial) as begin,
     ):
-        from ballbar.commands.result_json import run_data
-        from ballbar.report.terminal import say_comparison, say_identification
         from ballbar.run import run_scenario
+
+        def answer(run: RunData) -> None:
+            with progress.removed():
+                _say_run(run)
 
         data = run_scenario(
             settings,
@@ -78,20 +83,28 @@ def run(
             out=folder,
             command=command_line(),
             progress=progress,
+            answered=answer,
             live=window,
             begin=begin,
         )
     if as_json:
+        from ballbar.commands.result_json import run_data
+
         say_json(run_data(data, folder))
+    report, name = escape(str(folder / "report.html")), escape(str(folder))
+    out.print(f"Look at {report}" + (f", or: ballbar replay {name}" if moves else ""))
+    raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _say_run(data: RunData) -> None:
+    from ballbar.report.terminal import say_comparison, say_identification
+
     say_identification(out, data)
     if data.simulation is not None:
         out.print(escape(data.simulation.plant))
     if data.comparison is not None:
         say_comparison(out, data.comparison)
     _say_limits(data.limits)
-    report, name = escape(str(folder / "report.html")), escape(str(folder))
-    out.print(f"Look at {report}" + (f", or: ballbar replay {name}" if moves else ""))
-    raise typer.Exit(0 if data.acceptable else 1)
 
 
 def _live_window() -> AbstractContextManager[LiveRun]:

@@ -18,6 +18,7 @@ from ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 
 if TYPE_CHECKING:
     from ballbar.identify_settings import IdentifySettings
+    from ballbar.result.run_data import RunData
 
 commands = typer.Typer()
 
@@ -49,9 +50,9 @@ def identify(
     """Identify a robot from one or several recordings; test the result on held-out ones.
 
     Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml);
-    both together, of one robot, make one fit. Writes calibration.yaml, import_report.json and
-    report.html to DIR (default: the first RECORDING's folder with -identified appended). Exits with
-    1 when the fit or a held-out recording is not acceptable.
+    both together, of one robot, make one fit. Prints the result, then writes calibration.yaml,
+    import_report.json and report.html to DIR (default: the first RECORDING's folder with
+    -identified appended). Exits with 1 when the fit or a held-out recording is not acceptable.
 
     Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out
     runs/together`
@@ -88,8 +89,6 @@ def identify(
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
-        from ballbar.commands.result_json import run_data
-        from ballbar.outputs import write_outputs
         from ballbar.report.terminal import say_identification
         from ballbar.result.run_recordings import identify_files
         from ident.options import Listener
@@ -101,14 +100,24 @@ def identify(
             joint_errors=joint_errors,
             listener=Listener(progress),
         )
+        if not as_json:
+            with progress.removed():
+                say_identification(out, run)
+        from ballbar.outputs import write_outputs
+
         write_outputs(
             folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
     if as_json:
-        say_json(run_data(run, folder))
-    say_identification(out, run)
+        _say_json(run, folder)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
+
+
+def _say_json(run: RunData, folder: Path) -> None:
+    from ballbar.commands.result_json import run_data
+
+    say_json(run_data(run, folder))
 
 
 def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:

@@ -31,9 +31,10 @@ Accuracy = Annotated[
 def record(
     folder: Path,
     *,
-    robot: str,
-    ballbar: str,
+    robot: str | None = None,
+    ballbar: str | None = None,
     plate: str = "plate_250",
+    files: Path | None = None,
     plc: str | None = None,
     egm: str | None = None,
     egm_torque: bool = False,
@@ -43,19 +44,26 @@ def record(
     accuracy: Accuracy = None,
     as_json: AsJson = False,
 ) -> None:
-    """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM.
+    """Record live: a TwinCAT PLC over ADS, ABB EGM, and logs that other programs write.
 
-    The PLC runs the program of docs/recorder.md. The recording can be read at any moment. The
-    command waits for the devices, starts a new file when one was disconnected, and ends with
-    Ctrl-C. Exits with 1 when the disk is full, or a device delivered nothing.
+    The PLC runs the program of docs/recorder.md and reads the encoders of a ball-bar. Of a tracker
+    that follows the robot, a sensed length, a force sensor or another robot, the rows are taken as
+    they come into a file. The recording can be read at any moment. The command waits for the
+    devices, starts a new file when one was disconnected, and ends with Ctrl-C. Exits with 1 when
+    the disk is full, or a device delivered nothing.
 
     Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 --plc 5.12.82.20.1.1
     --egm 192.168.125.10:6510`
+
+    Example: `ballbar record runs/monday --files logs --egm 192.168.125.10:6510`, a tracker beside
+    an ABB robot
 
     DIR : New folder for the recording.
     --robot NAME : Robot of cell/robots, or a .yaml file.
     --ballbar NAME : Ball-bar of cell/instruments, or a .yaml file.
     --plate NAME : Offset plate of cell/plates, or a .yaml file.
+    --files FOLDER : Folder of a recording.yaml, as `ballbar new` makes it, whose logs grow while
+        other programs write them. It names robot and instrument, too.
     --plc NETID[:PORT][@HOST] : AMS address of the PLC that reads the encoders.
     --egm [ADDRESS:]PORT : Address and port that receive the robot's EGM feedback; a port alone
         listens to this machine only.
@@ -75,6 +83,7 @@ def record(
         robot=robot,
         ballbar=ballbar,
         plate=plate,
+        files=files,
         duration=duration,
         live=live,
         identify=identify,

@@ -126,7 +126,8 @@ def _axes(axes: Axes, plan: PathPlan) -> None:
 def _along_rod(axes: Axes, plan: PathPlan) -> None:
     """Expected force in the rod over time, or length of a telescoping bar, with each drawn robot.
 
-    Bold: the median of the forces, or the ends of the stroke.
+    Bold: the median of the forces, or the ends of the stroke. Where nothing holds the tool, its
+    place.
     """
     t, forces, lengths = plan.trajectory.t, plan.forces, plan.lengths
     if lengths is not None:
@@ -137,8 +138,11 @@ def _along_rod(axes: Axes, plan: PathPlan) -> None:
             axes.axhline((end - nominal) * MM, color=INK, lw=1.2)
         label, robots = "length of the bar less nominal [mm]", len(lengths.length)
         title = f"expected of {robots} robots with 1 mm, 1 mrad; bold: the stroke"
+    elif forces is None:
+        axes.plot(t, plan.trajectory.tip, lw=1.0, label=["x", "y", "z"])
+        axes.legend(ncols=3, fontsize=7)
+        label, title = "tool in the base frame [m]", "nothing holds the tool"
     else:
-        assert forces is not None
         for tension in forces.tension:
             axes.plot(t, tension, color=FAINT, lw=0.7)
         axes.plot(t, np.median(forces.tension, axis=0), color=INK, lw=1.2)

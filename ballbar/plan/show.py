@@ -47,7 +47,7 @@ _POSITION = (
     "cell.ballbar_region_m of the request, here with --set."
 )
 _NOT_RUN = (
-    "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its targets under "
+    "not run in MuJoCo: nothing loads the tool, and the robot follows its targets under "
     "its usual servo; the limits above hold for the nominal robot"
 )
 EVALUATIONS = 20_000  # of CMA-ES: about a minute on two cores

@@ -19,7 +19,6 @@ from planning.force import MACHINES
 from planning.next_step import EVERY_ENCODER, ROD_SIGMA
 from planning.plan import COVERED_WITHIN, PathPlan
 from planning.pose_plan import PosePlan
-from planning.programs import BALLBAR, TELESCOPING
 from planning.questions import CHANGES, ENCODERS, Question
 from planning.verify import Check
 from planning.what_if import Answer
@@ -40,8 +39,7 @@ def say_plan(out: Console, plan: PathPlan) -> None:
     searched = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried"
     out.print(
         f"path {searched if plan.evaluated else 'as given'}; "
-        f"{TELESCOPING if plan.lengths else BALLBAR} {escape(Path(plan.rod).stem)} at "
-        f"({position}) m"
+        f"{plan.gauge} {escape(Path(plan.rod).stem)} at ({position}) m"
     )
     spread = f" ({tcp.min():.1f} to {tcp.max():.1f} over {len(tcp)} robots)" if len(tcp) > 1 else ""
     scale = "the bar's calibrated length" if plan.lengths else "the lengths of plate and ba5"
@@ -52,7 +50,7 @@ def say_plan(out: Console, plan: PathPlan) -> None:
     )
     out.print(
         f"sphere covered {plan.coverage:.0%} (within {np.degrees(COVERED_WITHIN):.0f} deg of the "
-        f"path; shipped plans cover 5 to 21%, and the sigma above counts it), {_expected(plan)}"
+        f"path; shipped plans cover 5 to 21%, and the sigma above counts it){_expected(plan)}"
     )
     if keys := plan.evaluator.typical.keys:
         robot = plan.evaluator.cell.robot
@@ -83,14 +81,14 @@ def _expected(plan: PathPlan) -> str:
     if plan.forces is not None:
         least, most = plan.forces.interval
         over = f" over the spread of {MACHINES} robots" if plan.evaluator.typical.keys else ""
-        return f"rod force {least:.0f} to {most:.0f} N expected{over}"
+        return f", rod force {least:.0f} to {most:.0f} N expected{over}"
     if plan.lengths is None:
         return ""
     nominal = plan.evaluator.cell.ballbar.length
     off = (plan.lengths.length - nominal) * MM
     low, high = ((end - nominal) * MM for end in plan.lengths.stroke)
     return (
-        f"length {off.min():+.1f} to {off.max():+.1f} mm about {nominal * MM:.0f} mm expected "
+        f", length {off.min():+.1f} to {off.max():+.1f} mm about {nominal * MM:.0f} mm expected "
         f"({len(off)} robots with errors of 1 mm and 1 mrad), stroke {low:+.1f} to {high:+.1f} mm"
     )
 

@@ -14,17 +14,20 @@ from rich.console import Console
 from rich.markup import escape
 
 from acquisition.live.egm_source import LOOPBACK, EgmSource
+from acquisition.live.file_source import FileSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import Memory, PlcSource
 from acquisition.live.recorder import LiveRecording
 from acquisition.live.source import Source
+from acquisition.sources import log_source
 from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import Data, panel
 from cell.errors import InputError
-from cell.load import describes_instrument, load_cell
+from cell.load import describes_instrument, load_cell, load_robot
 from cell.plc_ring import RING
 from cell.processes import on_stop_signals
+from cell.recording import load_recording_file
 
 if TYPE_CHECKING:  # pyads is an extra
     from acquisition.live.ads import AdsMemory
@@ -42,23 +45,14 @@ class RecordOptions:
     plc: str | None
     egm: str | None
     egm_torque: bool  # whether the test signals of EGM are declared to be the axes' torques
-    robot: str
-    ballbar: str
-    plate: str
+    robot: str | None
+    ballbar: str | None
+    plate: str = "plate_250"
+    files: Path | None = None  # folder of a recording.yaml whose logs other programs write
     duration: float | None = None  # [s]
     live: bool = False
     identify: bool = False
     accuracy: float | None = None  # [m]
-
-    @property
-    def cell(self) -> tuple[str, str, str]:
-        """Names or files of robot, ball-bar and plate."""
-        return self.robot, self.ballbar, self.plate
-
-    @property
-    def own_files(self) -> tuple[str, ...]:
-        """The user's own description files among them."""
-        return tuple(name for name in self.cell if name.endswith(".yaml"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +76,16 @@ def record(
 
     Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
     """
-    if options.plc is None and options.egm is None:
+    if options.plc is None and options.egm is None and options.files is None:
         raise InputError(
             "nothing to record: name a PLC with --plc, a port for the robot's EGM messages with "
-            "--egm, or both."
+            "--egm, or a folder of logs that other programs write with --files."
         )
     if options.egm_torque and options.egm is None:
         raise InputError("--egm-torque: belongs to --egm, which is not named. Name its port.")
-    names = _cell_names(options)
+    names, files = _cell_names(options)
     with ExitStack() as stack:
-        sources: list[Source] = []
+        sources = _growing(options, names)
         if options.plc is not None:
             sources.append(PlcSource(_ads_memory(options.plc), lines=names.lines))
         if options.egm is not None:
@@ -104,9 +98,9 @@ def record(
             from ballbar.record import view  # noqa: PLC0415  rerun is heavy
             from ballbar.replay.window import live_window  # noqa: PLC0415
 
-            stream = stack.enter_context(live_window(view.APPLICATION, view.layout()))
+            layout = view.layout(sources)
+            stream = stack.enter_context(live_window(view.APPLICATION, layout))
             on_batch = view.LiveView(stream).on_batch
-        files = [Path(name) for name in options.own_files]
         recording = LiveRecording(RecordingFolder(folder, names, files), sources, on_batch=on_batch)
         beside = identified = None
         if options.identify:
@@ -175,26 +169,67 @@ def say(out: Console, folder: Path, recorded: Recorded) -> None:
     out.print(f"Recording {name}{hint}")
 
 
-def _cell_names(options: RecordOptions) -> CellNames:
-    """Robot, ball-bar and plate as recording.yaml names them.
+def _cell_names(options: RecordOptions) -> tuple[CellNames, list[Path]]:
+    """Robot, ball-bar and plate as recording.yaml names them, and the user's own files.
 
-    The user's own files are copied into the recording, which can then be moved as a whole.
+    These are copied into the recording, which can then be moved as a whole.
     """
-    if describes_instrument(options.ballbar):
+    robot, ballbar, plate, described = options.robot, options.ballbar, options.plate, None
+    if options.files is not None:
+        if options.robot or options.ballbar:
+            what = "recording.yaml in that folder names robot and instrument."
+            raise InputError.at(
+                f"--files {options.files}", what, "Leave out --robot and --ballbar."
+            )
+        described = load_recording_file(options.files)
+        robot, ballbar, plate = described.robot, described.measured_by, described.plate
+    if robot is None or ballbar is None:
         raise InputError(
-            f"--ballbar {options.ballbar}: is an instrument without encoders, which is not "
-            "recorded here. Log it with its own program beside the robot's log, describe both with "
-            "`ballbar new`, and `ballbar watch` reads them while they grow."
+            "name the robot with --robot and the ball-bar with --ballbar, or with --files a folder "
+            "whose recording.yaml names them."
         )
-    cell = load_cell(options.robot, options.ballbar, options.plate)
-    files = [Path(name).name for name in options.own_files]
-    if len({*files, "recording.yaml"}) <= len(files):
+    if described is None and describes_instrument(ballbar):
+        raise InputError(
+            f"--ballbar {ballbar}: is an instrument without encoders, whose log another program "
+            "writes. Describe it with `ballbar new`, and name that folder with --files."
+        )
+    base, bar = options.files or Path(), None
+    if described is None or described.ballbar is not None:
+        bar = load_cell(robot, ballbar, plate, relative_to=base).ballbar
+    elif options.plc is not None:
+        what = f"{ballbar} has no encoders that a PLC reads."
+        raise InputError.at(f"--plc {options.plc}", what, "Leave it out.")
+    stated = [robot, ballbar, plate]
+    if described is not None:
+        stated += dict.fromkeys(source.dialect for source in described.sources.named.values())
+    files = [base / name for name in stated if name.endswith(".yaml")]
+    if len({*(file.name for file in files), "recording.yaml"}) <= len(files):
         what = "two files of one folder, or one and recording.yaml, cannot have the same name."
-        raise InputError.at(", ".join(options.own_files), what, "Rename one of them.")
-    robot, ballbar, plate = (
-        Path(name).name if name in options.own_files else name for name in options.cell
-    )
-    return CellNames(robot, ballbar, plate, cell.ballbar.encoder_lines)
+        raise InputError.at(", ".join(map(str, files)), what, "Rename one of them.")
+    robot, ballbar, plate = (Path(n).name if n.endswith(".yaml") else n for n in stated[:3])
+    return CellNames(robot, ballbar, plate, bar.encoder_lines if bar else 0, described), files
+
+
+def _growing(options: RecordOptions, names: CellNames) -> list[Source]:
+    """The logs that other programs write, but for those that a PLC or EGM delivers."""
+    described, folder = names.described, options.files
+    if described is None or folder is None:
+        return []
+    axes = load_robot(described.robot, relative_to=folder).joints
+    delivered = {"robot": options.egm, "ballbar": options.plc}
+    return [
+        FileSource(
+            log_source(
+                folder,
+                name,
+                declared,
+                axes=axes if name == "robot" else None,
+                encoders=described.encoders if name == "ballbar" else None,
+            )
+        )
+        for name, declared in described.sources.named.items()
+        if delivered.get(name) is None
+    ]
 
 
 def _ads_memory(plc: str) -> Memory:

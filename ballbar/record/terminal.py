@@ -149,7 +149,8 @@ def _details(source: Progress) -> list[Text]:
     angles = dict(zip(source.channels, source.latest, strict=False))
     words, ever = dict(_named(source, ever=False)), dict(_named(source, ever=True))
     if not words:
-        return [Text("deg: " + "  ".join(f"{name} {angle:+.3f}" for name, angle in angles.items()))]
+        shown = "  ".join(f"{name} {value:+.3f}" for name, value in angles.items())
+        return [Text(f"{source.unit}: {shown}")]
     lines = []
     for name, angle in angles.items():
         latest, earlier = status_words(words[name]), status_words(ever[name])

@@ -1,8 +1,9 @@
-"""Live view of a running recording: angles and faults in a rerun window on this machine."""
+"""Live view of a running recording: values and faults in a rerun window on this machine."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
@@ -18,6 +19,7 @@ from cell.logs import SourceName
 ROWS = 10  # rows of a batch that are shown: 100 Hz suffices for the eye and for a slow screen
 TIMELINE = "recording_time"
 APPLICATION = "ballbar-record"
+TITLES: dict[SourceName, str] = {"ballbar": "Ball-bar encoders", "robot": "Robot axes"}
 
 
 class LiveView:
@@ -37,18 +39,18 @@ class LiveView:
         """Shows a batch; called from the recorder's threads."""
         if not batch.t_ns.size:
             return
-        angles, faults = f"/{source.name}/angle_deg", f"/{source.name}/fault"
+        values_of, faults = f"/{source.name}/value", f"/{source.name}/fault"
         if source.name not in self._last:
             colours = [rgb(colour) for colour in LINES[: len(source.channels)]]
             lines = rr.SeriesLines(names=list(source.channels), colors=colours)
-            for entity in (angles, faults):
+            for entity in (values_of, faults):
                 self._stream.log(entity, lines, static=True)
         t = self._begin_of(source.name, batch.t_ns) + (batch.t_ns - batch.t_ns[0]) * 1e-9
         self._last[source.name] = float(t[-1])
         step = -(-batch.t_ns.size // ROWS)
         times = [rr.TimeColumn(TIMELINE, duration=t[::step])]
         values = rr.Scalars.columns(scalars=batch.values[::step])
-        self._stream.send_columns(angles, indexes=times, columns=values)
+        self._stream.send_columns(values_of, indexes=times, columns=values)
         if batch.status.size:
             faulty = (batch.status & sum(FAULTS)) != 0
             self._stream.set_time(TIMELINE, duration=float(t[-1]))
@@ -64,12 +66,18 @@ class LiveView:
         return shift + float(t_ns[0]) * 1e-9
 
 
-def layout() -> rrb.Blueprint:
-    """Encoders at the top, their faults below, robot axes at the bottom."""
-    faults = "Encoder faults (1: rows will be left out)"
-    views = [
-        rrb.TimeSeriesView(origin="/ballbar/angle_deg", name="Ball-bar encoders [deg]"),
-        rrb.TimeSeriesView(origin="/ballbar/fault", name=faults),
-        rrb.TimeSeriesView(origin="/robot/angle_deg", name="Robot axes [deg]"),
-    ]
-    return blueprint(rrb.Vertical(*views, row_shares=[3, 1, 3]), TIMELINE)
+def layout(sources: Sequence[Source]) -> rrb.Blueprint:
+    """A view of each source, and below the encoders one of their faults."""
+    faults, views, shares = (
+        "Encoder faults (1: rows will be left out)",
+        list[rrb.View](),
+        list[int](),
+    )
+    for source in sources:
+        name = f"{TITLES.get(source.name, source.name.capitalize())} [{source.unit}]"
+        views.append(rrb.TimeSeriesView(origin=f"/{source.name}/value", name=name))
+        shares.append(3)
+        if source.name == "ballbar":
+            views.append(rrb.TimeSeriesView(origin="/ballbar/fault", name=faults))
+            shares.append(1)
+    return blueprint(rrb.Vertical(*views, row_shares=shares), TIMELINE)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from acquisition.pose_tables import PoseImport, import_poses
+from acquisition.report import Finding, finding
 from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
 from cell.errors import InputError
@@ -12,7 +14,9 @@ from cell.geometry import robot_geometry
 from cell.load import load_robot
 from cell.pose_file import PosesFile, load_poses_file, pose_file_path
 from cell.recording import RecordingFile, load_recording_file
-from ident.start.followed import followed_table, robot_motion
+from ident.signals.smooth_log import motion_of
+from ident.signals.steps import LogStep
+from ident.start.followed import followed_table
 
 
 def gives_poses(path: Path) -> bool:
@@ -45,6 +49,16 @@ def poses_of(path: Path) -> PoseImport:
     if (axes := recording.robot_log.q.shape[1]) != robot.joints:
         what = f"the robot's log has {axes} joint angles, robot {robot.name} {robot.joints} axes."
         raise InputError.at(path, what, "Name the robot that was recorded.")
-    motion, name = robot_motion(recording.robot_log), path.resolve().name
+    log, name = recording.robot_log, path.resolve().name
+    motion = motion_of(log, log.q)
     table = followed_table(name, robot, robot_geometry(robot), motion, tracker)
-    return PoseImport(description, table, recording.report, path / "recording.yaml")
+    findings = tuple(_step(description.sources.robot.files[0], step) for step in motion.steps)
+    report = replace(recording.report, findings=(*recording.report.findings, *findings))
+    return PoseImport(description, table, report, path / "recording.yaml")
+
+
+def _step(file: str, step: LogStep) -> Finding:
+    what = "the clock was set" if step.channel is None else f"joint {step.channel + 1} stepped"
+    size = f"{step.size * 1e3:+.3g} {'ms' if step.channel is None else 'mrad'}"
+    sentence = f"{what} by {size} between two rows at t = {step.time:.2f} s; taken out."
+    return finding("step in the log", file, sentence, count=1)

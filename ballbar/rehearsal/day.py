@@ -19,20 +19,20 @@ from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
 from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.run_recordings import identify_files
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
-from ballbar.truth.compare import identification_against_truth
+from ballbar.truth.compare import against_simulation
 from ballbar.truth.limits import Limit, corrected_limits, tcp_limits
 from ballbar.units import MM
 from cell.arrays import Array
-from cell.errors import FailureError
 from cell.number_text import significant_text
 from cell.statistics import rms
 from ident.options import Listener
 from ident.result import Identification
-from sim.truth import PoseTruth, Truth
+from sim.simulate import Simulation
+from sim.still_poses import PoseSimulation
 
 SIMULATED, RECORDINGS = "simulated", "recordings"
 FIRST, RESULT = "result1", "result"
@@ -101,14 +101,14 @@ def rehearse(day: Day) -> Rehearsal:
 
     Raises InputError and FailureError as the commands of the day do.
     """
-    accept, truth = day.scenario.accept, _simulated(day, "path1", day.scenario)
+    accept, made = day.scenario.accept, _simulated(day, "path1", day.scenario)
     if day.fault is not None:
         _with_fault(day, day.fault)
     _recorded(day, "path1")
-    _, first = _identified(day, FIRST, ("path1",), truth)
+    _, first = _identified(day, FIRST, ("path1",), made)
     _simulated(day, "path2", _planned(day))
     _recorded(day, "path2")
-    result, comparison = _identified(day, RESULT, ("path1", "path2"), truth)
+    result, comparison = _identified(day, RESULT, ("path1", "path2"), made)
     held = _corrected(day)
     _verified(day)
     limits = tcp_limits(result.verdict.status, result.robot.tcp_sigma, comparison, accept)
@@ -116,10 +116,10 @@ def rehearse(day: Day) -> Rehearsal:
     return Rehearsal(day, limits, first.tcp_nominal.mean, held)
 
 
-def _simulated(day: Day, name: str, scenario: Scenario) -> Truth | PoseTruth:
+def _simulated(day: Day, name: str, scenario: Scenario) -> Simulation | PoseSimulation:
     """Simulates what the devices will deliver of a path."""
     folder = day.folder / SIMULATED / name
-    return simulate_scenario(scenario, day.file, folder, progress=day.progress).truth
+    return simulate_scenario(scenario, day.file, folder, progress=day.progress)
 
 
 def _taken(
@@ -178,15 +178,15 @@ def _recorded(day: Day, name: str) -> None:
 
 
 def _identified(
-    day: Day, name: str, recordings: tuple[str, ...], truth: Truth | PoseTruth
+    day: Day, name: str, recordings: tuple[str, ...], made: Simulation | PoseSimulation
 ) -> tuple[Identification, Comparison]:
     """Identifies recordings, and compares with the truth of the first."""
     folders = [day.recording(recording) for recording in recordings]
     listener = Listener(day.progress)
-    data = identify_recordings(folders, settings=day.scenario.identify, listener=listener)
+    data = identify_files(folders, settings=day.scenario.identify, listener=listener)
     write_outputs(day.folder / name, data, command=day.command, replay=False, progress=day.progress)
     robot, verdict = data.identification.robot, data.identification.verdict
-    comparison = identification_against_truth(data.identification, truth)
+    comparison = against_simulation(data.identification, made)
     tcp, sigma, without = comparison.tcp, rms(robot.tcp_sigma), rms(robot.tcp.without_scale)
     figures = {
         "verdict": str(verdict.status),
@@ -210,7 +210,15 @@ def _identified(
 
 
 def _planned(day: Day) -> Scenario:
-    """Plans the second path after the first result; the scenario of its recording."""
+    """Plans the second path after the first result; the scenario of its recording.
+
+    Where an instrument follows the robot the path is recorded again: no path for it is planned
+    after a result.
+    """
+    if not load_result(day.folder / FIRST).calibration.of_logs:
+        again = {"recording": day.scenario.recording + 1}
+        day.done("path2", "the first path, recorded once more", {}, met=True)
+        return day.scenario.model_copy(update=again)
     day.progress("planning the second path")
     second, predicted, feasible = plan_second_path(
         day.scenario, day.folder, day.folder / FIRST, day.file.parent
@@ -232,8 +240,6 @@ def _corrected(day: Day) -> HeldTargets:
     """Corrects targets over the workspace, and lets the true robot hold them."""
     day.progress("correcting targets")
     result = load_result(day.folder / RESULT)
-    if not result.calibration.of_logs:
-        raise FailureError(f"{day.folder / RESULT}: is no result of recordings")
     correction = correct_targets(day.folder, result)
     expected, included = correction.corrected.position_before, ["geometry", *correction.included]
     figures: dict[str, object] = {
@@ -281,7 +287,7 @@ def _verified(day: Day) -> None:
     outcome, _ = verify_folder(day.folder / RESULT, day.recording("path3"))
     figures: dict[str, object] = {
         "holds": outcome.holds,
-        "innovation": outcome.figures["normalised_innovation"],
+        "innovation": outcome.figures.get("normalised_innovation"),  # none of poses
         "lost": path.lost,
     }
     met = outcome.holds and not path.lost

@@ -58,8 +58,8 @@ def rehearse_into(day: Day) -> Rehearsal:
     Raises InputError for a fault or a scenario that cannot be rehearsed, or when the folder holds
     something else; FailureError when a part of the cell does not come up.
     """
-    check_fault(day.scenario, day.fault)
-    delivered, out = as_recorded(day.scenario, relative_to=day.file.parent), day.folder
+    check_fault(day.scenario, day.fault, relative_to=day.file.parent)
+    delivered, out = as_recorded(day.scenario), day.folder
     with claimed_folder(out, OUTPUTS, "the rehearsal"):
         beside = Path(mkdtemp(dir=out.resolve().parent, prefix=f".{out.name}."))
         try:
@@ -119,7 +119,7 @@ def rehearsal_page(rehearsal: Rehearsal) -> str:
     day, targets = rehearsal.day, rehearsal.held
     missed = [stage.name for stage in day.stages if not stage.met]
     missed += [limit.what for limit in rehearsal.limits if not limit.met]
-    cell = day.scenario.cell
+    cell, planned = day.scenario.cell, any(stage.name == "plan path2" for stage in day.stages)
     fault = f", with the fault {day.fault}" if day.fault else ""
     page = template("rehearsal.html").render(
         title=day.scenario.name,
@@ -143,7 +143,7 @@ def rehearsal_page(rehearsal: Rehearsal) -> str:
             ],
             label="distance of the tool",
         ),
-        links=LINKS,
+        links=[link for link in LINKS if planned or not link[0].startswith(PLAN)],
         command=without_folders(day.command),
         versions=versions(simulated=True),
         written=f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC",

@@ -1,8 +1,8 @@
-"""A simulated path recorded while it happens, and identified meanwhile.
+"""A simulated path recorded while it happens by `ballbar record`, and identified meanwhile.
 
-With a ball-bar `ballbar record` takes the encoders from a simulated PLC over ADS and the axes from
-a simulated controller over EGM. A length has no live recorder: its files grow, as another logger
-writes them, and `ballbar watch` reads them.
+With a ball-bar the encoders come from a simulated PLC over ADS and the axes from a simulated
+controller over EGM. The log of a length or of a tracker, and of the robot beside these, is a file
+that grows, as another program writes it.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,10 +29,12 @@ from ballbar.watch.state import Alarm
 from cell.clock import Clock
 from cell.errors import FailureError, InputError
 from cell.load import load_instrument, load_robot
-from sim.live.delivery import EgmRobot, Pace
-from sim.live.device_logs import GrowingRecording, Logs, device_logs
-from sim.live.faults import FAULTS, OF_ENCODERS, moving_at
+from sim.live.delivery import Device, EgmRobot, GrowingFiles, Pace
+from sim.live.device_logs import GrowingRecording
+from sim.live.faults import FAULTS, OF_ENCODERS, OF_TRACKER, moving_at
 from sim.logging.load_logs import BallbarLogger, DeviceLogs, RobotLogger
+from sim.recording_files import truth_path
+from sim.truth import Truth, load_truth
 
 if TYPE_CHECKING:  # pyads is an extra
     from sim.live.plc import Plc
@@ -109,41 +112,42 @@ class LivePath:
         return self.noticed is not None
 
 
-def as_recorded(scenario: Scenario, *, relative_to: Path | None = None) -> Scenario:
+def as_recorded(scenario: Scenario) -> Scenario:
     """The scenario as its devices deliver it: motor torques by EGM, but no force.
 
-    relative_to : folder of the scenario's file. Raises InputError for what no device here delivers
-    row by row.
+    Raises InputError for what no device here delivers row by row.
     """
-    clocks = scenario.clocks
-    if clocks.restart is not None:
+    if scenario.clocks.restart is not None:
         raise InputError("clocks.restart: the recorder starts its own files. Leave it out")
-    if (named := scenario.cell.instrument) is not None:
-        if load_instrument(named, relative_to=relative_to).follows:
-            raise InputError(
-                f"cell.instrument: {named} follows the robot, and a rehearsal plans and records "
-                "paths of a ball-bar or a length. `ballbar run` simulates and identifies this one."
-            )
-        logs = scenario.logs.model_copy(update={"torque": None, "tracker": None})
-        return scenario.model_copy(update={"logs": logs})
     logged = scenario.logs
+    if scenario.cell.instrument is not None:
+        logs = logged.model_copy(update={"torque": None})
+        return scenario.model_copy(update={"logs": logs})
     logs = DeviceLogs(
         robot=RobotLogger(dialect="abb-motor", rate_hz=logged.robot.rate_hz),
         ballbar=BallbarLogger(task_s=logged.ballbar.task_s),
         torque=logged.torque,
+        tracker=logged.tracker,
     )
     encoders = scenario.encoders.model_copy(update={"directions": "unknown"})
     return scenario.model_copy(update={"logs": logs, "encoders": encoders})
 
 
-def check_fault(scenario: Scenario, fault: str | None) -> None:
-    """Raises InputError for a fault that does not exist, or needs encoders."""
+def check_fault(scenario: Scenario, fault: str | None, *, relative_to: Path | None = None) -> None:
+    """Raises InputError for a fault that does not exist, or that the cell cannot have.
+
+    relative_to : folder of the scenario's file.
+    """
     if fault is None:
         return
-    length = scenario.cell.instrument is not None
-    possible = [name for name in FAULTS if not (length and name in OF_ENCODERS)]
+    named = scenario.cell.instrument
+    instrument = None if named is None else load_instrument(named, relative_to=relative_to)
+    encoders, tracker = instrument is None, scenario.tracker(instrument) is not None
+    absent = (*(() if encoders else OF_ENCODERS), *(() if tracker else OF_TRACKER))
+    possible = [name for name in FAULTS if name not in absent]
     if fault not in possible:
-        reason = "needs a ball-bar with encoders" if fault in FAULTS else "is no fault"
+        needed = "a tracker" if fault in OF_TRACKER else "a ball-bar with encoders"
+        reason = f"needs {needed}" if fault in FAULTS else "is no fault"
         raise InputError(f"--fault {fault}: {reason}. There are {', '.join(possible)}.")
 
 
@@ -165,71 +169,50 @@ def record_live(
 
     Raises FailureError when a part of the cell does not come up.
     """
-    clock = Clock(scenario.clocks.offset_s, scenario.clocks.skew)
-    growing = None
-    if scenario.cell.instrument is not None:
-        growing = GrowingRecording(simulated, folder, clock)
-    logs = growing.logs if growing else device_logs(simulated, clock)
+    truth = load_truth(truth_path(simulated))
+    assert isinstance(truth, Truth)  # of a path
+    clocks = (
+        Clock(c.offset_s, c.skew) for c in (scenario.clocks, truth.logs.tracker) if c is not None
+    )
     path = LivePath(Pace(speed))
-    if fault is not None:
-        rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
-        path.fault, path.began = fault, moving_at(logs, MIDWAY * scenario.needed_path.duration_s)
-        path.shows = FAULTS[fault](logs, path.began, rng)
-    if growing:
-        _grown(growing, path, identify=identify)
-    else:
-        _recorded(logs, folder, with_absolute_names(scenario, relative_to), path, identify=identify)
+    with TemporaryDirectory() as scratch:
+        growing = GrowingRecording(simulated, Path(scratch), *clocks)
+        logs = growing.logs
+        if fault is not None:
+            rng = np.random.default_rng([scenario.seed, list(FAULTS).index(fault)])
+            path.fault = fault
+            path.began = moving_at(logs, MIDWAY * scenario.needed_path.duration_s)
+            path.shows = FAULTS[fault](logs, path.began, rng)
+        _recorded(growing, folder, with_absolute_names(scenario, relative_to), path, identify)
     return path
 
 
-def _grown(growing: GrowingRecording, path: LivePath, *, identify: bool) -> None:
-    """Files that grow, watched by a process of its own."""
-    if identify:
-        path.beside = WatchBeside(growing.folder, accuracy=None, duration=None)
-    try:
-        path.wait_for_update(BEGINS)
-        path.pace.start()
-        while (now := path.pace.delivered) < growing.seconds:
-            growing.write_until(now)
-            if path.look():
-                break
-            time.sleep(LOOK)
-        else:
-            growing.write_until(np.inf)
-            path.wait_for_last()
-    finally:
-        path.last = None if path.beside is None else path.beside.finish()
-    path.seconds = min(now, growing.seconds)
-
-
 def _recorded(
-    logs: Logs, folder: Path, scenario: Scenario, path: LivePath, *, identify: bool
+    growing: GrowingRecording, folder: Path, scenario: Scenario, path: LivePath, identify: bool
 ) -> None:
-    """The recording of a simulated PLC and a simulated controller by the recorder."""
-    with _devices(logs, scenario, path.pace) as (plc, robot, port):
-        options = RecordOptions(
-            plc=plc.net_id,
-            egm=str(port),
-            egm_torque=scenario.logs.torque is not None,
-            robot=scenario.cell.robot,
-            ballbar=scenario.cell.measured_by,
-            plate=scenario.cell.plate,
-            identify=identify,
-        )
+    """The recording of simulated devices by the recorder."""
+    robot, bar = growing.logs["robot"], growing.logs.get("ballbar")
+    bar_rows = len(bar.cells) if bar else 0
+    with _devices(growing, scenario, path.pace) as (devices, plc, named):
+        options = replace(named, identify=identify)
 
         def follow(recording: LiveRecording, beside: WatchBeside | None) -> None:
             path.beside = beside
             path.wait_for_update(BEGINS)
-            _wait(lambda: bool(plc.header_reads), "the recorder did not reach the simulated PLC")
-            plc.start()
-            robot.start()
+            if plc is not None:
+                _wait(
+                    lambda: bool(plc.header_reads), "the recorder did not reach the simulated PLC"
+                )
+                plc.start()
+            for device in devices:
+                device.start()
             path.pace.start()
-            while not robot.wait(LOOK):
+            while not all(device.wait(LOOK) for device in devices):
                 if recording.wait(0.0):
                     raise KeyboardInterrupt
                 if path.look():
                     return
-            _wait(lambda: plc.written == len(logs["ballbar"].cells), "the simulated PLC hangs")
+            _wait(lambda: plc is None or plc.written == bar_rows, "the simulated PLC hangs")
             time.sleep(3.0 * POLL)
             path.wait_for_last()
             if recording.wait(0.0):
@@ -238,24 +221,40 @@ def _recorded(
         recorded = record(folder, options, err, meanwhile=follow)
     sources = {source.name: source for source in recorded.recording.progress}
     path.lost = sum(source.lost for source in sources.values())
-    path.seconds = float(logs["robot"].t[sources["robot"].records - 1])
+    path.seconds = float(robot.t[sources["robot"].records - 1])
     path.last = recorded.identified
 
 
 @contextmanager
-def _devices(logs: Logs, scenario: Scenario, pace: Pace) -> Iterator[tuple[Plc, EgmRobot, int]]:
-    """PLC, controller, and the port to which it sends; they wait to be started."""
-    from sim.live.plc import Plc, logged_samples, loopback_address  # noqa: PLC0415  an extra
+def _devices(
+    growing: GrowingRecording, scenario: Scenario, pace: Pace
+) -> Iterator[tuple[list[Device], Plc | None, RecordOptions]]:
+    """The devices of a cell, which wait to be started, and how they are recorded.
 
-    program, joints = logged_samples(logs["ballbar"], pace)
-    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        probe.bind((LOOPBACK, 0))
-        port = int(probe.getsockname()[1])
-    with (
-        Plc(loopback_address(), program, joints=joints) as plc,
-        EgmRobot(port, logs["robot"], load_robot(scenario.cell.robot), pace) as robot,
-    ):
-        yield plc, robot, port
+    With a ball-bar a PLC, and a controller that ends. Files grow by what these do not deliver.
+    """
+    cell, devices, plc = scenario.cell, list[Device](), None
+    options = RecordOptions(plc=None, egm=None, egm_torque=False, robot=None, ballbar=None)
+    with ExitStack() as stack:
+        if cell.instrument is None:
+            from sim.live.plc import Plc, logged_samples, loopback_address  # noqa: PLC0415  an extra
+
+            robot, ballbar = (growing.logs.pop(name) for name in ("robot", "ballbar"))
+            program, joints = logged_samples(ballbar, pace)
+            with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+                probe.bind((LOOPBACK, 0))
+                port = int(probe.getsockname()[1])
+            plc = stack.enter_context(Plc(loopback_address(), program, joints=joints))
+            controller = EgmRobot(port, robot, load_robot(cell.robot), pace)
+            devices.append(stack.enter_context(controller))
+            torque = scenario.logs.torque is not None
+            options = replace(options, plc=plc.net_id, egm=str(port), egm_torque=torque)
+        if growing.logs:
+            devices.append(stack.enter_context(GrowingFiles(growing, pace)))
+            options = replace(options, files=growing.folder)
+        else:
+            options = replace(options, robot=cell.robot, ballbar=cell.measured_by, plate=cell.plate)
+        yield devices, plc, options
 
 
 def _wait(there: Callable[[], bool], failure: str) -> None:

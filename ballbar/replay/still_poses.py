@@ -8,6 +8,7 @@ alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ from ballbar.result.run_data import RunData
 from ballbar.units import MM
 
 if TYPE_CHECKING:  # a replay of recordings does without still poses
+    from cell.poses import PoseGroup
     from ident.estimator.fit import Fit
     from ident.estimator.model import Evaluation
 
@@ -51,8 +53,13 @@ def log_still_poses(stream: rr.RecordingStream, run: RunData) -> None:
     log_legend(stream, legends)
 
 
-def still_layout() -> rrb.Blueprint:
-    """Left the robot at each pose, right its errors, the arrows' meaning and the verdict."""
+def still_layout(groups: Sequence[PoseGroup]) -> rrb.Blueprint:
+    """Left the robot at each pose, right its errors, the arrows' meaning and the verdict.
+
+    The poses of a robot that moved are shown as fast as they were measured.
+    """
+    moving = [1.0 / np.median(np.diff(g.time)) for g in groups if g.motion and g.time is not None]
+    speed = max([_SPEED, *map(float, moving)])
     scene = rrb.Spatial3DView(
         origin=CELL, name="Robot at each pose, errors as arrows", background=BACKGROUND
     )
@@ -62,7 +69,7 @@ def still_layout() -> rrb.Blueprint:
     notes = rrb.TextDocumentView(origin=NOTES, name="Verdict")
     legend = rrb.TextDocumentView(origin=LEGEND, name="Arrows")
     right = rrb.Vertical(errors, legend, notes, row_shares=[6, 1, 4])
-    return blueprint(rrb.Horizontal(scene, right, column_shares=[3, 2]), POSE, speed=_SPEED)
+    return blueprint(rrb.Horizontal(scene, right, column_shares=[3, 2]), POSE, speed=speed)
 
 
 def _log_arm(stream: Branch, fit: Fit, radius: float) -> None:

@@ -79,8 +79,10 @@ def recording_id(run: RunData) -> str:
 
 def _prepared(run: RunData) -> tuple[rrb.Blueprint, Log]:
     """The layout of a replay, and what writes its content."""
-    if not run.recordings:
-        return still_layout(), partial(_log, run=run, logs=[partial(log_still_poses, run=run)])
+    poses = run.identification.poses
+    if not run.recordings and poses is not None:
+        view = still_layout(poses.table.groups)
+        return view, partial(_log, run=run, logs=[partial(log_still_poses, run=run)])
     shown, logs = zip(*(_prepared_recording(run, r) for r in run.recordings), strict=True)
     return layout(shown), partial(_log, run=run, logs=[partial(log_parameters, data=run), *logs])
 

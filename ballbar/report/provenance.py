@@ -57,11 +57,12 @@ def _inputs(data: RunData) -> list[InputFile]:
         for file in input_files(recording, folder):
             several = len(data.read) > 1
             files.append(replace(file, name=f"{name}/{file.name}") if several else file)
-    tables = [(name, content.file) for name, _, content in data.tables]
-    tables += [(outcome.name, content.file) for _, content, outcome in data.held_out_tables]
-    for name, path in tables:
-        file = hashed(path.parent, path.name)
-        files.append(replace(file, name=f"{name}/{file.name}"))
+    tables = [(name, content) for name, _, content in data.tables]
+    tables += [(outcome.name, content) for _, content, outcome in data.held_out_tables]
+    for name, content in tables:
+        for each in dict.fromkeys((content.file.name, *(f.file for f in content.report.files))):
+            file = hashed(content.file.parent, each)
+            files.append(replace(file, name=f"{name}/{file.name}"))
     return files
 
 

@@ -233,13 +233,19 @@ class Calibration:
         )
 
     def _stated_of_poses(self, unknowns: int) -> PoseCovariance:
-        """The error of cross-validation, and nothing of what the unknowns are known to."""
+        """The error of cross-validation, and nothing of what the unknowns are known to.
+
+        Without the noise of what followed a moving robot it is at least what was stated.
+        """
+        spread = self._spread_of_poses()
+        noise = max(0.0, spread**2 - self.tcp_sigma**2 / 3.0)
         return PoseCovariance(
             seat=next(iter(self.file.seats.values())).placement,
             seat_turns=False,
             parameters=np.zeros(0, dtype=np.intp),
             values=np.zeros((unknowns, unknowns)),
-            discrepancy=self._spread_of_poses(),
+            discrepancy=spread,
+            white=min(self._validation.white_m or 0.0, float(np.sqrt(noise))),
             factor=self._validation.region_factor,
         )
 

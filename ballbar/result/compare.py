@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbar.result.calibration import Calibration
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
@@ -24,6 +24,9 @@ from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
+
+if TYPE_CHECKING:  # an identification without a second result reads none
+    from ballbar.result.calibration import Calibration
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs

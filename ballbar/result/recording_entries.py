@@ -171,6 +171,7 @@ class CrossValidationEntry(Strict):
     mean_m: Positive
     quantile_95_m: Annotated[Positive, From("quantile")]
     sigma_m: Positive  # along each axis
+    white_m: NotNegative | None = None  # part of it that is noise of what followed the robot
     # of the 95 % region, over that of chi-square
     region_factor: Annotated[Positive, From("factor_of_points")]
 

@@ -16,7 +16,6 @@ from acquisition.recording import Recording
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.followed import gives_poses, poses_of
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.calibration import Calibration
 from ballbar.result.run_data import FittedRecording, RunData, Validation
 from cell.errors import InputError
 from cell.foreign_text import printable
@@ -60,6 +59,8 @@ def identify_files(
         raise InputError.at(paths[0], what, "Leave them out.")
     options = FitOptions(joint_errors="none" if joint_errors == "none" else "auto")
     if joint_errors not in ("auto", "none"):
+        from ballbar.result.calibration import Calibration  # noqa: PLC0415  needed here alone
+
         options = replace(options, joint_errors=Calibration.load(joint_errors).joint_errors())
     return _identify_poses(paths, validate, options, listener)
 

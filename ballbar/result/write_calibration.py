@@ -129,7 +129,11 @@ def _of_still_poses(data: RunData) -> dict[str, Any]:
             )
             for o in (poses.search.orders if poses.search else ())
         ),
-        "cross_validation": _entry(CrossValidationEntry, poses.cross_validation),
+        "cross_validation": _entry(
+            CrossValidationEntry,
+            poses.cross_validation,
+            white_m=poses.cross_validation.white or None,
+        ),
         "fit": FitEntry.model_construct(
             **_verdict(result.verdict),
             iterations=fit.iterations,

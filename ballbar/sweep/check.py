@@ -193,7 +193,7 @@ def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _recording_files(folder: Path, name: str) -> list[str]:
     """recording.yaml, the device files, and the descriptions that are not the shipped ones."""
     content = load_recording_file(folder / name)
-    sources = content.sources.every
+    sources = content.sources.named.values()
     device = [file for source in sources for file in source.files]
     described = [content.robot, content.measured_by, content.plate]
     users = [file for file in described if file.endswith(".yaml")]

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial, singledispatch
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
 from cell.arrays import Array
 from cell.chain import Chain
@@ -37,6 +37,11 @@ from sim.settings import CellSettings
 from sim.true_robot import scenario_cell
 from sim.truth import PoseTruth, Truth, load_truth
 
+if TYPE_CHECKING:  # a run compares what it has identified: it reads no result, nor simulates here
+    from ballbar.result.calibration import Calibration
+    from sim.simulate import Simulation
+    from sim.still_poses import PoseSimulation
+
 
 def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:
     """A stored result against the truth that its recording or table was simulated from.
@@ -52,7 +57,7 @@ def _of_result(truth: Truth | PoseTruth, model: Calibration, file: Path) -> Comp
     raise NotImplementedError(truth, model, file)
 
 
-@_of_result.register
+@_of_result.register(Truth)
 def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     if not model.of_logs:
         return _of_followed(truth, model, file)
@@ -66,7 +71,7 @@ def _(truth: Truth, model: Calibration, file: Path) -> Comparison:
     )
 
 
-@_of_result.register
+@_of_result.register(PoseTruth)
 def _(truth: PoseTruth, model: Calibration, file: Path) -> Comparison:
     if model.of_logs:
         raise _other_truth(file, "still poses", model, "recordings")
@@ -130,6 +135,13 @@ def compare_with_truth(
     return robot_comparison(model, nominal, reference, actual, names, errors)
 
 
+def against_simulation(result: Identification, made: Simulation | PoseSimulation) -> Comparison:
+    """The result against the truth of what was simulated: poses, a recording, a followed robot."""
+    if made.still is False and made.follower and result.poses:
+        return followed_against_truth(result.poses, made.truth, made.cell)
+    return identification_against_truth(result, made.truth)
+
+
 def identification_against_truth(
     result: Identification, truth: Truth | PoseTruth, recording: int = 0
 ) -> Comparison:
@@ -185,7 +197,7 @@ def followed_against_truth(result: TableEstimate, truth: Truth, cell: Cell) -> C
     actual = true_tool(cell, truth, truth.geometry, q, np.array(led))
     target = before.model.unknowns.target(before.x, result.target)
     bare = replace(model.rigid(robot_geometry(robot)), target=target)
-    ((clock, _),) = result.clocks.values()
+    clock, _ = next(iter(result.clocks.values()))  # of the first recording
     return Comparison(
         {},
         position_error(model.tool(q), actual),

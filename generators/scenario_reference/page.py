@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from ballbar.scenario import OF_EVERY_RUN, Scenario
 from cell.load import load_cell
+from cell.schema import describe_keys
 from generators.scenario_reference.keys import (
     field_at,
     first_paragraph,
@@ -25,6 +26,7 @@ from generators.scenario_reference.runs import ROOT
 from generators.scenario_reference.sources import GROUPS
 from sim.settings import OF_BALLBAR, OF_PATH, OF_POSES
 
+describe_keys()
 PAGE = ROOT / "docs" / "scenario_reference.md"
 MACHINES = {"irb2400": "lund_600", "nj220": "lund_900"}
 

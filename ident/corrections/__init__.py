@@ -22,7 +22,7 @@ from ident.corrections.plate_bending import plate_bending
 from ident.corrections.remounted_tool import remounted_tool
 from ident.corrections.rod_elongation import ROD_ELONGATION, rod_elongation
 from ident.corrections.rod_strain import rod_strain
-from ident.corrections.typical_gears import typical_backlash, typical_compliance
+from ident.corrections.typical_gears import typical_backlash, typical_compliance, typical_friction
 from ident.corrections.unit_weights import unit_weights_of_cell
 
 CORRECTIONS: dict[str, Maker] = {
@@ -35,6 +35,7 @@ CORRECTIONS: dict[str, Maker] = {
     "unit_weights": unit_weights_of_cell,
     "typical_compliance": typical_compliance,
     "typical_backlash": typical_backlash,
+    "typical_friction": typical_friction,
     "bearing_tilt": bearing_tilt,
     "joint_lag": joint_lag,
     GEAR_RATIO: gear_ratio,
@@ -61,12 +62,12 @@ REQUIRED: dict[str, tuple[Key, ...]] = {
 # Of the rod and the encoders of a ball-bar; where the length is sensed neither is in the model.
 OF_RIGID_ROD = (
     *("encoder_harmonics", "rod_strain", "plate_bending"),
-    *("typical_compliance", "typical_backlash"),
+    *("typical_compliance", "typical_backlash", "typical_friction"),
 )
 
 # What stands for a correction that the robot's file does not support, and for that one only.
 SUBSTITUTES = {
-    **dict.fromkeys(("unit_weights", "typical_compliance"), "joint_compliance"),
+    **dict.fromkeys(("unit_weights", "typical_compliance", "typical_friction"), "joint_compliance"),
     "typical_backlash": "gear_backlash",
 }
 

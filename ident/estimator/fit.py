@@ -6,7 +6,7 @@ the steps oscillate (notes/identification sec. 6, trap 8).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -18,6 +18,7 @@ from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
+from ident.estimator.left_out import LeftOut
 from ident.estimator.model import Evaluation, Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import (
@@ -57,6 +58,9 @@ class Fit:
     iterations: int
     converged: bool
     step_faults: tuple[StepFault, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()  # terms of the machine that the data do not show
+    # chi-square per degree of freedom at which the search was given up; 0 where it was not
+    given_up: float = 0.0
 
     @property
     def x(self) -> Array:
@@ -184,12 +188,13 @@ def fit(
     freeze_after: int | None = FREEZE_AFTER,
     search: Search | None = None,
     robust: Sequence[Array] = (),
+    give_up: Callable[[NormalEquations, int], bool] = lambda *_: False,
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
     negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
-    search : as in `minimise`. robust : as of NormalEquations.
+    search, give_up : as in `minimise`. robust : as of NormalEquations.
 
     Raises SingularError where the model has no finite linearisation.
     """
@@ -207,10 +212,12 @@ def fit(
         max_iterations=max_iterations,
         reuse_below=reuse_below,
         search=search,
+        give_up=give_up,
     )
     linear = replace(minimum.equations, blocks=())
     covariance = inverse(linear.normal)
-    return Fit(model, linear, covariance, excess, minimum.iterations, minimum.converged)
+    out = Fit(model, linear, covariance, excess, minimum.iterations, minimum.converged)
+    return replace(out, given_up=out.chi2_per_dof) if minimum.given_up else out
 
 
 def fit_kinematics(

@@ -12,6 +12,7 @@ the predicted decrease, a new one would hardly change the next.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -114,6 +115,7 @@ class Minimum(Generic[EquationsT]):
     iterations: int  # accepted steps
     converged: bool
     stuck: bool  # no step lowers the cost any more: rounding, or a wall
+    given_up: bool = False
 
 
 def minimise(
@@ -123,12 +125,14 @@ def minimise(
     max_iterations: int,
     reuse_below: float = 0.0,
     search: Search | None = None,
+    give_up: Callable[[EquationsT, int], bool] = lambda *_: False,
 ) -> Minimum[EquationsT]:
     """Minimise from the problem's start.
 
     reuse_below : predicted decrease for each unknown, in units of the cost per degree of freedom,
         below which the Jacobian holds as far as its step goes; 0 for a new one at every step.
     search : what becomes of a step that does not lower the cost; by default `halved`.
+    give_up : whether to end after so many iterations, as what will be found is of no use.
 
     Raises SingularError where the normal equations have no finite solution.
     """
@@ -136,11 +140,12 @@ def minimise(
     current = problem.start()
     step, predicted = gauss_newton_step(current)
     first = predicted  # of the present Jacobian
-    settled = stuck = False
+    settled = stuck = given_up = False
     while True:
         enough = stop.enough(current)
         converged = settled or predicted < enough or bool(np.abs(step).max() < stop.step)
-        if converged or iterations == max_iterations:
+        given_up = not converged and give_up(current, iterations)
+        if converged or given_up or iterations == max_iterations:
             break
         accepted, step = (search or halved)(problem, current, step)
         if accepted is None:
@@ -162,7 +167,7 @@ def minimise(
         current = problem.accept(current, accepted, iterations)
         step, predicted = gauss_newton_step(current)
         first = predicted
-    return Minimum(current, iterations, converged, stuck)
+    return Minimum(current, iterations, converged, stuck, given_up)
 
 
 def halved(

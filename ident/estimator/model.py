@@ -36,7 +36,7 @@ from ident.estimator.samples import ArmMotion, Samples
 from ident.estimator.target_closure import TargetClosure
 from ident.estimator.unknowns import Unknowns
 from ident.estimator.whitening import Whitening, covariance, whitening
-from ident.loads.gear_loads import Loads, MassModel, link_masses, loads, no_loads
+from ident.loads.gear_loads import Loads, MassModel, link_masses, loads, no_loads, rubbed
 
 # A smaller change of the geometry [m, rad] or of the clock [s] moves the loads by less than a
 # thousandth of a percent, so those of the previous evaluation are reused.
@@ -403,6 +403,8 @@ class Model:
         if self.masses is None:
             return no_loads(len(self.gearing.to_joint), at.size), (geometry, clock)
         now = loads(self.masses, geometry, motion.q, ballbar, motion.speed, motion.acceleration)
+        if "typical_friction" in [c.name for c in self.corrections]:
+            now = replace(now, rubbed=rubbed(self.masses, geometry, motion.q, ballbar))
         return now, (geometry, clock)
 
     def _regressors(self, state: State, previous: Evaluation | None) -> Regressors:

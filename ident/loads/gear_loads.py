@@ -24,6 +24,7 @@ from cell.dynamics import joint_moments, joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.typical_machine import with_typical
 
+TRAVEL = 1e-4  # [rad] over which friction of a ball-bar's joint builds up after a reversal; assumed
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
 
 
@@ -39,6 +40,7 @@ class Loads:
     # turns
     bearing: Array
     bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
+    rubbed: Array  # (J, N) [1] at the gears, per newton metre of friction in the ball-bar's joints
 
     def part(self, samples: NDArray[np.intp]) -> Loads:
         """The loads at some of the samples."""
@@ -117,14 +119,29 @@ def loads(
         plate_per_newton=bend_per_newton,
         bearing=_across_axes(robot, moments),
         bearing_per_newton=_across_axes(robot, per_newton_at_joints),
+        rubbed=np.zeros(q.T.shape),
     )
+
+
+def rubbed(masses: MassModel, geometry: Geometry, q: Array, b: Array) -> Array:
+    """(J, N) [1] loads of the gears per newton metre of friction in each of the ball-bar's joints.
+
+    q (N, J), b (N, 5) : [rad] as of `loads`, in the order of time. Friction is Coulomb's with an
+    elastic-plastic bristle of TRAVEL (Dahl 1968): at rest it stays as the motion left it.
+    """
+    robot, bar, side = robot_frames(geometry, q), bar_frames(geometry, b), np.zeros((len(b), 6))
+    for k, step in enumerate(np.diff(b, axis=0) / TRAVEL, start=1):
+        side[k, :5] = np.clip(side[k - 1, :5] + step, -1.0, 1.0)
+    motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None])).transpose(2, 0, 1)
+    wrench = np.asarray(np.linalg.solve(motions, side[:, :, None])[:, :, 0].T, dtype=float)
+    return _about_axes(masses, robot, _at_joints(robot, wrench))
 
 
 def no_loads(joints: int, samples: int) -> Loads:
     """Where no correction asks for any."""
     gears, none = np.zeros((joints, samples)), np.zeros(samples)
     bearings = np.zeros((BEARINGS, 2, samples))
-    return Loads(gears, gears, none, none, bearings, bearings)
+    return Loads(gears, gears, none, none, bearings, bearings, gears)
 
 
 def own_weight(

@@ -8,7 +8,8 @@ Umeyama 1991 (with scale).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
+from operator import xor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,13 @@ from cell.robot_angles import controller_to_joints
 
 GRID_POSES = 800
 _GRID_SEED = 2400  # the grid is part of the metric: the same poses for everyone
+_BITS = 30  # of a coordinate
+# Primitive polynomial, its bits from the highest power down, and first direction numbers of each
+# dimension (Joe & Kuo 2008, table new-joe-kuo-6).
+_JOE_KUO = (
+    *((1, *(1,) * 10), (0b11, 1), (0b111, 1, 3), (0b1011, 1, 3, 1), (0b1101, 1, 1, 1)),
+    *((0b10011, 1, 1, 3, 3), (0b11001, 1, 3, 5, 13), (0b100101, 1, 1, 5, 5, 17)),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +56,29 @@ def accuracy_grid(robot: Robot) -> Array:
 
 @cache
 def _grid_points(joints: int) -> Array:
-    """(G, J) points of the unit cube."""
-    from scipy.stats import qmc  # noqa: PLC0415  slow to import
+    """(G, J) points of the unit cube: a Sobol sequence, scrambled (Matousek 1998, LMS and shift).
 
-    points = qmc.Sobol(joints, scramble=True, rng=np.random.default_rng(_GRID_SEED))
-    return read_only(points.random(1024)[:GRID_POSES])
+    They are those of scipy.stats.qmc.Sobol, whose import takes as long as a fit.
+    """
+    (rng,) = np.random.default_rng(_GRID_SEED).spawn(1)  # as SciPy does
+    places = np.arange(_BITS)
+    shift = rng.integers(2, size=(joints, _BITS, 1), dtype=np.uint32)[:, ::-1]
+    scramble = np.tril(rng.integers(2, size=(joints, _BITS, _BITS), dtype=np.uint32), -1)
+    count = (GRID_POSES - 1).bit_length()
+    directions = np.zeros((joints, _BITS, count), dtype=np.uint32)  # bits, the highest first
+    for direction, (polynomial, *m) in zip(directions, _JOE_KUO[:joints], strict=True):
+        degree = polynomial.bit_length() - 1
+        for k in range(count):
+            if k >= len(m):
+                terms = (
+                    m[k - i] << i for i in range(1, degree + 1) if polynomial >> degree - i & 1
+                )
+                m.append(reduce(xor, terms, m[k - degree]))
+            direction[: k + 1, k] = m[k] >> places[k::-1] & 1
+    number = np.arange(GRID_POSES)
+    gray = (number ^ number >> 1) >> places[:count, None] & 1  # (count, G)
+    bits = ((scramble + np.eye(_BITS, dtype=np.uint32)) @ directions @ gray + shift) % 2
+    return read_only(np.einsum("b,jbg->gj", 0.5 ** (1.0 + places), bits))
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:

@@ -31,6 +31,7 @@ class PoseCovariance:
     discrepancy: float  # [m] that the model leaves unexplained, along each axis, noise included
     factor: float  # of the region's size, over that of chi-square
     joint_sigma: float = 0.0  # [rad] of each joint, where nothing but lengths judged the model
+    white: float = 0.0  # [m] of the discrepancy: noise of what followed a moving robot, no error
 
     inside_only: ClassVar[bool] = True
 
@@ -41,7 +42,8 @@ class PoseCovariance:
         def uncertainty(q: Array) -> PositionUncertainty:
             moves, covered = jacobian(q), robot.covered(q)
             half = np.einsum("pq,qcn->pcn", self.values, moves)
-            result = np.einsum("pcn,pdn->ncd", moves, half) + self.discrepancy**2 * np.eye(3)
+            left = max(0.0, self.discrepancy**2 - self.white**2)
+            result = np.einsum("pcn,pdn->ncd", moves, half) + left * np.eye(3)
             if self.joint_sigma:
                 screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
                 result += self.joint_sigma**2 * np.einsum("jcn,jdn->ncd", screws, screws)

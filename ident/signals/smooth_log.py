@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from cell.arrays import Array
+from cell.logs import BallBarLog, LengthLog, RobotLog, TrackerLog, segment_starts
 from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
 from ident.signals.stamp_noise import stamp_noise
@@ -36,6 +37,7 @@ _WHITE = 0.1
 # A longer stretch without rows is not interpolated (notes/log_formats sec. H.5: missing
 # samples).
 GAP_PERIODS = 3.0
+WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
 _GRID = 10  # instants a knot of the arm's motion
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
@@ -139,6 +141,17 @@ def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
         stamps=t,
         outliers=none,
         steps=(),
+    )
+
+
+def motion_of(log: RobotLog | BallBarLog | LengthLog | TrackerLog, values: Array) -> SmoothLog:
+    """Values (N, C) of a log as a function of time."""
+    return smooth_log(
+        log.t,
+        values,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(log.segment),
+        checked=isinstance(log, TrackerLog) or log.flags is not None,
     )
 
 

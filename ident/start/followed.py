@@ -15,17 +15,16 @@ from cell.chain import forward
 from cell.clock import Clock
 from cell.descriptions import Robot
 from cell.geometry import Geometry
-from cell.logs import RobotLog, TrackerLog, segment_starts
+from cell.logs import TrackerLog
 from cell.poses import PoseGroup, PoseTable
 from cell.statistics import rms
 from ident.signals.motion import MotionByLog
-from ident.signals.smooth_log import SmoothLog, smooth_log
+from ident.signals.smooth_log import SmoothLog, motion_of
 from ident.start.automatic import StartError
 from ident.start.lag_scan import best_lags, subsample
 from ident.start.placements import PoseStartError, placed_fit
 from ident.start.speed_scan import scan_speeds
 
-WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 SCAN_STEP = 0.02  # [s] of the lags
 MIN_OVERLAP = 5.0  # [s] of motion; points of less cannot tell one motion from another
 LAGS, LAG_SEPARATION = 4, 0.5  # peaks of the scan that are tried, and [s] between them
@@ -33,17 +32,6 @@ TRIED_ROWS = 600  # from which clock, seat and target are found from each of the
 # [m] along each axis, that a robot by its file leaves at the right lag, and never at a wrong one
 CLOSE, GROSS = 3e-3, 0.03
 SEAT, TARGET = "tracker", "target"
-
-
-def robot_motion(log: RobotLog) -> SmoothLog:
-    """The robot's log as a function of time."""
-    return smooth_log(
-        log.t,
-        log.q,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(log.segment),
-        checked=log.flags is not None,
-    )
 
 
 def followed_table(
@@ -55,7 +43,7 @@ def followed_table(
     too little motion, PoseStartError where their measurements and the robot cannot be brought
     together.
     """
-    smooth = tracker_motion(log)
+    smooth = motion_of(log, log.points)
     whole = poses_at_rows(log, smooth, MotionByLog(name, motion, Clock(0.0, 0.0)))
     best, clock, refused = np.inf, None, None
     for offset in _offsets(smooth, motion, geometry):
@@ -81,17 +69,6 @@ def followed_table(
             "Are they of one run? Log both in one."
         )
     return PoseTable(name, robot, (_covered(whole, motion, clock),))
-
-
-def tracker_motion(log: TrackerLog) -> SmoothLog:
-    """The points of a tracker's log as a function of time."""
-    return smooth_log(
-        log.t,
-        log.points,
-        widest_knot_spacing=WIDEST_KNOT_SPACING,
-        starts=segment_starts(log.segment),
-        checked=True,
-    )
 
 
 def poses_at_rows(log: TrackerLog, smooth: SmoothLog, motion: MotionByLog) -> PoseGroup:

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from cell.arrays import Array
 from ident.start.lag_scan import LagScan, lag_sums
@@ -67,6 +66,8 @@ def speed_correlation(
     mean_of : [samples]; the speeds and their moving means, in which noise is less, are compared.
     """
     if mean_of > 1:
+        from scipy.ndimage import uniform_filter1d  # noqa: PLC0415  slow to import, and rarely needed
+
         mean = [uniform_filter1d(x, mean_of, axis=0) for x in (a, b)]
         averaged = speed_correlation(mean[0], mean[1], pairs, lag, window=window)
         return np.maximum(averaged, speed_correlation(a, b, pairs, lag, window=window))

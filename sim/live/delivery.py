@@ -12,7 +12,7 @@ import numpy as np
 
 from cell.descriptions import Robot
 from cell.dialect import load_dialect
-from sim.live.device_logs import TextLog
+from sim.live.device_logs import GrowingRecording, TextLog
 from sim.logging.containers import egm_message
 from sim.logging.robot_files import logged_angles, logged_torques
 
@@ -88,7 +88,7 @@ class Device(ABC):
         """Ends the connections."""
 
 
-CYCLE = 2e-3  # [s]
+CYCLE, WRITES = 2e-3, 0.02  # [s] of a controller, and of a program that writes a file
 EPOCH_NS = 1_795_000_000 * 10**9  # [ns] of the controller's clock at the log's zero: November 2026
 
 
@@ -120,3 +120,20 @@ class EgmRobot(Device):
 
     def _close(self) -> None:
         self._socket.close()
+
+
+class GrowingFiles(Device):
+    """Logs that their programs append to, row by row."""
+
+    def __init__(self, growing: GrowingRecording, pace: Pace) -> None:
+        super().__init__(WRITES)
+        self._growing, self._pace = growing, pace
+
+    def _cycle(self) -> bool:
+        now = self._pace.delivered
+        over = now >= max(float(log.t[-1]) for log in self._growing.logs.values())
+        self._growing.write_until(np.inf if over else now)
+        return over
+
+    def _close(self) -> None:
+        """No file is held open."""

@@ -19,6 +19,7 @@ from cell.load import load_robot
 from cell.recording import RecordingFile, load_recording_file
 
 WORD = 2**32  # of a counter
+EXACT = Clock(0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +58,18 @@ class TextLog:
 Logs = dict[str, TextLog]
 
 
-def device_logs(recording: Path, clock: Clock) -> Logs:
-    """The logs of a simulated recording, by the names of their sources.
+def device_logs(recording: Path, clock: Clock, tracker: Clock = EXACT) -> Logs:
+    """The logs of a simulated recording, by the names of their sources; a force sensor's is not.
 
-    clock : of the ball-bar's log, or of the length's. Raises InputError for a log that is no text.
+    clock : of the ball-bar's log, or of the length's. tracker : of a tracker's. Raises InputError
+    for a log that is no text.
     """
     described, logs = load_recording_file(recording), Logs()
     encoders = [encoder for _, encoder in sorted(described.encoders.items())]
     counts = [e.lines * 2**e.bits / (2.0 * np.pi) for e in encoders]
-    for name in ("robot", "ballbar", "length"):
-        if (source := getattr(described.sources, name)) is None:
+    clocks = {"robot": EXACT, "ballbar": clock, "length": clock, "tracker": tracker}
+    for name, source in described.sources.named.items():
+        if name not in clocks:
             continue
         (file,) = source.files  # the simulated logger was not started again
         if not file.endswith(".csv"):
@@ -74,8 +77,8 @@ def device_logs(recording: Path, clock: Clock) -> Logs:
                 f"{file}: a log that is no table of text cannot grow row by row. Choose another "
                 "dialect with logs.robot.dialect"
             )
-        scales, of_robot = counts or [1e3], name == "robot"  # a length in mm
-        if of_robot:
+        scales = {"ballbar": counts, "tracker": [*3 * [1e3], *3 * [1.0]]}.get(name, [1e3])  # mm
+        if name == "robot":
             scales = _motor_scales(described, recording)
         lines = (recording / file).read_text().splitlines()
         separator = ";" if ";" in lines[0] else ","
@@ -86,7 +89,7 @@ def device_logs(recording: Path, clock: Clock) -> Logs:
             head=lines[0],
             separator=separator,
             cells=cells,
-            t=np.asarray(seconds if of_robot else clock.robot_time(seconds)),
+            t=np.asarray(clocks[name].robot_time(seconds)),
             scales=dict(zip(lines[0].split(separator)[1:], scales, strict=False)),
             counts=name == "ballbar",
         )
@@ -106,15 +109,15 @@ def _motor_scales(described: RecordingFile, folder: Path) -> list[float]:
 class GrowingRecording:
     """A folder that holds the rows of another recording up to an instant, and half a row more."""
 
-    def __init__(self, source: Path, folder: Path, clock: Clock) -> None:
-        """clock : of the log beside the robot's, as it was simulated."""
+    def __init__(self, source: Path, folder: Path, clock: Clock, tracker: Clock = EXACT) -> None:
+        """clock, tracker : of the logs beside the robot's, as of `device_logs`."""
         shutil.rmtree(folder, ignore_errors=True)
         (folder / "raw").mkdir(parents=True)
         shutil.copy(source / "recording.yaml", folder)
         if (source / DESCRIPTIONS).is_dir():
             shutil.copytree(source / DESCRIPTIONS, folder / DESCRIPTIONS)
         self.folder = folder
-        self.logs = device_logs(source, clock)
+        self.logs = device_logs(source, clock, tracker)
         self._written = dict.fromkeys(self.logs, 0)
         self._torn = dict.fromkeys(self.logs, "")
 

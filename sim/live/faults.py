@@ -7,6 +7,7 @@ there on in place, and returns the instant from which anyone could see it. The c
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,15 @@ def robot_stands(logs: Logs, at: float, rng: Rng) -> float:
     return at + DWELL
 
 
+def tracker_stops(logs: Logs, at: float, rng: Rng) -> float:
+    """The tracker's program ends: no more rows."""
+    del rng
+    log = logs["tracker"]
+    before = log.t < at
+    logs["tracker"] = replace(log, cells=log.cells[before], t=log.t[before])
+    return at
+
+
 FAULTS: dict[str, Fault] = {
     "encoder_frozen": _frozen("ballbar"),  # an encoder's counter repeats its value
     "motor_frozen": _frozen("robot"),  # the angle of one motor does
@@ -125,8 +135,13 @@ FAULTS: dict[str, Fault] = {
     "motors_exchanged": _exchanged("robot"),  # two motors do
     "encoder_reversed": _scaled(-1.0),  # an encoder counts in the other direction
     "line_count": _scaled(2.0),  # an encoder counts twice as far
-    **{f.__name__: f for f in (slip, stamps_back, weak_signal, tool_moved, robot_stands)},
+    "tracker_frozen": _frozen("tracker", whole=True),  # a target that was lost keeps its place
+    **{
+        fault.__name__: fault
+        for fault in (slip, stamps_back, weak_signal, tool_moved, robot_stands, tracker_stops)
+    },
 }
+OF_TRACKER = ("tracker_frozen", "tracker_stops")
 OF_ENCODERS = (
     "encoder_frozen", "encoders_exchanged", "encoder_reversed", "line_count", "slip",
     "stamps_back", "weak_signal",

@@ -8,7 +8,6 @@ Formats: the readers of the same name in acquisition.formats.
 from __future__ import annotations
 
 import json
-import sqlite3
 import struct
 from collections.abc import Callable, Sequence
 
@@ -82,6 +81,8 @@ def egm_message(
 
 def rosbag(names: Sequence[str], times: Array, angles: Array) -> bytes:
     """A bag in SQLite of JointState messages, as rosbag2 writes it; nanoseconds."""
+    import sqlite3  # noqa: PLC0415  slow to import, and needed here alone
+
     connection = sqlite3.connect(":memory:")
     connection.execute(_TOPICS)
     connection.execute(_MESSAGES)

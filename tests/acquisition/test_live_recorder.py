@@ -547,7 +547,7 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
     stream = rr.RecordingStream(APPLICATION)
     shown = []
     with stream:
-        stream.save(tmp_path / "live.rrd", default_blueprint=layout())
+        stream.save(tmp_path / "live.rrd", default_blueprint=layout([source]))
         view = LiveView(stream)
         for _ in range(3):
             memory.plc.write(100)
@@ -555,7 +555,7 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
             view.on_batch(source, shown[-1])
     chunks = [
         chunk
-        for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/angle_deg")
+        for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/value")
         if not chunk.is_static
     ]
     batches = [chunk.to_record_batch() for chunk in chunks]
@@ -630,7 +630,7 @@ def test_what_native_libraries_report_does_not_reach_standard_error(tmp_path: Pa
 def test_torques_come_by_egm_only_where_that_is_declared(tmp_path: Path) -> None:
     for torque, dialect in ((False, "abb-egm"), (True, "abb-egm-torque")):
         source = EgmSource(0, torque=torque)
-        assert source.dialect == dialect
+        assert source.entry == {"dialect": dialect}
         source.close()
     code, _, error = ballbar(
         "record", tmp_path / "made", "--robot", "irb2400", "--ballbar", "lund_600",

@@ -65,7 +65,7 @@ def test_a_robots_log_is_read_as_it_was_simulated(dialect: str, tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dialect", BALLBARS)
-@pytest.mark.parametrize("status", [True, False])
+@pytest.mark.parametrize("status", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_a_ball_bars_log_is_read_as_it_was_simulated(
     dialect: str, status: bool, tmp_path: Path
 ) -> None:

@@ -11,6 +11,7 @@ from ballbar.scenario import SCENARIOS as KIND
 from ballbar.scenario import AcceptSettings, load_scenario
 from ballbar.sweep.check import load_sweep
 from cell.errors import DescriptionError
+from cell.schema import describe_keys
 from cell.strict_yaml import load_yaml
 from planning.request import load_request
 from sim.settings import CellSettings, PathSettings
@@ -78,6 +79,7 @@ def test_names_of_files_in_a_shipped_base_lead_to_its_files(tmp_path: Path) -> N
 
 def test_every_key_of_a_file_name_is_rebased() -> None:
     """A key of the schema that names a file and is not listed would be looked for elsewhere."""
+    describe_keys()
     sections = {"cell": CellSettings, "path": PathSettings, "accept": AcceptSettings}
     described = {
         f"{section}.{key}"

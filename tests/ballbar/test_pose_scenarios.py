@@ -38,6 +38,8 @@ KINEMATIC = [
     if settings.poses is not None and settings.errors.joint_compliance is None
 ]
 
+OFTEN = ("irb120_length", "panda_sockets", "ur10e_tracker_reference")  # one of each kind of value
+
 
 def scenario(name: str, errors: dict[str, Any] | None = None, **changes: Any) -> Scenario:
     """A shipped scenario with more errors and other changes."""
@@ -67,7 +69,9 @@ def shipped(name: str) -> tuple[PoseSimulation, PoseTable, TableEstimate]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", KINEMATIC)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in OFTEN else pytest.mark.long) for n in KINEMATIC]
+)
 def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path: Path) -> None:
     """The limits stand in the scenarios, half again to three times what was measured."""
     code, out, err = ballbar("run", name, "--out", tmp_path / "out")
@@ -165,7 +169,9 @@ def test_outliers_are_found_named_and_do_no_harm(name: str, share: float, tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ur10e_tracker", "panda_sockets"])
+@pytest.mark.parametrize(
+    "name", ["ur10e_tracker", pytest.param("panda_sockets", marks=pytest.mark.long)]
+)
 def test_poses_read_too_early_are_told_from_outliers(name: str, tmp_path: Path) -> None:
     simulation, table, result = identified(scenario(name, {"unsettled": {}}), tmp_path / "t")
     assert lines_of(table, result.findings.unsettled) == set(simulation.truth.unsettled)

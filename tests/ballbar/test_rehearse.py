@@ -34,7 +34,7 @@ from ident.robot.inverse_calibration import TargetError
 from planning.request import PlanRequest
 from sim.live.delivery import EgmRobot, Pace
 from sim.live.device_logs import device_logs
-from sim.live.faults import OF_ENCODERS
+from sim.live.faults import OF_ENCODERS, OF_TRACKER
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import CLOCK, record
 
@@ -100,7 +100,20 @@ def test_an_alarm_counts_as_noticed_once_the_fault_has_begun() -> None:
 def test_a_fault_of_encoders_is_refused_where_there_are_none(name: str) -> None:
     check_fault(load_scenario(IRB), name)
     with pytest.raises(InputError, match=f"--fault {name}: needs a ball-bar with encoders"):
-        check_fault(load_scenario(UR), name)
+        check_fault(load_scenario(UR), name, relative_to=scenario_file(UR).parent)
+
+
+@pytest.mark.parametrize("name", OF_TRACKER)
+def test_a_fault_of_a_tracker_is_refused_where_there_is_none(name: str) -> None:
+    check_fault(load_scenario("ur10e_mocap"), name)
+    with pytest.raises(InputError, match=f"--fault {name}: needs a tracker"):
+        check_fault(load_scenario(IRB), name)
+
+
+def test_a_tracker_is_delivered_alone_and_beside_a_ballbar() -> None:
+    assert as_recorded(load_scenario("ur10e_mocap")).logs.tracker is not None
+    beside = load_scenario(IRB, overrides=["logs.tracker={}"])
+    assert as_recorded(beside).logs.tracker is not None
 
 
 def test_an_unknown_fault_is_refused_with_the_list() -> None:
@@ -210,7 +223,7 @@ def test_files_that_grow_hold_the_recording_in_the_end_and_a_fault_from_its_inst
 ) -> None:
     file = scenario_file(UR)
     changes = ["path.duration_s=40", "path.stops=0", "logs.robot.rate_hz=100"]
-    scenario = as_recorded(load_scenario(UR, overrides=changes), relative_to=file.parent)
+    scenario = as_recorded(load_scenario(UR, overrides=changes))
     simulated = tmp_path / "simulated"
     simulate_scenario(scenario, file, simulated, progress=lambda _: None)
     live = {
@@ -260,3 +273,23 @@ def test_a_day_of_short_paths_comes_out_as_required(tmp_path: Path) -> None:
     held = stages["hold them in the plant"]
     assert held["corrected_targets_m"]["mean"] < 0.01 * held["nominal_targets_m"]["mean"]
     assert (out / "result" / "report.html").exists()
+
+
+@pytest.mark.long
+def test_a_day_with_a_tracker_that_follows_comes_out_as_required(tmp_path: Path) -> None:
+    """A lost target is noticed; no path is planned, and the others are recorded from files."""
+    out = tmp_path / "day"
+    changes = ("path.duration_s=60", "path.stops=0", "accept.tcp_max_mm=0.4")
+    words = [word for change in changes for word in ("--set", change)]
+    code, said, error = ballbar(
+        "rehearse", "ur10e_mocap", "--fault", "tracker_frozen", *words, "--out", out
+    )
+    assert code == 0, said + error
+    assert {entry.name for entry in out.iterdir()} == OUTPUTS - {"plan", "request.yaml"}
+    data = json.loads((out / "rehearsal.json").read_text())
+    stages = {stage["name"]: stage["figures"] for stage in data["stages"]}
+    assert stages["record with a fault"]["alarm"]["kind"] == "frozen channel"
+    assert stages["record path1"]["lost"] == stages["record path2"]["lost"] == 0
+    held = stages["hold them in the plant"]
+    assert held["corrected_targets_m"]["mean"] < 0.3 * held["nominal_targets_m"]["mean"]
+    assert "plan.svg" not in (out / "rehearsal.html").read_text()

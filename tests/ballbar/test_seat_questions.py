@@ -350,7 +350,7 @@ def test_two_files_of_a_measured_ur5_are_one_seat_and_one_target(tmp_path: Path)
 
 
 @needs_data
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_series_of_a_measured_ur10_are_two_seats_and_one_target(tmp_path: Path) -> None:
     files = sorted((real_robots.DATA / "ur10_tmac").glob("*/measurements_*.csv"))
     words = ["--robot", "ur10", "--instrument", "tracker_pose", "--yes"]

@@ -244,7 +244,14 @@ def test_scale_and_priors_stay_and_the_part_of_the_data_falls_until_the_end() ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loss", ["gone", "short", "empty", "description"])
+@pytest.mark.parametrize(
+    "loss",
+    [
+        "gone",
+        "description",
+        *(pytest.param(loss, marks=pytest.mark.long) for loss in ("short", "empty")),
+    ],
+)
 def test_nothing_is_enough_while_files_that_were_read_cannot_be(
     growing: GrowingRecording, loss: str
 ) -> None:

@@ -22,8 +22,9 @@ from ident.estimator.model import still_model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.regions import SAME_POSE, pose_regions
+from ident.signals.smooth_log import motion_of
 from ident.start.automatic import StartError
-from ident.start.followed import followed_table, robot_motion
+from ident.start.followed import followed_table
 from ident.start.placements import PoseStartError, placed_by
 from ident.table_estimate import TableEstimate
 from ident.table_fit import fit_table
@@ -46,7 +47,9 @@ def logs_of(made: FollowedRobot, *, pose: bool = False) -> tuple[RobotLog, Track
 
 def table_by(robot: RobotLog, tracker: TrackerLog) -> PoseTable:
     """The poses as a fit takes them."""
-    return followed_table("moving", ROBOT, robot_geometry(ROBOT), robot_motion(robot), tracker)
+    return followed_table(
+        "moving", ROBOT, robot_geometry(ROBOT), motion_of(robot, robot.q), tracker
+    )
 
 
 @cache

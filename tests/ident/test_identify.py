@@ -25,14 +25,15 @@ from cell.statistics import rms
 from ident import complete_fit
 from ident.complete_fit import fit_pose
 from ident.estimator.fit import Fit
-from ident.identify import identify
-from ident.options import FitOptions
+from ident.identify import identify, identify_together
+from ident.options import FitOptions, Listener
 from ident.result import Identification, RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.tcp_uncertainty import SCALE
 from ident.start.automatic import StartError
+from ident.verdict import Status
 from sim.recording_files import truth_path
-from tests.helpers.minute_logs import minute_logs
+from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES
 from tests.helpers.synthetic_recording import CELL
@@ -130,7 +131,12 @@ def test_a_fit_that_does_not_converge_counts_its_iterations_as_the_result_does(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fitted", "parameters", "tcp_mm"),
-    [((), 23, 0.1), ((1, 2), 25, 0.02), ((1, 2, 4, 5), 28, 0.02), ((1, 2, 3, 4, 5), 29, 0.02)],
+    [
+        ((), 23, 0.1),
+        ((1, 2, 4, 5), 28, 0.02),
+        pytest.param((1, 2), 25, 0.02, marks=pytest.mark.long),
+        pytest.param((1, 2, 3, 4, 5), 29, 0.02, marks=pytest.mark.long),
+    ],
 )
 def test_any_number_of_encoders_goes_through_the_same_code(
     tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float
@@ -391,3 +397,44 @@ def test_a_measured_rod_that_was_not_needed_is_said_to_be_unused(recorded: Recor
         options=FitOptions(model="dh", samples=200, rod_sigma=2e-6),
     )
     assert result.verdict.warnings[-1].startswith("the measured rod length was not used")
+
+
+@pytest.mark.slow
+def test_a_fit_of_two_robots_is_given_up_and_says_so() -> None:
+    """Such fits went on for hundreds of iterations, half a minute, to a misfit all the same."""
+    rng = np.random.default_rng(5)
+    moved = [name for name in TRUE.table.robot if name not in ("rd1", "rtheta1")]
+    other = TRUE.replaced({name: TRUE[name] + rng.normal(0.0, 2e-3) for name in moved})
+    logs = [
+        minute_logs(true=TRUE, compliance=1.0, seed=1),
+        minute_logs(true=other, compliance=1.0, seed=2),
+    ]
+    result = identify_together(CELL, logs, options=FitOptions(samples=600))
+    assert result.verdict.status is Status.MISFIT
+    assert "recording 2 is not of the same machine" in result.verdict.sentence
+    by_kinematics = 10  # iterations at most
+    most = by_kinematics + complete_fit.PATIENCE + 2 * complete_fit.ROUGH
+    assert result.fit.iterations <= most
+    alone = identify(CELL, logs[1].robot, logs[1].ballbar, options=FitOptions(samples=600))
+    assert alone.verdict.acceptable
+
+
+@pytest.mark.slow
+def test_a_replayed_block_of_rows_ends_before_the_complete_fit() -> None:
+    logs = minute_logs(true=TRUE, compliance=1.0, seed=1, name="first")
+    q, n = logs.robot.q.copy(), len(logs.robot.q)
+    q[n // 2 : n // 2 + 500] = q[n // 4 : n // 4 + 500]
+    replayed = replace(logs, robot=replace(logs.robot, q=q))
+    stages: list[str] = []
+    options, listener = FitOptions(samples=600), Listener(stages.append)
+    result = identify_together(CELL, [replayed], options=options, listener=listener)
+    assert result.verdict.status is Status.IMPLAUSIBLE
+    with pytest.raises(StartError, match=r"first: "):
+        identify_together(
+            CELL, [replayed, replace(logs, name="second")], options=options, listener=listener
+        )
+    assert set(stages) == {
+        "smoothing both logs",
+        "aligning the logs and finding the ball-bar",
+        "fitting",
+    }

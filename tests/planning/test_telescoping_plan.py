@@ -114,7 +114,7 @@ def test_keys_of_the_other_kind_of_instrument_are_refused(
     [
         ("robot: irb2400, ballbar: qc20w_300", "", "measures its length; name it as cell.instr"),
         ("robot: irb2400, instrument: lund_600", "", "has encoders; name it as cell.ballbar"),
-        ("robot: irb2400, instrument: tracker_point", "", "measures a point"),
+        ("robot: irb2400, instrument: theodolite_pair", "", "measures a bearing"),
         (
             BAR,
             "limits: {wrist_margin_deg: 5}",
@@ -328,7 +328,12 @@ SMALL = Lissajous(
     ("shape", "position", "seed"),
     [
         (SMALL, (0.295, 0.376, 0.12), 10),
-        (replace(load_lissajous(PATH), amplitude=0.5 * load_lissajous(PATH).amplitude), None, 13),
+        pytest.param(
+            replace(load_lissajous(PATH), amplitude=0.5 * load_lissajous(PATH).amplitude),
+            None,
+            13,
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["small", "half"],
 )

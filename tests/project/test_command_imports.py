@@ -14,8 +14,8 @@ import pytest
 import typer
 
 from ballbar.commands.listing import COMMANDS, MODULES
-from tests.helpers.command_line import application
-from tests.helpers.simulated_recordings import Recorded
+from tests.helpers.command_line import SHORT, application
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded
 from tests.helpers.source_imports import FILES, names_within, reached, tree
 
 LIBRARIES = {"numpy", "scipy", "yaml", "mujoco", "pyarrow", "pandas", "matplotlib", "rerun"}
@@ -24,6 +24,21 @@ OF_OTHERS = {"planning", "ident.thesis.costs", "ballbar.export", "ballbar.identi
 PROGRAM = """
 import atexit, json, sys
 atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr))
+sys.argv[:] = {}
+from ballbar.__main__ import main
+main()
+"""
+
+
+# The same at the answer: what writes report and results ends the process.
+ANSWERED = """
+import json, os, sys
+from types import ModuleType
+def answered(*_, **__):
+    print(json.dumps(sorted(sys.modules)), file=sys.stderr, flush=True)
+    os._exit(0)
+sys.modules["ballbar.outputs"] = outputs = ModuleType("ballbar.outputs")
+outputs.write_outputs = answered
 sys.argv[:] = {}
 from ballbar.__main__ import main
 main()
@@ -116,6 +131,7 @@ def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> 
     assert not used & (SLOW - {"scipy", "pyarrow"})
 
 
+@pytest.mark.slow
 def test_a_run_imports_no_viewer_no_figures_and_nothing_of_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.bench", "run"))
     assert {"ident.identify", "sim.simulate"} <= used
@@ -137,3 +153,23 @@ def test_an_identification_loads_nothing_of_simulation_or_other_commands(
     # The report predicts what would help next by the planner, and the planner knows paths of sim.
     planner = {"planning"}
     assert not modules & (OF_OTHERS - planner | {"sim.simulate", "mujoco", "rerun", "pandas"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["run", "identify"])
+def test_the_answer_comes_before_report_and_files_and_what_they_are_made_with(
+    recorded: Recorded, tmp_path: Path, command: str
+) -> None:
+    file = tmp_path / "short.yaml"
+    file.write_text(SHORT.replace("PATHS", str(SCENARIOS / "paths")))
+    words = {"run": (file,), "identify": (recorded.folder, "--samples", "300")}[command]
+    program = ANSWERED.format(["ballbar", command, *map(str, words), "--out", str(tmp_path / "o")])
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "stated TCP uncertainty over the workspace" in done.stdout
+    assert ("limit" in done.stdout) == (command == "run")
+    modules = set(json.loads(next(x for x in done.stderr.splitlines() if x.startswith("["))))
+    later = {"matplotlib", "rerun", "pandas", "jinja2", "scipy.stats", "scipy.ndimage", "sqlite3"}
+    ours = {"planning", "ballbar.report.page", "ballbar.result.calibration_schema"}
+    assert modules & (later | ours | ({"sim"} if command == "identify" else set())) == set()

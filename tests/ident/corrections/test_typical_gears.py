@@ -11,7 +11,7 @@ import pytest
 from cell.load import load_robot
 from ident.corrections.gear_backlash import gear_backlash
 from ident.corrections.joint_compliance import joint_compliance
-from ident.corrections.typical_gears import typical_backlash, typical_compliance
+from ident.corrections.typical_gears import typical_backlash, typical_compliance, typical_friction
 from tests.helpers.synthetic_recording import CELL
 
 
@@ -44,3 +44,12 @@ def test_their_coefficients_are_not_taken_for_those_of_a_file() -> None:
         assert typical.name != stated.name
         neutral = [replace(c, name="", sigma=0.0) for c in own]
         assert neutral == [replace(c, name="", sigma=0.0) for c in other]
+
+
+def test_gears_yield_to_the_friction_of_the_ball_bar_as_to_any_load() -> None:
+    soft, rubs = typical_compliance(CELL, ()), typical_friction(CELL, ())
+    torque = CELL.ballbar.friction_torque
+    assert torque == 0.05  # N m
+    for compliance, friction in zip(soft.coefficients, rubs.coefficients, strict=True):
+        assert friction.mean == torque * compliance.mean
+        assert friction.channel == compliance.channel

@@ -121,6 +121,24 @@ def test_a_linear_problem_is_solved_in_one_step() -> None:
     assert end.equations.x == pytest.approx(expected, abs=1e-10)
 
 
+def test_a_search_that_is_given_up_ends_where_it_is() -> None:
+    """One that has converged is not given up, whatever is asked then."""
+    asked = []
+
+    def after_two(equations: Equations, iterations: int) -> bool:
+        asked.append((iterations, equations.cost))
+        return iterations >= 2
+
+    end = minimise(misra(), EXACT, max_iterations=50, give_up=after_two)
+    assert (end.given_up, end.converged, end.iterations) == (True, False, 2)
+    assert [iterations for iterations, _ in asked] == [0, 1, 2]
+    assert asked[-1][1] == end.equations.cost > 2.0 * CERTIFIED_COST
+    at_end = minimise(
+        misra(tuple(CERTIFIED)), Stop(step=1.0), max_iterations=50, give_up=lambda *_: True
+    )
+    assert (at_end.given_up, at_end.converged) == (False, True)
+
+
 def test_units_of_an_unknown_do_not_change_the_step() -> None:
     rng = np.random.default_rng(2)
     matrix, right = rng.standard_normal((20, 3)), rng.standard_normal(20)

@@ -15,7 +15,7 @@ from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
-from ident.estimator.time_blocks import BLOCK, block_numbers
+from ident.estimator.time_blocks import BLOCK, NONE, block_numbers
 from ident.estimator.uncertainty import (
     autocorrelation,
     correlated_groups,
@@ -262,7 +262,7 @@ def test_what_stands_beyond_its_prior_widens_what_is_stated() -> None:
 
     def shift(x: list[float]) -> Array:
         fit = SimpleNamespace(model=SimpleNamespace(unknowns=layout), x=np.array(x), covariance=own)
-        return doubted_shift(cast("Fit", fit))
+        return doubted_shift(cast("Fit", fit), NONE)
 
     np.testing.assert_array_equal(shift([1e-5, 0.0, 5e-3]), 0.0)
     np.testing.assert_allclose(shift([4e-5, 0.0, 5e-3]), [4e-5, 1e-5, 0.0])

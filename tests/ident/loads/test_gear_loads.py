@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from cell.bodies import carried_bodies
+from cell.chain import joint_screws
 from cell.closed_form import robot_branches
 from cell.dynamics import joint_torques
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
 from cell.load import load_cell
-from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight
+from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight, rubbed
 from sim.plant.effects import Plant, PlantEffects
 from sim.plant.mjcf import plant_model
 from sim.plant.statics import equilibrium, gravity_torque
-from tests.helpers.known_loads import Motion, tension_at
+from tests.helpers.known_loads import Motion, motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 CELLS = {"irb2400": ("lund_600", [0.70, 0.0, 0.54]), "nj220": ("lund_900", [1.50, 0.0, 0.70])}
@@ -129,6 +130,22 @@ def test_a_pulled_rod_pulls_the_tool_towards_the_base(moving: Motion) -> None:
     # What the tool exerts on the ball-bar's end: a pull outwards.
     assert per_newton[:3] == pytest.approx(along, abs=1e-9)
     assert np.abs(per_newton[3:]).max() < 1e-9
+
+
+def test_the_power_against_the_friction_of_the_ball_bar_comes_from_the_gears() -> None:
+    """Virtual work of every single joint of the ball-bar, the rod's length kept.
+
+    At rest friction stays as the motion left it.
+    """
+    angle = np.r_[0.0, 5e-5, 1e-2, 1e-2, 1e-2 - 5e-5, 1e-2 - 3e-4]
+    moving = motion_at(np.linspace(10.0, 12.0, angle.size))
+    turned = angle[:, None] * np.r_[1.0, -1.0, 1.0, 0.0, 1.0]
+    side = np.array([0.0, 0.5, 1.0, 1.0, 0.5, -1.0])[:, None] * np.sign(turned[-1])
+    bar = joint_screws(bar_frames(NOMINAL, moving.b[:1] + turned)).transpose(2, 1, 0)  # (N, 6, 5)
+    robot = joint_screws(robot_frames(NOMINAL, moving.q)).transpose(2, 1, 0)
+    gears = np.linalg.solve(robot, bar).transpose(0, 2, 1) @ CELL.robot.joint_to_gear  # (N, 5, 6)
+    loaded = rubbed(mass_model(CELL), NOMINAL, moving.q, moving.b[:1] + turned)
+    assert np.einsum("nbg,gn->nb", gears, loaded) == pytest.approx(side, abs=1e-9)
 
 
 def test_where_no_correction_asks_for_loads_there_are_none() -> None:

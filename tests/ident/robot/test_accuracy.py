@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import qmc
 
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from cell.robot_angles import joints_to_axes
 from ident.robot.accuracy import (
+    _grid_points,
     accuracy_grid,
     position_error,
     position_sigma,
@@ -19,6 +21,12 @@ from ident.robot.accuracy import (
     tcp_sigma,
 )
 from tests.helpers.six_axes import INDEX
+
+
+@pytest.mark.parametrize("joints", [5, 6, 7, 8])
+def test_the_points_of_the_grid_are_those_of_scipy_to_the_last_bit(joints: int) -> None:
+    sequence = qmc.Sobol(joints, scramble=True, rng=np.random.default_rng(2400))
+    assert np.array_equal(_grid_points(joints), sequence.random(1024)[:800])
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,104 @@
+"""Prediction of a path along which an instrument follows a target on the robot.
+
+Its rows are those of an identification of such a recording (ident.estimator.observations): the
+unknowns of still poses of planning.pose_information, and the instrument's clock. Each of SAMPLES
+instants stands for the rows about it, whose white noise averages, while what the model leaves
+unexplained is common to them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cell.clock import Clock
+from cell.geometry import geometry_of_chain, parameter_table
+from cell.load import describes_instrument, load_instrument
+from cell.placement import Placement
+from cell.poses import PoseTable
+from cell.robot_angles import joints_to_axes
+from ident.corrections.unit_weights import unit_weights
+from ident.estimator.build_unknowns import still_unknowns
+from ident.estimator.model import still_model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.robust_fit import equations_at
+from ident.estimator.unknowns import PlacedPoses
+from ident.robot.identified import IdentifiedRobot
+from ident.signals.motion import MotionByLog
+from ident.signals.smooth_log import interpolating_log
+from planning.crlb import SAMPLES, PathPrediction
+from planning.pose_information import expected_group, smooth_joint_errors
+from planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from planning.request import PlanRequest
+from planning.stations import PoseSetup, setup_of
+from planning.trajectory import Passage
+
+# [m] of the instrument in the base frame and of the target on the flange; assumed, as in
+# scenarios/plans/irb2400_tracker.yaml. Where the instrument stands hardly matters.
+SEAT, TARGET = (3.0, 0.0, 0.5), (0.05, 0.0, 0.1)
+RATE = 100.0  # [Hz] rows of the instrument; assumed
+
+
+def followed(request: PlanRequest) -> PoseSetup | None:
+    """The instrument that follows, its place and its target; None where another one measures.
+
+    Raises InputError for a workspace that the robot does not have.
+    """
+    cell = request.cell
+    if cell.instrument is None or not describes_instrument(cell.instrument):
+        return None
+    if not load_instrument(cell.instrument).follows:
+        return None
+    poses = {
+        "schema": f"{POSE_SCHEMA}/1",
+        "name": request.name,
+        "robot": cell.robot,
+        "instrument": cell.instrument,
+        "seats": ({"position_m": SEAT},),
+        "targets": ({"position_m": TARGET},),
+    }
+    setup = PosePlanRequest.model_validate(poses)
+    return setup_of(setup.model_copy(update={"workspace": request.workspace}), relative_to=Path())
+
+
+def predict_followed(
+    setup: PoseSetup, request: PlanRequest, trajectory: Passage, *, samples: int = SAMPLES
+) -> PathPrediction:
+    """The prediction of a path that an instrument follows."""
+    robot, (station,), sensors = setup.robot, setup.stations, request.sensors
+    t = np.linspace(trajectory.t[0], trajectory.t[-1], samples + 2)[1:-1]
+    spacing = float(t[1] - t[0])
+    angles, (ours, theirs) = (
+        sensors.robot_noise_sigma_rad,
+        (np.sqrt(min(1.0, 1.0 / (rate * spacing))) for rate in (sensors.robot_rate_hz, RATE)),
+    )
+    log = interpolating_log(trajectory.t, trajectory.q, np.full(robot.joints, angles * ours))
+    motion = MotionByLog(request.name, log, Clock(0.0, 0.0))
+    group = expected_group(setup, station, joints_to_axes(robot, motion.angles(t)))
+    group = replace(group, time=t, motion=motion, sigma=theirs * group.sigma)
+    table = PoseTable(request.name, robot, (group,))
+    seats = {station.seat: Placement(np.eye(3), station.origin)}
+    target = Placement(np.eye(3), station.point)
+    nominal = geometry_of_chain(parameter_table(robot), setup.chain)
+    corrections = (unit_weights(robot), smooth_joint_errors(robot))
+    placed = PlacedPoses(table, seats, {station.target: target})
+    layout = still_unknowns(nominal, placed, corrections)
+    model = still_model(table, layout, corrections, np.zeros(robot.joints))
+    left = setup.request
+    turned = left.unexplained_rad if setup.instrument.kind.target_turns else 0.0
+    linear = equations_at(
+        model, layout.mean, ExcessNoise(position=left.unexplained_m, rotation=turned), ()
+    )
+    return PathPrediction(
+        layout=layout,
+        normal=linear.normal,
+        robot=IdentifiedRobot(
+            robot, nominal, corrections, layout.mean[layout.coefficients], target=target
+        ),
+        grid=setup.grid,
+        target=station.target,
+        model=model,
+        points=linear.evaluations,
+    )
