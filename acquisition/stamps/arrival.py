@@ -399,8 +399,7 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     period, start, ticks, sigma = source
     forward = np.concatenate(([True], ticks[1:] > np.maximum.accumulate(ticks)[:-1]))
     if not forward.all():
-        fresh, ticks, start, at = fresh[forward], ticks[forward], start[forward], at[forward]
-        new = new[:, forward]
+        fresh, ticks, start, at, new = (x[..., forward] for x in (fresh, ticks, start, at, new))
     late = at - (start + ticks) * period
     row, tick = _with_standing(fresh, ticks, new, arrival, period)
     delays = np.sort(late[:: 1 + late.size // MANY])
@@ -436,9 +435,8 @@ def _with_standing(
     place = np.arange(link.size) - np.repeat(np.cumsum(count) - count, count) + 1
     row = fresh[link] + place * repeats[link] // np.maximum(1, count[link])
     tick = ticks[link] + place * passed[link] / (count[link] + 1.0)
-    row, tick = np.concatenate((fresh, row)), np.concatenate((ticks, tick))
-    order = np.argsort(row, kind="stable")
-    return row[order], tick[order]
+    order = np.argsort(row := np.concatenate((fresh, row)), kind="stable")
+    return row[order], np.concatenate((ticks, tick))[order]
 
 
 def with_source_times(table: Table, names: Sequence[str]) -> Table:
