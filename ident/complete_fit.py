@@ -49,7 +49,7 @@ from ident.loads.logged_tension import (
     tension_splines,
     torque_tension,
 )
-from ident.model_choice import needed_corrections, present, unsupported
+from ident.model_choice import candidates_left_out, needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.steps import StepFault
@@ -147,11 +147,13 @@ def fit_complete(
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
         chosen = [c for c in chosen if c.name not in idle]
+        left_out = candidates_left_out(result, idle)
         if exact == faults:
             result = with_noise(result, listener, recast(result, chosen))
         else:
             faults = exact
             result = with_noise(run.first(chosen, faults), listener)
+        result = replace(result, left_out=left_out)
         idle = unsupported(result) if automatic else set()
     return replace(result, step_faults=sized(result, faults, lines))
 
@@ -211,7 +213,8 @@ def refit(result: Fit, extras: Sequence[Correction], listener: Listener = SILENT
     names = {correction.name for correction in extras}
     chosen = [c for c in present(result) if c.name not in names]
     pose = recast(result, [*chosen, *extras])
-    return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
+    refitted = with_noise(result, listener, pose)
+    return replace(refitted, step_faults=result.step_faults, left_out=result.left_out)
 
 
 def settled(result: Fit, listener: Listener = SILENT) -> Fit:
@@ -221,7 +224,9 @@ def settled(result: Fit, listener: Listener = SILENT) -> Fit:
         return result
     listener.progress(f"fitting again without {', '.join(sorted(idle))}")
     pose = recast(result, [c for c in present(result) if c.name not in idle])
-    return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
+    left_out = candidates_left_out(result, idle)
+    refitted = with_noise(result, listener, pose)
+    return replace(refitted, step_faults=result.step_faults, left_out=left_out)
 
 
 def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:

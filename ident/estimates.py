@@ -110,6 +110,7 @@ def result_of(
         blocks=stated.blocks,
         lengths_apart=stated.lengths.apart,
         lengths_off=stated.lengths.off,
+        lengths_named=stated.lengths.named,
         given_up=fit.given_up,
     )
     remarks = [

@@ -34,6 +34,7 @@ class ClosureEvidence:
     blocks: int = FEW_BLOCKS  # of time, that the uncertainty of a complete model rests on
     lengths_apart: float = 0.0  # standard deviations by which known lengths contradict each other
     lengths_off: float = 0.0  # [m] by which they do
+    lengths_named: tuple[str, ...] = ()  # those of which one may be wrong
     given_up: float = 0.0  # as of Fit
 
     @property

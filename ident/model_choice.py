@@ -8,15 +8,16 @@ a missing term leaves over passes for support of another.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from cell.arrays import Array
-from ident.corrections import ON_EVIDENCE, SUBSTITUTES, belongs_to_machine
+from ident.corrections import CORRECTIONS, ON_EVIDENCE, SUBSTITUTES, belongs_to_machine
 from ident.corrections.base import Correction
 from ident.corrections.gear_ratio import GEAR_RATIO
 from ident.estimator.fit import Fit
+from ident.estimator.left_out import LeftOut, left_out
 from ident.estimator.step_faults import ENCODER_JUMPS
 from ident.estimator.time_blocks import NONE, time_blocks
 from ident.estimator.uncertainty import mean_autocorrelation
@@ -79,8 +80,7 @@ def unsupported(result: Fit) -> set[str]:
     no support of it, nor of what is typical of robots and no file describes. Beside something
     systematic that no term has, nothing is seen to be absent: left out, it would be 0 for sure.
     """
-    correlation, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
-    widening = result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
+    widening, out = _widening(result), set()
     negative = negative_coefficients(result, np.sqrt(widening * np.diag(result.covariance)))
     for correction in present(result):
         if mean_autocorrelation(result) > AUTOCORRELATED and correction.name not in ON_EVIDENCE:
@@ -94,6 +94,30 @@ def unsupported(result: Fit) -> set[str]:
         if impossible or not not_by_chance(values, widening * white):
             out.add(correction.name)
     return out
+
+
+def _widening(result: Fit) -> float:
+    """Factor on variances of white noise, for the residual's size and its correlation in time."""
+    correlation = min(0.9, max(0.0, mean_autocorrelation(result)))
+    return result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
+
+
+def candidates_left_out(result: Fit, idle: Collection[str]) -> tuple[LeftOut, ...]:
+    """Corrections that a fit leaves out now and before, with the shifts that they may make.
+
+    result : with the corrections of the names `idle`.
+    """
+    layout = result.model.unknowns
+    gone = [
+        np.r_[coefficients_of(result, c)]
+        for c in present(result)
+        if c.name in idle and c.name in CORRECTIONS and c.name not in ON_EVIDENCE
+    ]
+    if not gone:
+        return result.left_out
+    places, widening = np.concatenate(gone), _widening(result)
+    part = left_out(layout.names, result.x, result.covariance, places, widening)
+    return (*result.left_out, part)
 
 
 def negative_coefficients(result: Fit, sigma: Array) -> tuple[str, ...]:

@@ -29,6 +29,9 @@ ROD, ROD_SIGMAS = 5e-4, 3.0
 # Autocorrelation that is remarked on: it widens a deviation by 5 %; and in its own standard
 # deviations for white noise, 1 / sqrt(samples)
 CORRELATED, CORRELATED_SIGMAS = 0.05, 2.0
+# Standard deviations by which the lengths that give the scale contradict each other: from the
+# first, as once in 20 sound machines, it is said; from the second, as once in 370, one is wrong
+DOUBTED, CONTRADICTION = 2.0, 3.0
 
 
 def rod_remark(evidence: ClosureEvidence) -> list[str]:
@@ -44,6 +47,26 @@ def rod_remark(evidence: ClosureEvidence) -> list[str]:
         f"the rod comes out {length * 1e3:.2f} mm long, and the file of {ballbar.name} states "
         f"{stated * 1e3:.2f} mm (bd3); is it the ball-bar that was used? Name it, or correct bd3"
     ]
+
+
+def contradiction_remark(evidence: ClosureEvidence) -> str:
+    """How far lengths that are stated as known contradict each other."""
+    of = {evidence.robot.nominal.table.plate: "plate ", "bd3": "rod "}
+    names = ", ".join(of.get(name, "") + name for name in evidence.lengths_named)
+    return (
+        f"the lengths that the files state as known{f' ({names})' if names else ''} contradict "
+        f"each other by {evidence.lengths_apart:.1f} standard deviations"
+    )
+
+
+def doubted_lengths(evidence: ClosureEvidence) -> Iterator[str]:
+    """Known lengths that contradict each other, but not as none of a sound machine do."""
+    apart = evidence.lengths_apart
+    if DOUBTED < apart <= CONTRADICTION and evidence.lengths_off > LITTLE_SHIFT:
+        yield (
+            f"{contradiction_remark(evidence)}; the stated uncertainty covers the scale of each. "
+            "Measure the rod and the plate again"
+        )
 
 
 def _directions(recording: RecordingEstimate) -> Iterator[str]:

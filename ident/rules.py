@@ -17,7 +17,13 @@ from cell.statistics import rms
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
 from ident.model_choice import AUTOCORRELATED, AUTOCORRELATED_MISFIT
-from ident.remarks import recording_remarks, rod_remark
+from ident.remarks import (
+    CONTRADICTION,
+    contradiction_remark,
+    doubted_lengths,
+    recording_remarks,
+    rod_remark,
+)
 from ident.table_remarks import table_remarks
 from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_status
 
@@ -26,9 +32,6 @@ from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_statu
 ALL_SOFTER = 1.35
 RIGID = 1.0 / 3.0  # as soft: gears are stiff then; no arm weighs that little of its catalogue mass
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
-# Standard deviations by which the lengths that give the scale contradict each other, from which one
-# of them is wrong: once in 370 sound machines
-CONTRADICTION = 3.0
 # Residual of a recording by the machine of the others over what noise and stated uncertainty
 # explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
 UNLIKE_OTHERS = 4.0
@@ -48,7 +51,8 @@ def judge(parts: Sequence[Evidence]) -> Verdict:
     sentence = FIRST_WORDS.get(status, "") + sentence
     if worst > 0 and recording:
         sentence = f"{recording.name}: {sentence}"
-    warnings = [] if parts[0].closure is None else rod_remark(parts[0].closure)
+    closure = parts[0].closure
+    warnings = [] if closure is None else [*rod_remark(closure), *doubted_lengths(closure)]
     several = sum(part.recording is not None for part in parts) > 1
     for part in parts:
         name = f"{part.recording.name}: " if part.recording and several else ""
@@ -92,9 +96,8 @@ def _several_machines(e: Evidence) -> Iterator[str]:
     apart = e.closure.lengths_apart if e.closure else 0.0
     if e.closure and apart > CONTRADICTION and e.closure.lengths_off > LITTLE_SHIFT:
         yield (
-            "the lengths that the files state as known contradict each other by "
-            f"{apart:.1f} standard deviations. Measure the rod and the plate again, or state how "
-            "well they are known."
+            f"{contradiction_remark(e.closure)}. Measure the rod and the plate again, or state "
+            "how well they are known."
         )
 
 

@@ -50,9 +50,9 @@ def identify(
     """Identify a robot from one or several recordings; test the result on held-out ones.
 
     Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml);
-    both together, of one robot, make one fit. Writes calibration.yaml, import_report.json and
-    report.html to DIR (default: the first RECORDING's folder with -identified appended). Exits with
-    1 when the fit or a held-out recording is not acceptable.
+    both together, of one robot, make one fit. Prints the result, then writes calibration.yaml,
+    import_report.json and report.html to DIR (default: the first RECORDING's folder with
+    -identified appended). Exits with 1 when the fit or a held-out recording is not acceptable.
 
     Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out
     runs/together`

@@ -18,6 +18,7 @@ from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.build_unknowns import kinematic_unknowns
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
+from ident.estimator.left_out import LeftOut
 from ident.estimator.model import Evaluation, Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import (
@@ -57,6 +58,7 @@ class Fit:
     iterations: int
     converged: bool
     step_faults: tuple[StepFault, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()  # terms of the machine that the data do not show
     # chi-square per degree of freedom at which the search was given up; 0 where it was not
     given_up: float = 0.0
 

@@ -10,8 +10,16 @@ contributes is not inflated, unless the lengths that are known beforehand contra
 Rod, plate and axis offsets give the scale, and no log tells one of them from the other, only their
 sum: what the data take from the prior of each is less than all. With priors of covariance D and a
 posterior of C, the posterior mean is off the prior's by a normal deviate of covariance D - C, and
-what the inflation adds to C, where everything stated is true. Where it is off by more, the stated
-deviations are widened by as much (Birge 1932, as for constants that disagree).
+what the inflation adds to C, where everything stated is true. Where it is off by more, one of them
+is wrong, and nothing says which. Without length k, of prior deviation s_k and off its prior by d_k,
+the estimate would move by
+
+    y_k = C[:, k] d_k / (s_k^2 - C_kk)
+
+(a case left out; Cook 1977), which chance makes as large as `d_k^2 / (s_k^2 - C_kk) = t_k^2 = 1`.
+The share `1 - 1 / t_k^2` of its square that is beyond chance adds to the covariance, so that what
+is stated covers the result with and without each length: one factor on all of them (Birge 1932)
+would leave a rod that is stated far too well nearly as sure as it was.
 
 Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change `r_m` for one standard
@@ -28,7 +36,7 @@ nearly cancel, so the x_m are kept, not their squares alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +45,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import parameter_named
 from ident.estimator.fit import Fit
+from ident.estimator.left_out import held_tilts
 from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
 from ident.estimator.time_blocks import BLOCK, each_block
 from ident.estimator.unknowns import Unknowns
@@ -46,6 +55,9 @@ STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
 SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
+MISSTATED = 1e-4  # [m] error of a known length beyond which it is no explanation
+FREE = 1e-6  # of the weight of a prior: 1000 of its deviations
+SUSPECT = 0.5  # of the largest chi-square of a length: it may as well be the wrong one
 SAMPLES = 300  # of each recording: four a second of a motion of 120 s, whose loads vary slowly
 
 
@@ -56,11 +68,9 @@ class KnownLengths:
     unknowns: NDArray[np.intp]  # indices
     apart: float  # standard deviations
     off: float = 0.0  # [m] sum of what these lengths would have to change by, to agree
-
-    @property
-    def widening(self) -> float:
-        """Factor on their standard deviations, at least 1."""
-        return max(1.0, self.apart)
+    # (P, L) what the estimate would move by without one of them, as far as chance does not explain
+    doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    named: tuple[str, ...] = ()  # those that may be the wrong one
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +98,14 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     sigma = layout.sigma
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
-    variance, blocks = _left_out(fit)
+    variance, blocks = _without_blocks(fit)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
     covariance = inflated + prior
     lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
-    doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
-    covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
+    candidates = _left_out(fit)
+    covariance += lengths.doubt @ lengths.doubt.T + candidates @ candidates.T
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -124,7 +134,18 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(1.0, ratio)))
 
 
-def _left_out(fit: Fit) -> tuple[Array, int]:
+def _left_out(fit: Fit) -> Array:
+    """(P, K) shifts by terms that the fit left out, and by bearings that gears hold."""
+    layout = fit.model.unknowns
+    second = np.diag(fit.covariance) + fit.x**2
+    sizes = dict(zip(layout.names, np.sqrt(second).tolist(), strict=True))
+    for part in fit.left_out:
+        sizes |= part.sizes
+    tilts = held_tilts(layout.names, sizes)
+    return np.column_stack([tilts, *(part.of(layout.names) for part in fit.left_out)])
+
+
+def _without_blocks(fit: Fit) -> tuple[Array, int]:
     """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
 
     The jackknife: `(B - 1) / B` times the sum of squares over B blocks (Efron & Stein 1981).
@@ -209,30 +230,53 @@ def known_lengths(layout: Unknowns, x: Array, covariance: Array, added: Array) -
 
     added : (P, P) to the covariance, by the inflation of what the data contribute.
     """
-    sigma, left = layout.sigma, np.diag(covariance) / layout.sigma**2
     known = np.array(
         [
             i
             for i in range(layout.shared.size)
-            if parameter_named(layout.names[i]).is_length
-            and sigma[i] < KNOWN
-            and left[i] > 1.0 - ALONE
+            if parameter_named(layout.names[i]).is_length and layout.sigma[i] < KNOWN
         ],
         dtype=np.intp,
     )
-    scale = sigma[known]
+    units = np.outer(layout.sigma[known], layout.sigma[known])
+    alone = _determined_alone(covariance[np.ix_(known, known)] / units)
+    known = shared = known[~alone]
+    units = units[np.ix_(~alone, ~alone)]
+    scale = layout.sigma[known]
     off = (x - layout.mean)[known] / scale
-    units = np.outer(scale, scale)
     moved = np.eye(known.size) - covariance[np.ix_(known, known)] / units
     size, directions = np.linalg.eigh(moved)
     seen = directions[:, size > SEEN]
     if not seen.size:
-        return KnownLengths(known, 0.0)
-    expected = seen.T @ (moved + added[np.ix_(known, known)] / units) @ seen
+        return KnownLengths(known, 0.0, doubt=np.zeros((x.size, 0)))
+    chance = moved + added[np.ix_(known, known)] / units
+    expected = seen.T @ chance @ seen
     along = seen.T @ off
-    square = float(along @ np.linalg.solve(expected, along))
+    apart = float(np.sqrt(along @ np.linalg.solve(expected, along) / along.size))
     needed = float(np.abs(scale * (seen @ along)).sum())
-    return KnownLengths(known, float(np.sqrt(square / along.size)), needed)
+    onto = seen @ seen.T
+    alone, variance = np.diag(onto @ moved @ onto), np.diag(onto @ chance @ onto)
+    each = onto @ off
+    plausible = np.abs(each) * scale < MISSTATED * alone
+    known, scale, each = known[plausible], scale[plausible], each[plausible]
+    square = each**2 / variance[plausible]
+    moves = covariance[:, known] / scale * (each / alone[plausible])
+    doubt = moves * np.sqrt(1.0 - 1.0 / np.maximum(square, 1.0))
+    named = known[square > max(1.0, SUSPECT * square.max(initial=0.0))]
+    return KnownLengths(shared, apart, needed, doubt, tuple(layout.names[i] for i in named))
+
+
+def _determined_alone(covariance: Array) -> NDArray[np.bool_]:
+    """(K,) whether the data tell a known length by themselves, whatever the others are.
+
+    covariance : (K, K) in units of the prior deviations.
+    """
+    data = np.linalg.inv(covariance) - np.eye(len(covariance))
+    out = []
+    for k in range(len(data)):
+        free = data + np.diag(np.where(np.arange(len(data)) == k, 1.0, FREE))
+        out.append(np.linalg.inv(free)[k, k] < 1.0 - ALONE)
+    return np.array(out, dtype=bool)
 
 
 def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:

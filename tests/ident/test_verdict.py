@@ -11,11 +11,11 @@ import pytest
 from ident.estimator.noise import ExcessNoise
 from ident.evidence import FEW_BLOCKS, ClosureEvidence, Evidence
 from ident.least_sizes import LITTLE_SHIFT
-from ident.remarks import CORRELATED, FEW_SAMPLES
+from ident.remarks import CONTRADICTION, CORRELATED, DOUBTED, FEW_SAMPLES
 from ident.result import FitStatistics, NamedCovariance, RecordingEstimate, RobotEstimate
 from ident.robot.identified import IdentifiedRobot
 from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.rules import AUTOCORRELATED, AUTOCORRELATED_MISFIT, CONTRADICTION, UNLIKE_OTHERS, judge
+from ident.rules import AUTOCORRELATED, AUTOCORRELATED_MISFIT, UNLIKE_OTHERS, judge
 from ident.start.automatic import Start
 from ident.verdict import MISFIT, PLAUSIBLE, SUSPECT, WELL_UNDER, Status, Verdict, noise_status
 from tests.helpers.start_candidates import candidate
@@ -271,6 +271,15 @@ def test_known_lengths_contradict_each_other_only_by_a_size_that_matters() -> No
     apart = changed(COMPLETE, lengths_apart=2.0 * CONTRADICTION)
     assert judged(changed(apart, lengths_off=0.9 * LITTLE_SHIFT)).status is Status.GOOD
     assert judged(changed(apart, lengths_off=1.1 * LITTLE_SHIFT)).status is Status.MISFIT
+
+
+def test_known_lengths_that_hardly_agree_are_named_in_a_warning() -> None:
+    apart = changed(COMPLETE, lengths_off=2e-5, lengths_named=("ra6", "bd3"))
+    assert judged(changed(apart, lengths_apart=DOUBTED)).warnings == ()
+    verdict = judged(changed(apart, lengths_apart=DOUBTED + 0.5))
+    (warning,) = verdict.warnings
+    assert verdict.status is Status.GOOD
+    assert "(plate ra6, rod bd3) contradict each other by 2.5 standard deviations" in warning
 
 
 def test_correlation_is_remarked_on_where_the_samples_tell_it_from_chance() -> None:

@@ -131,6 +131,7 @@ def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> 
     assert not used & (SLOW - {"scipy", "pyarrow"})
 
 
+@pytest.mark.slow
 def test_a_run_imports_no_viewer_no_figures_and_nothing_of_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.bench", "run"))
     assert {"ident.identify", "sim.simulate"} <= used

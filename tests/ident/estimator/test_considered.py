@@ -264,13 +264,33 @@ def test_a_contradiction_is_in_standard_deviations_of_the_sum() -> None:
     plate = unknowns.sigma[unknowns.names.index("ra6")]
     assert {"ra6", "bd3"} <= {unknowns.names[i] for i in lengths.unknowns}
     assert lengths.apart == pytest.approx(30e-6 / np.hypot(plate, ROD), rel=0.01)
-    assert lengths.widening == lengths.apart
+    assert {"ra6", "bd3"} == set(lengths.named)
     assert lengths.off == pytest.approx(30e-6, rel=0.01)  # together, whichever of them is wrong
 
 
 def test_lengths_that_agree_are_not_made_surer() -> None:
     assert judged(0.0)[1].apart == pytest.approx(0.0, abs=1e-6)
-    assert judged(1e-6)[1].widening == 1.0
+    assert not judged(1e-6)[1].doubt.any()
+
+
+def test_the_stated_deviation_covers_the_result_without_each_length() -> None:
+    """A rod that is stated ten times too well: one factor for all would leave it the sure one."""
+    unknowns, error = layout(), 30e-6
+    both = [unknowns.names.index(name) for name in ("ra6", "bd3")]
+    sigma = unknowns.sigma.copy()
+    sigma[both[1]] *= 0.1
+    unknowns = replace(unknowns, sigma=sigma)
+    x, covariance = posterior(unknowns, error)
+    lengths = known_lengths(unknowns, x, covariance, np.zeros_like(covariance))
+    expected = np.zeros(x.size)
+    for length in both:
+        wide = sigma.copy()
+        wide[length] = 1.0  # [m] as good as free
+        moved = posterior(replace(unknowns, sigma=wide), error)[0] - x
+        expected += (1.0 - 1.0 / lengths.apart**2) * moved**2
+    stated = np.sqrt((lengths.doubt**2).sum(axis=1))[both]
+    assert stated == pytest.approx(np.sqrt(expected[both]), rel=1e-3)
+    assert stated[1] > 0.9 * error  # the rod may have the whole error, at 0.5 um stated
 
 
 def test_what_the_data_tell_alone_contradicts_nothing() -> None:
