@@ -393,13 +393,13 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     if fresh.size < FEWEST or arrival[-1] == 0.0 or not _irregular(np.diff(arrival[fresh])):
         return None
     new, at = _scaled(channels, fresh), arrival[fresh] if fresh.size < arrival.size else arrival
-    source = _source(at, new) if len(new) else None
-    if source is None:
+    if not len(new) or (source := _source(at, new)) is None:
         return None
     period, start, ticks, sigma = source
     forward = np.concatenate(([True], ticks[1:] > np.maximum.accumulate(ticks)[:-1]))
     if not forward.all():
-        fresh, ticks, start, at, new = (x[..., forward] for x in (fresh, ticks, start, at, new))
+        fresh, new = fresh[forward], new[:, forward]
+        ticks, start, at = (column[forward] for column in (ticks, start, at))
     late = at - (start + ticks) * period
     row, tick = _with_standing(fresh, ticks, new, arrival, period)
     delays = np.sort(late[:: 1 + late.size // MANY])
