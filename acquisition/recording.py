@@ -29,6 +29,7 @@ from acquisition.faults.encoders import (
 )
 from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
 from acquisition.faults.other_angles import with_angle_jumps_checked
+from acquisition.faults.replayed import with_replays_checked
 from acquisition.faults.robot_angles import (
     AngleReading,
     gear_torques,
@@ -146,7 +147,8 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     tables = [without_sentinels(table, dialect.angles) for table in read.tables]
     table = replace(read, tables=tables).joined()
     t = seconds(table)
-    table = with_frozen_motion_checked(table, t, reading.scales(robot, dialect.angles))
+    scales = reading.scales(robot, dialect.angles)
+    table = with_frozen_motion_checked(with_replays_checked(table, scales), t, scales)
     torques = [name for name in dialect.torque_columns if name in table.columns]
     table = with_frozen_loads_checked(table, dict(zip(torques, dialect.angles, strict=False)))
     angles = pop_angles_inplace(robot, table, t, dialect.angles, reading)
@@ -179,7 +181,9 @@ def read_ballbar(
             raise LogError.at(table.files[0], what, "Check their cables.")
     table = replace(read, tables=tables).joined()
     words, t = counter_words(table, fitted), seconds(table)
-    table = with_frozen_motion_checked(table, t, counter_scales(fitted), WORD)
+    scales = counter_scales(fitted)
+    table = with_replays_checked(table, scales, WORD)
+    table = with_frozen_motion_checked(table, t, scales, WORD)
     for encoder in fitted.values():
         table.columns.pop(encoder.column)  # now in `words`
     table = with_jumps_checked(table, t, words, fitted)

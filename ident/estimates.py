@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, parameter_named
+from cell.geometry import Geometry
 from cell.statistics import rms
 from ident.causes import beside_fit
 from ident.consistency import AGREED, consistency
@@ -18,7 +18,7 @@ from ident.corrections import SUBSTITUTES, corrections_without_data
 from ident.estimator.build_unknowns import GAIN_PRIOR
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
-from ident.estimator.priors import FAR, declared_sigma, robot_unknowns
+from ident.estimator.priors import PULL, beyond_priors
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.evidence import ClosureEvidence, Evidence
@@ -30,7 +30,6 @@ from ident.fitted_robot import (
     softer_gears,
     with_doubt_of_masses,
 )
-from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ident.loads.payload import PayloadEstimate
 from ident.model_choice import NEGATIVE, negative_coefficients
 from ident.options import FitOptions
@@ -40,21 +39,24 @@ from ident.remarks import (
     change_remarks,
     joint_error_remark,
     lag_remark,
+    loaded_otherwise,
     log_remarks,
+    offset_remark,
     payload_remark,
-    unlike_tools,
     wrong_ratios,
 )
 from ident.result import FitStatistics, Identification, RecordingEstimate, Residuals, RobotEstimate
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.identified import IdentifiedRobot
-from ident.rules import PULL, judge, masses_in_doubt
+from ident.rules import judge, masses_in_doubt
 from ident.signals.steps import StepFault
 from ident.table_estimate import TableEstimate
 from ident.table_fit import added_table
 from ident.tracker import check_tracker
 from ident.verdict import Status
 
+# Of a complete fit, whose residual may show a cause
+UNEXPLAINED_FIT = (Status.MISFIT, Status.SUSPECT)
 # Unexplained part of still poses, in units of what is stated of instrument or tool, that is named
 APART = 3.0
 
@@ -102,7 +104,7 @@ def result_of(
         pulled=pulled(fit),
         unphysical=unphysical(fit, stated.covariance, payload),
         impossible=impossible(fit) if fit.converged else (),
-        disagreement=unlike_tools(payload) or agreement.sentence,
+        disagreement=loaded_otherwise(payload) or agreement.sentence,
         ratios=wrong_ratios(fit, np.sqrt(np.diag(stated.covariance))),
         softer=softer,
         nominal_error=_nominal_error(robot),
@@ -123,11 +125,13 @@ def result_of(
     ]
     poses = added_table(fit, stated.covariance)
     verdict = judge(parts if poses is None else [*parts, Evidence(table=poses, elsewhere=True)])
-    tested = verdict.status is Status.MISFIT and not fit.given_up  # it is beside a fit
+    tested = verdict.status in UNEXPLAINED_FIT and not fit.given_up  # it is beside a fit
     if complete and tested and cell.ballbar.stroke is None:
         names = [estimate.name for estimate in estimates]
-        if cause := beside_fit(cell, fit, names):
-            verdict = verdict.with_cause(cause)
+        contested = bool(closure.disagreement)
+        named = payload is not None and payload.undeclared
+        if cause := "" if named else beside_fit(cell, fit, names, contested=contested):
+            verdict = replace(verdict, status=Status.MISFIT).with_cause(cause)
     for remark in _remarks(cell, fit, options, robot, stated, orders, poses, complete=complete):
         verdict = verdict.with_warning(remark)
     return Identification(robot, estimates, statistics, verdict, poses)
@@ -173,6 +177,7 @@ def _remarks(
             )
     remarks = [
         payload_remark(robot.payload),
+        offset_remark(robot.payload),
         lag_remark(fit, np.sqrt(np.diag(stated.covariance))),
         *change_remarks(fit, stated.covariance),
         joint_error_remark(orders, robot.corrections) if orders else "",
@@ -259,18 +264,7 @@ def _step_faults(cell: Cell, single: RecordingFit, fit: Fit, k: int) -> tuple[St
 def pulled(fit: Fit) -> tuple[str, ...]:
     """Shared unknowns further from their priors than chance explains, the furthest first."""
     layout = fit.model.unknowns
-    machine = layout.machine
-    off = np.abs(fit.x[machine] - layout.mean[machine])
-    least = np.full(machine.size, PULL)
-    least[robot_unknowns(layout)] = FAR
-    far = off / (least * declared_sigma(layout)[machine])
-    little = np.zeros(machine.size)  # a prior of a coefficient is of a size that matters
-    for i in range(layout.shared.size):
-        length = parameter_named(layout.names[i]).is_length
-        little[i] = LITTLE_SHIFT if length else LITTLE_TURN
-    out = [
-        layout.names[machine[k]] for k in np.argsort(-far) if far[k] > 1.0 and off[k] > little[k]
-    ]
+    out = [layout.names[i] for i in beyond_priors(layout, fit.x)]
     return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
 
 

@@ -239,9 +239,9 @@ def _fitted(
         fit = fit_softening(cell, fit, listener)
     result = result_of(cell, single, fit, options, payload=payload)
     if searched and may_have_joint_errors(result):
-        fit, orders = fit_joint_errors(cell, fit, listener)
-        if orders:
-            fit = settled(fit, listener)
+        with_errors, orders = fit_joint_errors(cell, fit, listener)
+        if with_errors is not fit:
+            fit = settled(with_errors, listener)
             result = result_of(cell, single, fit, options, orders, payload=payload)
     return result
 

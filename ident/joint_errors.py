@@ -1,4 +1,6 @@
-"""Periodic joint errors of a recorded robot that its file does not list, found by evidence.
+"""Periodic joint errors and wrong ratios of a recorded robot that its file does not list.
+
+Both are found by evidence, and stand against each other.
 
 The complete fit is linearised at its estimate and searched as still poses are
 (ident.estimator.order_search). Neighbouring samples are autocorrelated: the scores of a block of
@@ -16,14 +18,17 @@ from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from ident.complete_fit import refit
 from ident.corrections.base import BAR, GEAR
+from ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio, gears_of
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, joint_harmonics, orders_of
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
 from ident.estimator.order_search import (
+    SLOPE,
     JointOrder,
     LinearModel,
     OrderSearch,
+    peak_orders,
     search_orders,
     whole_orders,
 )
@@ -65,9 +70,13 @@ def fit_joint_errors(
             break
         orders += search.orders
         listener.progress(f"fitting again with {len(orders)} joint errors")
-        harmonics = joint_harmonics([(o.joint, o.order) for o in orders])
-        fit = refit(fit, [harmonics], listener)
-    return fit, tuple(orders)
+        extras = []
+        if periodic := [(o.joint, o.order) for o in orders if o.order != SLOPE]:
+            extras.append(joint_harmonics(periodic))
+        if wrong := [o.joint for o in orders if o.order == SLOPE]:
+            extras.append(gear_ratio(cell, (), sorted(wrong)))
+        fit = refit(fit, extras, listener)
+    return fit, tuple(o for o in orders if o.order != SLOPE)
 
 
 def search_joint_errors(fit: Fit, cell: Cell) -> OrderSearch:
@@ -80,16 +89,22 @@ def search_joint_errors(fit: Fit, cell: Cell) -> OrderSearch:
             if correction.name == JOINT_HARMONICS
             else [(gear, order) for gear, order, _ in harmonic_orders(cell.robot)]
             if correction.name == "gear_ripple"
+            else [(gear, SLOPE) for gear in gears_of(c.name for c in correction.coefficients)]
+            if correction.name == GEAR_RATIO
             else ()
         )
     ]
-    pairs = candidate_orders(cell.robot, known)
-    return search_orders(linearised(fit), PRIOR, pairs, threshold=THRESHOLD)
+    model, pairs = linearised(fit), candidate_orders(cell.robot, known)
+    pairs += peak_orders(model, [*pairs, *known])
+    return search_orders(model, PRIOR, pairs, threshold=THRESHOLD)
 
 
 def candidate_orders(robot: Robot, known: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
-    """Whole orders of every gear's turn, and the first of its motor's; without the known ones."""
-    pairs = whole_orders(robot.joints)
+    """Whole orders of every gear's turn, the first of its motor's, and the slope of its ratio.
+
+    Without the known ones.
+    """
+    pairs = [*whole_orders(robot.joints), *((gear, SLOPE) for gear in range(robot.joints))]
     for gear, ratio in enumerate(1.0 / np.abs(np.diag(robot.transmission))):
         if abs(ratio - 1.0) > SAME_ORDER:
             pairs += [(gear, turns * float(ratio)) for turns in MOTOR_TURNS]

@@ -18,6 +18,7 @@ LITTLE_TURN = 2.5e-5  # [rad] of a tool or an axis that is turned: 5 um at 0.2 m
 # next: friction and play leave the zero of an axis 10 urad, and 0.7 K a length of steel 5 um.
 WANDER_ZERO, WANDER_LENGTH = 1e-5, 5e-6
 LITTLE_RIPPLE = 5e-6  # [rad] amplitude of a periodic joint error: 5 um at a metre from the joint
+LITTLE_RATIO = 5e-5  # [1] of a gear: 25 um at half a metre, over a radian
 LITTLE_LAG = 1e-3  # [s] the filters of one controller differ by as much
 # Chi-square of k values beyond k, in sqrt(2 k), from which they are not 0: what chance gives to one
 # value in 500.

@@ -14,9 +14,15 @@ from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
 from ident.evidence import ClosureEvidence, Evidence
-from ident.least_sizes import LITTLE_LAG, LITTLE_RIPPLE, LITTLE_SHIFT, LITTLE_TURN, not_by_chance
+from ident.least_sizes import (
+    LITTLE_LAG,
+    LITTLE_RATIO,
+    LITTLE_RIPPLE,
+    LITTLE_SHIFT,
+    LITTLE_TURN,
+    not_by_chance,
+)
 from ident.loads.payload import PayloadEstimate
-from ident.model_choice import RATIO
 from ident.result import CorrectionEstimate, RecordingEstimate
 from ident.signals.smooth_log import LogOutliers
 from ident.signals.steps import StepFault
@@ -185,6 +191,17 @@ def payload_remark(payload: PayloadEstimate | None) -> str:
     )
 
 
+def offset_remark(payload: PayloadEstimate | None) -> str:
+    """That logged torques are off by a constant; else empty."""
+    if payload is None or not payload.offsets:
+        return ""
+    each = [f"gear {gear} by {offset:+.0f} N m" for gear, offset in payload.offsets.items()]
+    return (
+        f"logged torques have an offset: {', '.join(each)}. It is in the fit; set the zero of the "
+        "current's sensor, or look for a spring or a balancer that the robot's file does not have"
+    )
+
+
 def lag_remark(fit: Fit, sigma: Array) -> str:
     """That some gears are logged later or earlier than the first; else empty.
 
@@ -204,7 +221,7 @@ def wrong_ratios(fit: Fit, sigma: Array) -> str:
 
     sigma : (P,) stated deviations of the unknowns.
     """
-    wrong = _gears(fit, sigma, "ratio", RATIO)
+    wrong = _gears(fit, sigma, "ratio", LITTLE_RATIO)
     return ", ".join(f"gear {g} turns {1.0 + off:.5f} times as far as logged" for g, off in wrong)
 
 
@@ -216,10 +233,10 @@ def _gears(fit: Fit, sigma: Array, kind: str, least: float) -> Iterator[tuple[st
             yield gear, float(value)
 
 
-def unlike_tools(payload: PayloadEstimate | None) -> str:
-    """That the torque logs of the recordings ask for different tools; else empty."""
-    if payload is None or not payload.each:
-        return ""
+def loaded_otherwise(payload: PayloadEstimate | None) -> str:
+    """Other loads or unlike tools that the torque logs show; else empty."""
+    if payload is None or payload.undeclared or not payload.each:
+        return "" if payload is None else payload.undeclared
     masses = " kg, ".join(f"recording {k} for {m:.1f}" for k, m in enumerate(payload.each, 1))
     return (
         f"the recordings are not of one tool: by its torque log {masses} kg at the flange. "

@@ -14,6 +14,7 @@ import numpy as np
 from cell.clock import UNSEEN_OFFSET
 from cell.number_text import duration_text, significant_text
 from cell.statistics import rms
+from ident.estimator.priors import PULL
 from ident.evidence import FEW_BLOCKS, Evidence
 from ident.least_sizes import LITTLE_SHIFT
 from ident.model_choice import AUTOCORRELATED, AUTOCORRELATED_MISFIT
@@ -31,7 +32,6 @@ from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_statu
 # of a class, 1.2 in the mean of six)
 ALL_SOFTER = 1.35
 RIGID = 1.0 / 3.0  # as soft: gears are stiff then; no arm weighs that little of its catalogue mass
-PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 # Residual of a recording by the machine of the others over what noise and stated uncertainty
 # explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
 UNLIKE_OTHERS = 4.0

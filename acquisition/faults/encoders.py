@@ -51,6 +51,7 @@ TOGGLE = 1 << 15
 # Of the rows: then every bus cycle is logged, and a toggle bit that does not change means old data.
 _TOGGLES = 0.9
 # Lines that an encoder may have turned since power-up to be taken for just switched on.
+BURST = 0.1  # of the mean step of the stamps
 _NEAR_ZERO = 4
 
 
@@ -179,6 +180,12 @@ def with_jumps_checked(table: Table, t: Array, words: Counts, fitted: Fitted) ->
         row, steps = int(jumps.fast[0]), signed_word(np.diff(words, axis=0)) * scale
         k = int(np.abs(steps[row - 1]).argmax())
         ms = float(t[rows[row]] - t[rows[row - 1]]) * 1e3
+        if 1e-3 * ms < BURST * float(t[-1] - t[0]) / t.size:
+            what = f"{jumps.fast.size} rows come with or right behind the row before, in bursts: "
+            what += "the stamps are those of arrival, and no motion leads from row to row."
+            raise LogError.at(
+                table.location(rows[row]), what, "Log the time at which the counters were read."
+            )
         raise LogError(
             f"{table.location(rows[row])}: encoder {names[k]} jumps by {steps[row - 1, k]:.4g} rad "
             f"within {ms:.4g} ms ({jumps.speed[0].max():.3g} rad/s; a ball-bar stays below "

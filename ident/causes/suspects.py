@@ -36,8 +36,9 @@ from ident.causes.agreement import (
     single_lengths,
     tool_path,
 )
-from ident.causes.channels import ChannelError, channel_errors, channel_errors_beside
+from ident.causes.channels import BESIDE, ChannelError, channel_errors, channel_errors_beside
 from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
+from ident.causes.effects import effects_beside
 from ident.causes.robot_log import PLURAL
 from ident.estimator.fit import Fit
 from ident.recording_fit import Logs, RecordingFit
@@ -252,22 +253,30 @@ def _logged_wrongly(error: ChannelError, names: Sequence[str]) -> str:
     return f"{name}: {cause}" if len(names) > 1 else cause
 
 
-def beside_fit(cell: Cell, fit: Fit, names: Sequence[str]) -> str:
-    """Sentences about errors of single channels that a complete fit cannot contain; may be empty.
+def beside_fit(cell: Cell, fit: Fit, names: Sequence[str], *, contested: bool = False) -> str:
+    """Sentences about what a complete fit cannot contain and its residual shows; may be empty.
 
-    names : of the recordings. The size of such an error is not stated: the fit has made up for a
-    part of it. Of a gear it is said how recordings differ, as the model has what they share.
+    Errors of single channels, and effects that no model has (ident.causes.effects). The size of a
+    channel's error is not stated: the fit has made up for a part of it. Of a gear it is said how
+    recordings differ, as the model has what they share.
+
+    names : of the recordings. contested : whether a change of the machine explains them too.
     """
-    errors = channel_errors_beside(cell, fit)
-    sentences = {}
-    for error in errors:
-        if 1.0 - error.left < (1.0 - errors[0].left) / COMPARABLE or error.channel in sentences:
-            continue  # the same, seen from the other recording
-        left = _percent(max(0.0, error.left))
-        evidence = f"so corrected, the complete model leaves {left} of what it leaves without"
-        suspect = Suspect(_logged_wrongly(error, names), evidence, error.remedy)
-        sentences[error.channel] = str(suspect)
-    return " Or ".join(sentences.values())
+    evidence = dict[str, tuple[float, str, str]]()
+    for error in () if contested else channel_errors_beside(cell, fit):
+        # from another recording the same is seen again
+        cause = _logged_wrongly(error, names)
+        evidence.setdefault(error.channel, (error.left, cause, error.remedy))
+    for effect in effects_beside(fit):
+        if effect.left < 1.0 - (2.0 if contested else 1.0) * BESIDE:
+            evidence[effect.cause] = effect.left, effect.cause, effect.remedy
+    ranked = sorted(evidence.values())
+    share = "so corrected, the complete model leaves {} of what it leaves without"
+    return " Or ".join(
+        str(Suspect(cause, share.format(_percent(max(0.0, left))), remedy))
+        for left, cause, remedy in ranked
+        if 1.0 - left >= (1.0 - ranked[0][0]) / COMPARABLE
+    )
 
 
 def _channels(cell: Cell, fit: RecordingFit) -> Iterator[Suspect]:

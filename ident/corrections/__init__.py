@@ -11,7 +11,7 @@ from ident.corrections.base import Correction, Maker
 from ident.corrections.bearing_tilt import bearing_tilt
 from ident.corrections.encoder_harmonics import encoder_harmonics
 from ident.corrections.gear_backlash import gear_backlash
-from ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio
+from ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio, gears_of
 from ident.corrections.gear_ripple import gear_ripple
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.corrections.joint_compliance import joint_compliance
@@ -142,6 +142,9 @@ def correction_of_result(
         return gear_softening(cell.robot, knees_of(coefficients))
     if name == ROD_ELONGATION:
         return rod_elongation(cell)
+    if name == GEAR_RATIO:
+        gears = [i for i in gears_of(coefficients) if i < cell.robot.joints]
+        return gear_ratio(cell, encoders, gears)
     return correction_named(name, cell, encoders)
 
 

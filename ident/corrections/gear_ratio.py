@@ -7,8 +7,11 @@ that of the motor behind the gear.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 from cell.arrays import Array
 from cell.descriptions import Cell
+from cell.errors import InputError
 from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 GEAR_RATIO = "gear_ratio"
@@ -16,13 +19,28 @@ SPREAD = 1e-3  # of a ratio that is stated with three digits; assumed
 
 
 @remade
-def gear_ratio(cell: Cell, encoders: tuple[int, ...]) -> Correction:
-    """Relative errors [1] of the ratios of all gears."""
-    coefficients = tuple(
-        Coefficient(f"ratio{i + 1}", "1", 0.0, SPREAD, GEAR + i) for i in range(cell.robot.joints)
-    )
+def gear_ratio(
+    cell: Cell, encoders: tuple[int, ...], gears: Sequence[int] | None = None
+) -> Correction:
+    """Relative errors [1] of the ratios of gears, from 0; by default of all."""
+    chosen = tuple(range(cell.robot.joints)) if gears is None else tuple(gears)
+    coefficients = tuple(Coefficient(f"ratio{i + 1}", "1", 0.0, SPREAD, GEAR + i) for i in chosen)
 
     def regressors(state: State) -> list[Array]:
-        return list(state.gears)
+        return [state.gears[i] for i in chosen]
 
     return Correction(GEAR_RATIO, "gear ratios other than stated", coefficients, regressors)
+
+
+def gears_of(names: Iterable[str]) -> list[int]:
+    """The gears, from 0, of coefficients by their names.
+
+    Raises InputError for a name that is none of this correction's.
+    """
+    gears = []
+    for name in names:
+        number = name.removeprefix("ratio")
+        if number == name or not number.isdecimal() or number.startswith("0"):
+            raise InputError(f"corrections.{GEAR_RATIO}.{name}: expected ratio2 or similar")
+        gears.append(int(number) - 1)
+    return gears

@@ -1,13 +1,14 @@
 """Search by evidence for periodic joint errors that no data sheet lists.
 
 Candidates are the cosine and sine of `n q_j` for joints j and orders n: cycles a turn, by default
-the whole ones. In each step the candidates are ranked by a score test whose variance is that of
-the poses' own scores (sandwich form: White 1982; a pose's equations, and what is equal within it,
-count once). Neighbouring samples of a log are autocorrelated: there the scores of a block of time
-count once (Liang & Zeger 1986). Of the best candidates that is taken which lowers the blocked
-cross-validated residual most; the search ends when none lowers it by `GAIN`. Both work on the
-linearised model, so that everything follows from Gram matrices that are formed once. Method and
-settings: docs/real_robots, orders.
+the whole ones. The slope of a joint's own angle may stand beside them as order 0: over a part of a
+turn a wrong ratio and few cycles a turn look the same, so they compete. In each step the
+candidates are ranked by a score test whose variance is that of the poses' own scores (sandwich
+form: White 1982; a pose's equations, and what is equal within it, count once). Neighbouring samples
+of a log are autocorrelated: there the scores of a block of time count once (Liang & Zeger 1986). Of
+the best candidates that is taken which lowers the blocked cross-validated residual most; the search
+ends when none lowers it by `GAIN`. Both work on the linearised model, so that everything follows
+from Gram matrices that are formed once. Method and settings: docs/real_robots, orders.
 """
 
 from __future__ import annotations
@@ -30,6 +31,13 @@ THRESHOLD = 9.0
 TRIED = 24  # candidates cross-validated in each step; with 4 some searches end too early
 GAIN = 0.005  # of the cross-validated sum of squares; less is no evidence
 LARGEST = 60  # pairs; real robots needed 40
+SLOPE = 0  # order of a wrong ratio
+# [rad] at a prior of the amplitudes: a slope of 1e-3 (ident.corrections.gear_ratio) is as likely as
+# an amplitude of 3e-4 rad
+_SLOPES = 1e-3 / 3e-4
+HIGHEST = 150.0  # order of the peaks that are looked for: a reducer's teeth
+_PEAKS = 3  # of each joint
+_BESIDE = 0.15  # [cycles a turn] closer to a candidate it is that one
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +87,31 @@ def whole_orders(joints: int) -> list[tuple[int, float]]:
     return [(joint, order) for joint in range(joints) for order in range(1, ORDERS + 1)]
 
 
+def peak_orders(model: LinearModel, others: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Pairs of joint, from 0, and order at which the residual has peaks apart from `others`.
+
+    By the score over the joint's own column alone, as if no unknown of the model could stand for a
+    part of it; steps are half of what the joint's range tells apart, and a quarter of that is no
+    distance.
+    """
+    out = []
+    for joint, (columns, angle) in enumerate(zip(model.joints, model.angles, strict=True)):
+        score, weight = (columns * model.residual).sum(axis=0), (columns**2).sum(axis=0)
+        step = np.pi / (2.0 * max(np.ptp(angle), 1.0))
+        orders = np.arange(step, HIGHEST, step)
+        turn = np.exp(1j * orders[:, None] * angle)
+        power = np.abs(turn @ score) ** 2 / weight.sum()
+        top = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+        for k in top[np.argsort(-power[top])[:_PEAKS]]:
+            # the vertex of the parabola through the peak and its neighbours
+            low, high, middle = power[k - 1], power[k + 1], power[k]
+            vertex = 0.5 * (low - high) / (low - 2.0 * middle + high)
+            order = round(float(orders[k] + vertex * step), 2)
+            if all(j != joint or abs(order - o) > max(_BESIDE, 0.5 * step) for j, o in others):
+                out.append((joint, order))
+    return out
+
+
 def search_orders(
     model: LinearModel,
     prior: float,
@@ -112,7 +145,11 @@ def search_orders(
         chosen, level = int(ranked[best]), float(levels[best])
         taken.append(chosen)
         joint, order = pairs[chosen]
-        same = [k for k, pair in enumerate(pairs) if pair[0] == joint and k != chosen]
+        same = [
+            k
+            for k, pair in enumerate(pairs)
+            if pair[0] == joint and k != chosen and SLOPE not in (order, pair[1])
+        ]
         aliases = tuple(pairs[k][1] for k in scores.aliases_of(chosen, same))
         orders.append(JointOrder(joint, order, float(tests[chosen]), float(gain), aliases))
         scores.take(chosen)
@@ -127,7 +164,7 @@ def _spectrum(pairs: Sequence[tuple[int, float]], tests: Array, joints: int) -> 
     """(J, ORDERS) scores of the whole orders, 0 where one is no candidate."""
     out = np.zeros((joints, ORDERS))
     for (joint, order), test in zip(pairs, tests, strict=True):
-        if order <= ORDERS and order == round(order):
+        if 0 < order <= ORDERS and order == round(order):
             out[joint, round(order) - 1] = test
     return out
 
@@ -138,6 +175,8 @@ def _candidates(model: LinearModel, pairs: Sequence[tuple[int, float]]) -> Array
     for (joint, order), columns in zip(pairs, out, strict=True):
         angle = order * model.angles[joint]
         waves = np.stack((np.cos(angle), np.sin(angle)))
+        if order == SLOPE:
+            waves[0] = _SLOPES * (model.angles[joint] - model.angles[joint].mean())
         np.multiply(model.joints[joint], waves[:, None], out=columns)
     return out.reshape(len(pairs), 2, -1)
 

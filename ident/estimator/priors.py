@@ -11,6 +11,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Parameter, ParameterTable, parameter_named, parameter_table
 from ident.estimator.unknowns import Unknowns
+from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 
 # Of a robot's parameter about its catalogue value, for recordings and still poses. With 0.3 mm and
 # 1 mrad a robot as in thesis Table 3.1 is found worse (draw-wire: 0.297 for 0.259 mm), with 5 mm
@@ -19,6 +20,7 @@ from ident.estimator.unknowns import Unknowns
 LENGTH_PRIOR, ANGLE_PRIOR = 7e-4, 2e-3  # [m], [rad]
 TAILS = 4.0  # degrees of freedom of their Student distribution
 FAR = 5.0  # of these deviations: a joint's offset set wrongly, or another robot
+PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 AXIS_OFFSET_PRIOR = 5e-6  # [m] of gimbal and universal joint (notes/parameters, joints_mechanical)
 AXIS_ANGLE_PRIOR = 5e-5  # [rad] squareness of the two (as above)
 KNOWN_LENGTH = 1e-5  # [m] standard deviation up to which a length of the cell is taken as exact
@@ -139,6 +141,24 @@ def declared_sigma(layout: Unknowns) -> Array:
     sigma, robot = layout.sigma.copy(), robot_unknowns(layout)
     sigma[robot] = [robot_prior(layout.parameters[i]) for i in robot]
     return sigma
+
+
+def beyond_priors(layout: Unknowns, x: Array) -> NDArray[np.intp]:
+    """Unknowns of the machine further from their priors than chance explains, the furthest first.
+
+    x : (P,) estimate. What is too small to matter to the tool is none.
+    """
+    machine = layout.machine
+    off = np.abs(x[machine] - layout.mean[machine])
+    least = np.full(machine.size, PULL)
+    least[robot_unknowns(layout)] = FAR
+    far = off / (least * declared_sigma(layout)[machine])
+    little = np.zeros(machine.size)  # a prior of a coefficient is of a size that matters
+    for i in range(layout.shared.size):
+        length = parameter_named(layout.names[i]).is_length
+        little[i] = LITTLE_SHIFT if length else LITTLE_TURN
+    order = np.argsort(-far)
+    return np.asarray(machine[order[(far[order] > 1.0) & (off[order] > little[order])]])
 
 
 def with_tails(sigma: Array, off: Array) -> Array:

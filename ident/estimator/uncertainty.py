@@ -21,6 +21,15 @@ The share `1 - 1 / t_k^2` of its square that is beyond chance adds to the covari
 is stated covers the result with and without each length: one factor on all of them (Birge 1932)
 would leave a rod that is stated far too well nearly as sure as it was.
 
+An unknown of the machine that stands further from its prior than chance explains, the robot's own
+parameters apart, stands for something that the model does not have, and what that does elsewhere
+nobody knows. Of the estimate x and the one in which such unknowns are at their priors' means,
+
+    x_d = x - C_xs C_ss^-1 (x_s - m_s),
+
+either may be nearer to the truth: a share DOUBT of their difference, which grows with what stands
+beyond the priors, is a standard deviation.
+
 Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change `r_m` for one standard
 deviation of a direction of the masses, the estimate moves by
@@ -47,12 +56,14 @@ from cell.geometry import parameter_named
 from ident.estimator.fit import Fit
 from ident.estimator.left_out import held_tilts
 from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
+from ident.estimator.priors import beyond_priors, robot_unknowns
 from ident.estimator.time_blocks import BLOCK, each_block
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
+DOUBT = 0.5  # as of masses (ident.fitted_robot.MASSES_IN_DOUBT)
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
 SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
 MISSTATED = 1e-4  # [m] error of a known length beyond which it is no explanation
@@ -106,6 +117,8 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
     candidates = _left_out(fit)
     covariance += lengths.doubt @ lengths.doubt.T + candidates @ candidates.T
+    doubt = DOUBT * doubted_shift(fit, lengths.unknowns)
+    covariance += np.outer(doubt, doubt)
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -277,6 +290,19 @@ def _determined_alone(covariance: Array) -> NDArray[np.bool_]:
         free = data + np.diag(np.where(np.arange(len(data)) == k, 1.0, FREE))
         out.append(np.linalg.inv(free)[k, k] < 1.0 - ALONE)
     return np.array(out, dtype=bool)
+
+
+def doubted_shift(fit: Fit, known: NDArray[np.intp]) -> Array:
+    """(P,) by which pulled unknowns moved the estimate from where their priors' means have it.
+
+    The robot's own parameters are none: a zero may have been set anywhere, and it is measured. Nor
+    are known lengths, of which `known_lengths` says more; known : their indices.
+    """
+    layout = fit.model.unknowns
+    pulled = np.setdiff1d(beyond_priors(layout, fit.x), [*robot_unknowns(layout), *known])
+    off = (fit.x - layout.mean)[pulled]
+    own = fit.covariance[np.ix_(pulled, pulled)]
+    return np.asarray(fit.covariance[:, pulled] @ np.linalg.solve(own, off))
 
 
 def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:

@@ -60,6 +60,7 @@ class LoggedTorque:
     speed: Array  # (J, N) [rad/s] of the gears
     acceleration: Array  # (J, N) [rad/s^2]
     carried: Loads  # of the mass model
+    ballbar: Array  # (N, 5) [rad] as the encoders read
 
 
 def torque_tension(
@@ -109,7 +110,7 @@ def logged_torque(
     carried = loads(mass_model(cell), geometry, q, ballbar, speed, acceleration)
     to_gear = cell.robot.joint_to_gear
     return LoggedTorque(
-        times, torque.T, q, (speed @ to_gear).T, (acceleration @ to_gear).T, carried
+        times, torque.T, q, (speed @ to_gear).T, (acceleration @ to_gear).T, carried, ballbar
     )
 
 

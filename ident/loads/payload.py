@@ -4,17 +4,17 @@
 
 holds at every gear and instant, linear in everything unknown: what the tool weighs more than its
 file says (m) and its first moment (m c) in the flange's frame, the arm's excess s, what each link
-deviates beside it, friction (Coulomb, viscous, Stribeck's rise towards rest), gains g, rotor
-inertias. The tension F is eliminated sample by sample (ident.loads.rod_tension). Gains multiply the
-modelled load: on the logged torque they and s would run away together to where everything is zero
-(notes/unknown_machines). Links taken as exact but for s draw the tool's mass by many times its
-sigma.
+deviates beside it, friction (Coulomb, viscous, Stribeck's rise towards rest), offsets, gains g,
+rotor inertias. The tension F is eliminated sample by sample (ident.loads.rod_tension). Gains
+multiply the modelled load: on the logged torque they and s would run away together to where
+everything is zero (notes/unknown_machines). Links taken as exact but for s draw the tool's mass by
+many times its sigma.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from cell.payload import TOOL, Masses, payload_of
+from ident.estimator.priors import PULL
 from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import ARM, mass_columns, stated_covariance
@@ -30,12 +31,14 @@ from ident.loads.rod_tension import (
     ROTOR_PRIOR,
     STRIBECK_PRIOR,
     TORQUE_GAIN,
+    TORQUE_OFFSET,
     friction_sign,
     from_motor_torque,
     stribeck_rise,
     torque_sigma,
     without_tension,
 )
+from ident.loads.undeclared import undeclared_columns, undeclared_load
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
@@ -59,6 +62,8 @@ class PayloadEstimate:
     significant: bool  # whether tool or arm are beside their files, as no file's tolerance explains
     covariance: Array  # (4 + 4 J, 4 + 4 J) of the masses (ident.loads.mass_uncertainty)
     each: tuple[float, ...] = ()  # [kg] tool of each recording, where they are not one tool
+    undeclared: str = ""  # what else than masses loads the gears, as a sentence
+    offsets: dict[int, float] = field(default_factory=dict)  # [N m] of gears, from 1, far from none
 
     @property
     def excess(self) -> float:
@@ -75,6 +80,8 @@ def payload_of_recordings(
     first; where it is none, tool and links are what the files say within their tolerance.
     """
     recordings = _of_recordings(cell, geometries, logs)
+    if cause := _undeclared(cell, recordings):
+        return replace(_estimate(cell, recordings, declared=True), undeclared=cause)
     if len(recordings) > 1:
         single = [_estimate(cell, [recording]) for recording in recordings]
         masses = tuple(estimate.payload.mass for estimate in single)
@@ -92,6 +99,7 @@ class _Recording:
     masses: Array  # (5 + 4 J, J, N) columns of the masses
     rest: Array  # (J, N) whitened torque beyond the modelled load
     design: Array  # (P, J, N) whitened columns
+    undeclared: dict[str, Array]  # (K, J, N) whitened columns of other loads
 
 
 def _of_recordings(
@@ -101,11 +109,31 @@ def _of_recordings(
     for geometry, log in zip(geometries, logs, strict=True):
         frames = robot_frames(geometry, log.q)
         masses = mass_columns(cell, frames, log.q, log.speed.T, log.acceleration.T)
-        out.append(_Recording(log, masses, *_regression(cell, masses, log)))
+        sigma, direction = torque_sigma(cell, log.speed), log.carried.gear_per_newton
+        others = {
+            name: without_tension(columns, sigma, direction)
+            for name, columns in undeclared_columns(cell, geometry, frames, log).items()
+        }
+        out.append(_Recording(log, masses, *_regression(cell, masses, log), others))
     return out
 
 
-def _estimate(cell: Cell, recordings: Sequence[_Recording]) -> PayloadEstimate:
+def _undeclared(cell: Cell, recordings: Sequence[_Recording]) -> str:
+    """The sentence of `undeclared_load`."""
+    mean, prior = _priors(cell)
+    rest = np.concatenate([r.rest - np.einsum("pjn,p->jn", r.design, mean) for r in recordings], -1)
+    design = np.concatenate([recording.design for recording in recordings], axis=-1)
+    others = {
+        name: np.concatenate([recording.undeclared[name] for recording in recordings], axis=-1)
+        for name in recordings[0].undeclared
+    }
+    return undeclared_load(cell, rest, design, others, (_declared(cell, prior), prior))
+
+
+def _estimate(
+    cell: Cell, recordings: Sequence[_Recording], *, declared: bool = False
+) -> PayloadEstimate:
+    """The masses; declared : whether they are the files' within their tolerance for sure."""
     rest = np.concatenate([recording.rest for recording in recordings], axis=-1)
     design = np.concatenate([recording.design for recording in recordings], axis=-1)
     logs = [recording.log for recording in recordings]
@@ -116,7 +144,8 @@ def _estimate(cell: Cell, recordings: Sequence[_Recording]) -> PayloadEstimate:
     arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
     mass_sigma, arm_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass)), float(sigma[ARM])
     arm_off = SURE * np.hypot(arm_sigma, FLOOR)
-    significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > arm_off)
+    beyond = abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > arm_off
+    significant = bool(beyond) and not declared
     if not significant:
         change, covariance, _ = regression.solved(_declared(cell, prior))
         mass_sigma = float(np.sqrt(covariance[0, 0]))
@@ -136,7 +165,19 @@ def _estimate(cell: Cell, recordings: Sequence[_Recording]) -> PayloadEstimate:
         added_load=np.sqrt((added**2).mean(axis=1)),
         significant=significant,
         covariance=with_arm @ covariance @ with_arm.T,
+        offsets=_offsets(cell, change),
     )
+
+
+def _offsets(cell: Cell, change: Array) -> dict[int, float]:
+    """[N m] of gears, from 1, whose logged torque is off by far more than its prior allows."""
+    coulomb = cell.robot.required("gears").coulomb
+    every = zip(change[-coulomb.size :], coulomb, strict=True)
+    return {
+        gear: float(offset)
+        for gear, (offset, friction) in enumerate(every, start=1)
+        if abs(offset) > PULL * TORQUE_OFFSET * friction
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +210,11 @@ def _priors(cell: Cell) -> tuple[Array, Array]:
     gears, rotors = cell.robot.required("gears"), cell.robot.required("rotor_inertia_kg_m2")
     none, gain = np.zeros(cell.robot.joints), np.full(cell.robot.joints, TORQUE_GAIN)
     masses = np.zeros(ARM + 1 + 4 * cell.robot.joints)
-    mean = (masses, gears.coulomb, gears.viscous, none, rotors, none)
+    mean = (masses, gears.coulomb, gears.viscous, none, rotors, none, none)
     friction = (gears.coulomb, 2.0 * gears.viscous)
     rise = STRIBECK_PRIOR * gears.coulomb
-    sigma = np.concatenate((masses, *friction, gain, ROTOR_PRIOR * rotors, rise))
+    offset = TORQUE_OFFSET * gears.coulomb
+    sigma = np.concatenate((masses, *friction, gain, ROTOR_PRIOR * rotors, rise, offset))
     prior = _declared(cell, np.diag(sigma**2))
     tool = np.array([MASS_PRIOR, *[MOMENT_PRIOR] * 3, ARM_PRIOR])
     prior[: ARM + 1, : ARM + 1] = np.diag(tool**2)
@@ -194,14 +236,15 @@ def _bodies(cell: Cell) -> NDArray[np.intp]:
 
 
 def _regression(cell: Cell, masses: Array, log: LoggedTorque) -> tuple[Array, Array]:
-    """Whitened torque beyond the modelled load (J, N) and columns (5 + 9 J, J, N), no tension.
+    """Whitened torque beyond the modelled load (J, N) and columns (5 + 10 J, J, N), no tension.
 
     masses : (5 + 4 J, J, N) columns of the masses. A gain is one of the whole load, the rod's share
     included: as a gain of the arm's weight alone it passes for other masses.
     """
     side, rise = friction_sign(log.speed), stribeck_rise(cell, log.speed)
     tension = from_motor_torque(cell, log.torque, log.carried, log.speed, log.acceleration).force
-    terms = (side, log.speed, log.carried.gears(tension), log.acceleration, rise)
+    loads = log.carried.gears(tension)
+    terms = (side, log.speed, loads, log.acceleration, rise, np.ones_like(loads))
     each = np.zeros((len(terms), cell.robot.joints, *log.torque.shape))
     for k in range(cell.robot.joints):
         each[:, k, k] = [term[k] for term in terms]

@@ -28,6 +28,7 @@ TORQUE_SIGMA = 2.0
 # Keys of the robot's file without which motor torques do not tell the tension.
 TORQUE_NEEDS: tuple[Key, ...] = ("links", "gears", "rotor_inertia_kg_m2")
 TORQUE_GAIN = 0.02  # (notes/identification sec. 1)
+TORQUE_OFFSET = 0.1  # of the Coulomb friction; assumed
 # [rad/s] below it friction is no law's: wider than where it may have either sign, 0.012
 # (notes/identification sec. 5), since it builds up over a travel of its own (Dahl 1968)
 REVERSAL_SPEED = 0.03
@@ -58,23 +59,25 @@ def from_motor_torque(
     torque : (J, N) [N m] at the gears' outputs. carried : loads of the mass model. speed,
     acceleration : (J, N) [rad/s, rad/s^2] of the gears. The result's theta holds J Coulomb
     torques [N m], J viscous coefficients [N m s/rad], J gain errors, J rises of the friction
-    towards rest [N m], J rotor inertias at the outputs [kg m^2].
+    towards rest [N m], J rotor inertias at the outputs [kg m^2], J offsets [N m]. An offset is one
+    of the current's measurement, or friction that differs with the direction.
     """
     j, n = torque.shape
     gears, rotors = cell.robot.required("gears"), cell.robot.required("rotor_inertia_kg_m2")
     coulomb, viscous, none = gears.coulomb, gears.viscous, np.zeros(j)
-    columns = np.zeros((5, j, j, n))
+    columns = np.zeros((6, j, j, n))
     terms = (friction_sign(speed), speed, torque, stribeck_rise(cell, speed), acceleration)
-    columns[:, range(j), range(j)] = terms
-    mean = (coulomb, viscous, none, none, rotors)
-    gain, rise = np.full(j, TORQUE_GAIN), STRIBECK_PRIOR * coulomb
+    columns[:, range(j), range(j)] = (*terms, np.ones_like(speed))
+    mean = (coulomb, viscous, none, none, rotors, none)
+    gain, rising = np.full(j, TORQUE_GAIN), STRIBECK_PRIOR * coulomb
+    offset = TORQUE_OFFSET * coulomb
     return _eliminated(
         torque - carried.gear,
         torque_sigma(cell, speed),
         columns.reshape(-1, j, n),
         carried.gear_per_newton,
         np.concatenate(mean),
-        np.concatenate((coulomb, 2.0 * viscous, gain, rise, ROTOR_PRIOR * rotors)),
+        np.concatenate((coulomb, 2.0 * viscous, gain, rising, ROTOR_PRIOR * rotors, offset)),
     )
 
 

@@ -7,7 +7,7 @@ centres, stiffness, backlash, and one ripple of an order that no file lists.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ BASE_STIFFNESS = 5e7  # [N/m] of the ball-bar's base
 RATED = np.array([784.0, 784.0, 412.0, 80.0, 60.0, 40.0])
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn
 DEPTH = 0.1  # [rad] of the phase's modulation, once a turn
+FEEDER = np.array([0.0, 0.10, 0.15])  # [m] of a wire feeder, frame behind axis 3
 UNLISTED = 4e-6  # [rad] of a ripple whose order no file lists
 HYSTERESIS, FLANK = 0.002, 0.003  # of the rated torque: half width of the loop, width of the flank
 _X, _Y = np.eye(3)[:2]
@@ -39,6 +40,26 @@ PLATE_WIDTH = 100.0 / 45.0  # across over along the bending: the box of the plat
 
 
 Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """Error of one gear: size * sin(order * g + phase + depth * sin(g)), g its angle."""
+
+    gear: int
+    order: float  # cycles a turn of the output
+    size: float  # [rad]
+    phase: float  # [rad]
+    depth: float = 0.0  # [rad] of the phase's modulation
+    edge: float = 0.0  # steepness of a rectangle in place of a sine; 0: a sine
+    power: float = 0.0  # [1/rad] growth of the amplitude with the gear's angle
+
+    def at(self, g: Array) -> Array:
+        """(N,) [rad] at gear angles (N,) [rad]."""
+        wave = np.sin(self.order * g + self.phase + self.depth * np.sin(g))
+        if self.edge:
+            wave = np.tanh(self.edge * wave)
+        return np.asarray(self.size * (1.0 + self.power * g) * wave)
 
 
 @dataclass(frozen=True)
@@ -53,6 +74,22 @@ class Effects:
     knee: float = 0.0  # share of the rated torque below which a gear is half as stiff
     tool_mass: float = 0.0  # [kg] that the files do not state
     tool_centre: tuple[float, float, float] = (0.08, 0.02, 0.12)  # [m] of it, flange frame
+    slope: tuple[float, float] = (0.0, 0.0)  # [rad] of the floor about x and y
+    cable: float = 0.0  # [N/m] from the tool to a point above the robot
+    sway: tuple[float, float] = (0.0, 0.0)  # [m, Hz] of the ball-bar's base along x
+    settling: float = 0.0  # [m] by which that base sinks during a recording
+    dropped: float = 0.0  # [m] by which it jumps halfway
+    base_stiffness: float = 0.0  # [N/m] of that base; 0: as of every machine
+    hysteresis: float = 0.0  # [rad] of all gears, along their load (Bouc & Wen)
+    reversal: float = 0.0  # [rad] by which friction at the gears' outputs holds them back
+    softer: float = 1.0  # compliance of the gears, times
+    wider: float = 1.0  # their backlash, times
+    worse_resolver: float = 1.0  # errors of the resolvers, times
+    spring: float = 0.0  # [N m] of a balancer on gear 2, along the sine of its angle
+    feeder: float = 0.0  # [kg] on the forearm that no file states
+    rod_play: float = 0.0  # [m] half of what the balls are loose in their seats
+    plate_softer: float = 1.0  # compliance of the plate, times
+    further: tuple[Ripple, ...] = ()  # errors of the gears beside those of the files
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,21 +109,6 @@ class Mechanism:
     chain: Chain
     joints: Indices  # (J,) twists that are joints (of a ball-bar its slide too)
     bodies: tuple[Body, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Ripple:
-    """Error of one gear: size * sin(order * g + phase + depth * sin(g)), g its angle."""
-
-    gear: int
-    order: float  # cycles a turn of the output
-    size: float  # [rad]
-    phase: float  # [rad]
-    depth: float  # [rad] of the phase's modulation
-
-    def at(self, g: Array) -> Array:
-        """(N,) [rad] at gear angles (N,) [rad]."""
-        return np.asarray(self.size * np.sin(self.order * g + self.phase + self.depth * np.sin(g)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +261,10 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
     )
     bodies = [(i, *_body(cell.robot["links"][f"link{i + 1}"], z)) for i in range(6)]
     flange = homes(_rows(cell.robot), Pose(np.eye(3), np.zeros(3)))[6]
+    if effects.feeder:
+        forearm = homes(_rows(cell.robot), Pose(np.eye(3), np.zeros(3)))[3]
+        own = 0.01 * effects.feeder * np.eye(3)
+        bodies.append((2, effects.feeder, forearm.p + forearm.R @ FEEDER, own))
     tools = [_body(plate["body"], z)]
     if effects.tool_mass:
         size = 0.05 * effects.tool_mass  # [kg m^2] gyration radius of 0.1 m in each direction
@@ -247,7 +273,10 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
         bodies.append((5, mass, flange.R @ centre + flange.p, flange.R @ inertia @ flange.R.T))
     plate_stiffness = plate["tip_stiffness_N_per_m"] * float(np.exp(0.2 * z(1)[0]))
     arm, compliance, grow = _arm(
-        rows, bodies, effects, (plate["length_m"], plate_stiffness if real else np.inf)
+        rows,
+        bodies,
+        effects,
+        (plate["length_m"], plate_stiffness / effects.plate_softer if real else np.inf),
     )
     ratio = np.diag(cell.transmission)
     ripples, resolvers = _ripples(cell, ratio, rng) if rng is not None else ((), ())
@@ -260,25 +289,35 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
         grow=grow,
         to_joint=cell.transmission / ratio[:, None],
         ratio=ratio,
-        gravity=np.array(cell.robot["gravity_m_per_s2"]),
-        stiffness=gears["stiffness_N_m_per_rad"] * np.exp(SPREAD * z(6)),
-        half_width=0.5 * np.array(gears["lost_motion_rad"]) * np.exp(SPREAD * z(6)),
+        gravity=_leaning(effects.slope) @ np.array(cell.robot["gravity_m_per_s2"]),
+        stiffness=gears["stiffness_N_m_per_rad"] * np.exp(SPREAD * z(6)) / effects.softer,
+        half_width=0.5 * effects.wider * np.array(gears["lost_motion_rad"]) * np.exp(SPREAD * z(6)),
         coulomb=gears["friction"]["coulomb_N_m"] * np.exp(SPREAD * z(6)),
         viscous=gears["friction"]["viscous_N_m_s_per_rad"] * np.exp(SPREAD * z(6)),
         stribeck=np.array(gears["friction"]["stribeck_rad_per_s"]),
         rotor=np.array(cell.robot["rotor_inertia_kg_m2"]) / ratio**2 * np.exp(0.1 * z(6)),
         servo=np.array(cell.robot["servo"]["soft"]["kp_N_m_per_rad"]),
         gain=1.0 + GAIN * z(6),
-        ripples=ripples,
-        resolvers=resolvers,
+        ripples=(*ripples, *effects.further),
+        resolvers=tuple(replace(r, size=effects.worse_resolver * r.size) for r in resolvers),
         rod=rod,
         rod_stiffness=float(np.exp(0.2 * z(1)[0]))
         / sum(1.0 / part for part in cell.bar["axial_stiffness_N_per_m"].values()),
-        rod_half_width=0.5 * sum(cell.bar["backlash_m"].values()),
+        rod_half_width=0.5 * sum(cell.bar["backlash_m"].values()) + effects.rod_play,
         bar_friction=cell.bar["friction_torque_N_m"],
-        base_stiffness=BASE_STIFFNESS,
+        base_stiffness=effects.base_stiffness or BASE_STIFFNESS,
         effects=effects,
     )
+
+
+def _leaning(slope: tuple[float, float]) -> Array:
+    """(3, 3) turn of gravity against the robot on a floor that is not level."""
+    turns = (
+        exponential(turn(a, np.zeros(3)), np.asarray(s)).R
+        for a, s in zip((_X, _Y), slope, strict=True)
+    )
+    first, second = turns
+    return first @ second
 
 
 def _hayati(rows: int, with_beta: tuple[int, ...]) -> Array:

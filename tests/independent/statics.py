@@ -38,6 +38,8 @@ CLOSED = 1e-10  # [m, rad] largest last step and opening of the loop
 # [rad] over which friction builds up after a reversal (Dahl 1968)
 TRAVEL = np.array([3e-4, 3e-4, 3e-4, 1e-3, 1e-3, 1e-3])
 ROD_FLANK = 2.0  # [N] over which the rod crosses its backlash
+YIELD = 0.02  # of the rated torque, over which hysteresis builds up
+ANCHOR = np.array([0.0, 0.6, 2.2])  # [m] where a cable hangs
 STATIC = 0.15  # of the Coulomb friction, that it rises by towards rest
 BAR_SPEED = 0.02  # [rad/s] over which the ball-bar's friction rises
 
@@ -90,23 +92,28 @@ def held(machine: Machine, command: Command, growth: Array, bar: Array, tool: Po
     drag = friction(m, gear, speed) + m.viscous * speed + m.rotor * acceleration
     rubs = m.bar_friction * np.tanh(CubicSpline(t, bar)(t, 1).T / BAR_SPEED)
     rubs[3] = 0.0
+    dry = m.effects.reversal * _turned(gear)
     b, tension, lag = bar.T.copy(), np.zeros(n), np.zeros((6, n))
-    pulled = np.zeros((n, 3))
+    pulled, base = np.zeros((n, 3)), _base(m, t)
     for step in range(STEPS):
         arm = m.arm.chain.place(c)
         target = arm.end @ tool
-        target = Pose(target.R, target.p - pulled / m.base_stiffness)
+        target = Pose(target.R, target.p - base - pulled / m.base_stiffness)
         reached = m.bar.chain.place(b)
         closing = _closing(reached, target)
         b = b + closing
         known, per_newton = _on_bar(m, reached, bar_inertia, rubs)
         pulled = known[:, 3:] + tension[:, None] * per_newton[:, 3:]
-        load = -_behind(m.arm, arm, m.gravity, inertia) + power(arm.screws, known)
+        tied = m.effects.cable * (ANCHOR - arm.end.p)
+        load = -_behind(m.arm, arm, m.gravity, inertia)
+        load += power(arm.screws, known - wrench(tied, arm.end.p))
         unit = power(arm.screws, per_newton)
         on_gear, unit_gear = (m.to_joint @ x[m.arm.joints] for x in (load, unit))
+        on_gear[1] += m.effects.spring * np.sin(gear[:, 1])
         total = on_gear + unit_gear * tension
         if step < PATIENCE:
             lag = _lag(total)
+            back = m.effects.hysteresis * _bouc_wen(total) + dry
         give = 1.0 / m.servo[:, None] + _tangent(m, total, lag)
         flank = np.tanh(tension / ROD_FLANK)
         excess = b[3] - tension / m.rod_stiffness - m.rod_half_width * flank
@@ -118,7 +125,7 @@ def held(machine: Machine, command: Command, growth: Array, bar: Array, tool: Po
         total = on_gear + unit_gear * tension
         rigid = gear - (total.T + drag - command.feed) / m.servo
         new = -m.compliance @ (load + unit * tension)
-        new[m.arm.joints] = ((rigid - _deflection(m, total, lag).T) @ m.to_joint).T
+        new[m.arm.joints] = ((rigid - (_deflection(m, total, lag) + back).T) @ m.to_joint).T
         new[list(m.grow)] = growth
         moved, c = max(float(np.abs(x).max()) for x in (new - c, closing)), new
         if moved < CLOSED and np.abs(excess).max() < CLOSED and step > PATIENCE:
@@ -150,7 +157,9 @@ def _resting(machine: Machine, rigid: Array) -> tuple[Array, Array]:
     for _ in range(12):
         load = -_behind(m.arm, m.arm.chain.place(c), m.gravity, None)
         c = -m.compliance @ load
-        bent = _deflection(m, m.to_joint @ load[m.arm.joints], still)
+        on_gear = m.to_joint @ load[m.arm.joints]
+        on_gear[1] += m.effects.spring * np.sin(rigid[:, 1])
+        bent = _deflection(m, on_gear, still)
         c[m.arm.joints] = ((rigid - bent.T) @ m.to_joint).T
     return c, load
 
@@ -176,6 +185,36 @@ def friction(machine: Machine, gear: Array, speed: Array) -> Array:
         state = k * state + (1.0 - k) * s
         out.append(state)
     return np.asarray(np.array(out) * limit)
+
+
+def _turned(gear: Array) -> Array:
+    """(6, N) -1 to 1: the way in which each gear (N, 6) [rad] turned last (Dahl 1968)."""
+    travel = np.diff(gear, axis=0, prepend=gear[:1])
+    state, out = np.zeros(6), []
+    for keep, side in zip(np.exp(-np.abs(travel) / TRAVEL), np.sign(travel), strict=True):
+        state = keep * state + (1.0 - keep) * side
+        out.append(state)
+    return np.asarray(out).T
+
+
+def _bouc_wen(load: Array) -> Array:
+    """(6, N) -1 to 1: hysteretic variable of Bouc and Wen, n = 1, along loads (6, N) [N m]."""
+    share = load / (YIELD * RATED)[:, None]
+    travel = np.diff(share, axis=1, prepend=share[:, :1])
+    state, out = np.zeros(6), []
+    for x in travel.T:
+        state = state * np.exp(-np.abs(x)) + (1.0 - np.exp(-np.abs(x))) * np.sign(x)
+        out.append(state)
+    return np.asarray(out).T
+
+
+def _base(m: Machine, t: Array) -> Array:
+    """(N, 3) [m] where the base of the ball-bar is, against where it was placed."""
+    e, half = m.effects, t > 0.5 * t[-1]
+    out = np.zeros((t.size, 3))
+    out[:, 0] = e.sway[0] * np.sin(2.0 * np.pi * e.sway[1] * t) + e.dropped * half
+    out[:, 2] = -e.settling * t / t[-1]
+    return out
 
 
 def _lag(load: Array) -> Array:

@@ -9,7 +9,15 @@ import pytest
 
 from cell.arrays import Array
 from ident.corrections.joint_harmonics import PRIOR
-from ident.estimator.order_search import LinearModel, left_out, of_few, search_orders, whole_orders
+from ident.estimator.order_search import (
+    SLOPE,
+    LinearModel,
+    left_out,
+    of_few,
+    peak_orders,
+    search_orders,
+    whole_orders,
+)
 from ident.estimator.regions import REGIONS, joint_regions
 
 POSES, EQUATIONS, JOINTS = 400, 3, 4
@@ -72,6 +80,29 @@ def test_orders_that_a_grid_of_angles_does_not_tell_apart_are_listed() -> None:
     errors[2] += 3e-4 * np.cos(11.0 * angles[2])
     (found, *_) = search_orders(linear_model(angles, errors), PRIOR).orders
     assert {found.order, *found.aliases} >= {11, 25}
+
+
+def test_a_wrong_ratio_stands_against_few_cycles_a_turn_and_wins() -> None:
+    """Over a part of a turn a slope of 4e-4 is nearly a wave of one cycle, and the reverse."""
+    angles = uniform_angles() / 1.5
+    pairs = [*whole_orders(JOINTS), *((joint, SLOPE) for joint in range(JOINTS))]
+    errors = np.zeros_like(angles)
+    errors[2] += 4e-4 * (angles[2] - angles[2].mean())  # no unknown here is an offset
+    assert search_orders(linear_model(angles, errors), PRIOR, pairs).pairs == [(2, SLOPE)]
+    errors[2] = 3e-4 * np.cos(7.0 * angles[2])
+    assert (2, SLOPE) not in search_orders(linear_model(angles, errors), PRIOR, pairs).pairs
+
+
+@pytest.mark.parametrize("order", [12.4, 57.3, 131.6])
+def test_an_order_that_is_no_integer_is_a_peak_of_the_residual(order: float) -> None:
+    angles = uniform_angles()
+    errors = np.zeros_like(angles)
+    errors[1] += 3e-4 * np.cos(order * angles[1] + 0.5)
+    model, pairs = linear_model(angles, errors), whole_orders(JOINTS)
+    peaks = peak_orders(model, pairs)
+    assert min(abs(o - order) for joint, o in peaks if joint == 1) < 0.03
+    (found, *_) = search_orders(model, PRIOR, [*pairs, *peaks]).pairs
+    assert found == (1, pytest.approx(order, abs=0.03))
 
 
 @pytest.mark.parametrize("count", [17, 100, 1001])

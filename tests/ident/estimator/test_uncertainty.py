@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from cell.arrays import Array
+from cell.geometry import parameter_named
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
-from ident.estimator.time_blocks import BLOCK, block_numbers
+from ident.estimator.time_blocks import BLOCK, NONE, block_numbers
 from ident.estimator.uncertainty import (
     autocorrelation,
     correlated_groups,
+    doubted_shift,
     inflation_factors,
     observability,
     uncertainty,
@@ -241,3 +245,24 @@ def test_observability_is_counted_with_all_other_unknowns_unknown() -> None:
     )
     every = observability(normal, sigma, np.arange(5), 60)
     assert every["O3"] == pytest.approx(np.linalg.svd(columns * sigma, compute_uv=False)[-1])
+
+
+def test_what_stands_beyond_its_prior_widens_what_is_stated() -> None:
+    """By half of what it moved the estimate; the robot's own parameters do not."""
+    own = np.array([[4.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-12
+    layout = SimpleNamespace(
+        names=("ba2", "ba4", "ra2"),
+        machine=np.arange(3),
+        mean=np.zeros(3),
+        sigma=np.array([5e-6, 5e-6, 7e-4]),
+        shared=np.arange(3),
+        parameters=[parameter_named(name) for name in ("ba2", "ba4", "ra2")],
+        fixed=SimpleNamespace(table=SimpleNamespace(plate="ra6")),
+    )
+
+    def shift(x: list[float]) -> Array:
+        fit = SimpleNamespace(model=SimpleNamespace(unknowns=layout), x=np.array(x), covariance=own)
+        return doubted_shift(cast("Fit", fit), NONE)
+
+    np.testing.assert_array_equal(shift([1e-5, 0.0, 5e-3]), 0.0)
+    np.testing.assert_allclose(shift([4e-5, 0.0, 5e-3]), [4e-5, 1e-5, 0.0])

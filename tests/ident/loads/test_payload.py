@@ -10,37 +10,13 @@ import pytest
 from cell.arrays import Array
 from cell.descriptions import Cell, Link
 from cell.payload import LinkDeviation, Payload, with_deviations, with_payload
-from ident.loads.gear_loads import loads, mass_model, own_weight
-from ident.loads.logged_tension import LoggedTorque
+from ident.loads.gear_loads import mass_model, own_weight
 from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import SURE, PayloadEstimate, payload_of_recordings
-from ident.remarks import unlike_tools
-from tests.helpers.known_loads import motion_at, tension_at
+from ident.remarks import loaded_otherwise
+from tests.helpers.known_loads import motion_at
+from tests.helpers.logged_torques import T, logged
 from tests.helpers.synthetic_recording import CELL, NOMINAL
-
-T = np.arange(0.0, 60.0, 0.08)
-GAINS = np.array([0.01, -0.02, 0.015, 0.0, -0.01, 0.02])
-
-
-def logged(true: Cell, *, seed: int = 1) -> LoggedTorque:
-    """Torques of a machine with other masses, friction and rotors than the files state."""
-    motion, gears = motion_at(T), true.robot.required("gears")
-    to_gear = true.robot.joint_to_gear
-    q, b = motion.q, motion.b
-    speed, acceleration = (
-        np.gradient(q, T, axis=0),
-        np.gradient(np.gradient(q, T, axis=0), T, axis=0),
-    )
-    carried, felt = (
-        loads(mass_model(cell), NOMINAL, q, b, speed, acceleration) for cell in (CELL, true)
-    )
-    at_gears = (speed @ to_gear).T
-    friction = 1.3 * gears.coulomb[:, None] * np.tanh(at_gears / 1e-3)
-    friction += 0.6 * gears.viscous[:, None] * at_gears
-    rotors = 1.4 * true.robot.required("rotor_inertia_kg_m2")[:, None] * (acceleration @ to_gear).T
-    noise: Array = np.random.default_rng(seed).standard_normal(friction.shape)
-    torque = (1.0 + GAINS[:, None]) * felt.gears(tension_at(T)) + friction + rotors + 0.5 * noise
-    return LoggedTorque(T, torque, q, at_gears, (acceleration @ to_gear).T, carried)
 
 
 def found(true: Cell) -> PayloadEstimate:
@@ -143,10 +119,10 @@ def test_recordings_under_two_tools_are_not_pooled() -> None:
     assert first == pytest.approx(body.mass, abs=1.0)
     assert second == pytest.approx(2.5 * body.mass, abs=1.5)
     assert estimate.payload.mass == first
-    assert f"recording 2 for {second:.1f} kg" in unlike_tools(estimate)
+    assert f"recording 2 for {second:.1f} kg" in loaded_otherwise(estimate)
     equal = payload_of_recordings(CELL, [NOMINAL] * 2, [logged(CELL), logged(CELL, seed=2)])
     assert equal.each == ()
-    assert unlike_tools(equal) == ""
+    assert loaded_otherwise(equal) == ""
 
 
 def test_each_link_of_a_cell_has_its_own_deviation() -> None:

@@ -40,15 +40,18 @@ def test_a_planted_tension_is_found_from_torques_with_friction_and_a_gain_error(
     coulomb, viscous = CELL.robot.gears.coulomb, CELL.robot.gears.viscous
     assert found.theta[:6] == pytest.approx(FRICTION[0] * coulomb, rel=0.05)
     assert found.theta[6:12] == pytest.approx(FRICTION[1] * viscous, rel=0.1)
-    assert found.theta[12:15] == pytest.approx(np.full(3, 0.01), abs=3e-3)
+    # the gain of a load's mean and an offset of its axis are alike
+    assert found.theta[12:15] == pytest.approx(np.full(3, 0.01), abs=4e-3)
+    assert np.abs(found.theta[30:]).max() < 0.1 * coulomb.max()
 
 
 def test_the_stated_deviations_hold_for_white_noise_of_the_torques(moving: Motion) -> None:
     force = tension_at(moving.t)
     sigma = np.full(6, TORQUE_SIGMA)
     found = from_torque(moving, moving.torque(force) + noise(moving, sigma))
-    # Friction and gains are fitted to the same torques, so a little more than sigma is left.
-    assert np.sqrt((((found.force - force) / found.sigma) ** 2).mean()) == pytest.approx(1, abs=0.2)
+    # Friction, gains and offsets are fitted to the same torques: a little more than sigma is left.
+    ratio = np.sqrt((((found.force - force) / found.sigma) ** 2).mean())
+    assert ratio == pytest.approx(1.0, abs=0.25)
     assert ((found.theta_sigma > 0.0) & np.isfinite(found.theta_sigma)).all()
 
 

@@ -1,0 +1,37 @@
+"""Effects that no model has are named by what a complete fit leaves in its residual."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ballbar import identify_recordings
+from ident.causes.effects import stop
+from tests.independent.machine import Effects
+from tests.independent.recording import Plan, record
+
+EFFECTS = {
+    "hysteresis of the gears along their load": Effects(hysteresis=5e-5),
+    "the base of the ball-bar sways at 0.7": Effects(sway=(3e-5, 0.7)),
+}
+SHORT = 60.0  # [s]
+
+
+def test_a_stop_operator_follows_what_drags_it_and_forgets_all_else() -> None:
+    """Slopes of one after every reversal, closed loops, and the same again after any detour."""
+    way = np.array([0.0, 3.0, 2.5, 2.8, -3.0, -2.5, 3.0])
+    np.testing.assert_allclose(stop(way[None])[0], [0.0, 1.0, 0.5, 0.8, -1.0, -0.5, 1.0])
+    fine = np.interp(np.linspace(0.0, 6.0, 601), np.arange(7), way)
+    np.testing.assert_allclose(stop(fine[None])[0][::100], stop(way[None])[0], atol=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.parametrize("cause", EFFECTS)
+def test_an_effect_is_named_and_its_result_is_not_acceptable(cause: str, tmp_path: Path) -> None:
+    record(Plan(1, EFFECTS[cause], duration=SHORT), tmp_path)
+    verdict = identify_recordings([tmp_path / "1", tmp_path / "2"]).identification.verdict
+    assert cause in verdict.sentence
+    assert not verdict.acceptable
