@@ -185,7 +185,7 @@ def value_units(
     context: TableContext, declared: ValueColumns, columns: Sequence[Quantity]
 ) -> tuple[str, AngleUnit]:
     """Units of the lengths and of the angles among the values; rad where there are none."""
-    first = 3 if "m" in context.instrument.kind.units else 0
+    first = context.instrument.kind.units.count("m")
     lengths, angles = list(columns[:first]), list(columns[first:])
     if declared.spherical is not None:
         lengths, angles = lengths[2:], [*lengths[:2], *angles]

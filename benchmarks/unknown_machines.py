@@ -60,6 +60,7 @@ LAG = (8e-3, 10e-3, 12e-3, 8e-3, 10e-3, 12e-3)  # [s]
 TOOL = 4.73  # [kg] of 4.30 that the plate's file states
 UNLIKE = (1e-7, 3e-7, 3e-7, 1e-7, 2e-7, 3e-7)  # [rad/(N m)] x1 y1 x2 y2 x3 y3
 TWICE, CLOCK = 2.0, 4.0  # stated sigmas
+NO_ATTACKS = ("base", "rod", "rod50", "knee")  # effects that are none, or that have other names
 CLEAR = 0.95  # of the flank of a gear's backlash, -1 to 1
 STUDIES = 2000  # of as many robots, drawn for what chance leaves of a median
 # Limits on either side: TCP errors and deviations in mm, shares
@@ -108,6 +109,7 @@ def _first_with(**faults: object) -> Case:
 EFFECTS: dict[str, Case] = {
     "base": Case(),
     "rod": Case(rod_known=ROD_KNOWN),
+    "rod50": Case(faults=(Faults(rod_error=50e-6),), rod_known=ROD_KNOWN),
     "bearing1": _of(bearing=(1e-7,) * 6),
     "bearing3": _of(bearing=(3e-7,) * 6),
     "unlike": _of(bearing=UNLIKE),
@@ -125,7 +127,7 @@ EFFECTS: dict[str, Case] = {
 }  # fmt: skip
 
 ATTACKS: dict[str, Case] = {
-    **{name: EFFECTS[name] for name in EFFECTS if name not in ("base", "rod", "knee")},
+    **{name: EFFECTS[name] for name in EFFECTS if name not in NO_ATTACKS},
     "knee 5 %": _of(knee=0.05),
     "knee 10 %": _of(knee=0.1),
     "knee 15 %": _of(knee=0.15),
@@ -141,7 +143,7 @@ ATTACKS: dict[str, Case] = {
     "sign of motor 6": _with(motor_sign=6),
     "rod stated 1 mm too long": _with(rod_error=1e-3),
     "rod stated 20 mm too long": _with(rod_error=20e-3),
-    "measured rod 50 um wrong": Case(faults=(Faults(rod_error=50e-6),), rod_known=ROD_KNOWN),
+    "measured rod 50 um wrong": EFFECTS["rod50"],
     "logs of different runs": Case(crossed=True),
     "10 s of one recording": Case(faults=(Faults(keep=(20.0, 30.0)),), single=True),
     "20 s of one recording": Case(faults=(Faults(keep=(20.0, 40.0)),), single=True),

@@ -7,6 +7,8 @@ signal the log would be late by half a hold on average.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,13 +20,21 @@ NOTABLE = 0.05  # share of repeated rows among those of the motion from which va
 ROUNDED = 3.0
 
 
+def changed_rows(channels: Sequence[Array] | Array) -> NDArray[np.bool_]:
+    """(N,) rows that differ from the row before in some channel, and the first; channels : (N,)."""
+    changed = np.zeros(channels[0].size, dtype=bool)
+    changed[0] = True
+    for channel in channels:
+        changed[1:] |= channel[1:] != channel[:-1]
+    return changed
+
+
 def fresh_rows(t: Array, values: Array) -> NDArray[np.bool_]:
     """(N,) which rows are measurements: all of them, unless values are held.
 
     t : (N,) [s]. values : (N, C). In a dwell a row of each of the source's periods remains.
     """
-    changes = np.diff(values, axis=0)
-    changed = np.concatenate(([True], (changes != 0.0).any(axis=1)))
+    changes, changed = np.diff(values, axis=0), changed_rows(values.T)
     first = np.flatnonzero(changed)
     if first.size < 3:
         return np.ones(t.size, dtype=bool)

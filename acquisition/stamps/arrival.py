@@ -31,16 +31,17 @@ from acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma
 from acquisition.stamps.order import STAMP, amount
 from acquisition.table.table import Table
 from cell.arrays import Array
-from cell.neighbours import Mask, Rows
+from cell.held_values import changed_rows
+from cell.neighbours import Mask, Rows, robust_sigma
 
 ARRIVAL = "stamps of arrival"  # the finding
 IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows
-FEWEST = 100  # rows with new values
+FEWEST, FEW = 100, 0.2  # rows with new values; sure links, of all: fewer tell of no ticks
 HALVES = (0.05, 0.1, 0.2)  # [s] of arrivals on either side that show the speed at first
 ROWS = (16, 8, 5)  # on either side that show it then, in passes in which their ticks get right
 REGION = 16  # links on either side that must go on by whole ticks, for a link to be sure
-LOOKS, ENOUGH = 3, 0.999  # looks at the links; so many of them sure need no second one
-WHOLE = 0.2  # ticks off a whole number
+ENOUGH, MOSTLY = 0.999, 0.5  # of the links, sure ones: no second look; each tick has a row
+WHOLE, NEAR = (0.2, 0.4), 4.0  # ticks off a whole number, at least and at most; times the noise
 SURE, LIKELY = 0.6, 0.3  # mean cosine of the phases of a region
 BETTER = 0.5  # of what the stamps leave: as much whole ticks may leave
 SAMPLE = 20_000  # rows that show the period at first
@@ -52,11 +53,13 @@ SPANS = 10  # of rows with sure ticks, over which the period shows better
 AHEAD = 4  # blocks with a row that is hardly late, by all odds
 STEADIED = 32  # blocks on either side that show the phase of clocks that drift apart
 DRIFT = 10.0  # times the noise of that phase
-PASSES = 4  # in which the most likely sequence is sought
+FURTHER = np.arange(-8.0, 9.0)[:, None]  # ticks that the whole log may have, at first
+SEARCHED, REPEATS = 30_000, 3  # rows at most of a log in which they are tried; passes with them
+PASSES = 3  # in which the most likely sequence is sought
 STILL = 0.01  # of the usual way of a tick: so slow is a source that stands
 LONGEST = 10.0  # ticks between two rows that the values can tell
 HUBER = 2.0  # medians of what a line leaves, from where its points count less
-_REWEIGHTED, _CHUNK = 10, 4096
+_REWEIGHTED, _CHUNK = 10, 8192
 _FINEST = 1e-9  # [s]
 
 
@@ -67,15 +70,6 @@ class _Source(NamedTuple):
     start: Array  # (F,) [ticks] time of tick 0, as it is when each row with new values arrives
     ticks: Array  # (F,) of these rows
     sigma: float  # [s] standard deviation of a row's time about its tick, by the values
-
-
-def _fresh(channels: Sequence[Array]) -> Rows:
-    """(F,) the rows that differ from the row before in some channel; channels : (N,) each."""
-    fresh = np.zeros(channels[0].size, dtype=bool)
-    fresh[0] = True
-    for channel in channels:
-        fresh[1:] |= channel[1:] != channel[:-1]
-    return np.flatnonzero(fresh)
 
 
 def _scaled(channels: Sequence[Array], rows: Rows) -> Array:
@@ -105,10 +99,8 @@ def _progress(values: Array, clock: Array, half: int) -> tuple[Array, Array]:
         span = clock[first + half + 1 : stop + half + 1] - clock[first - half : stop - half]
         speed /= np.maximum(span, _FINEST)
         way = chunk[:, half + 1 : chunk.shape[1] - half] - chunk[:, half : -half - 1]
-        way *= speed
-        speed *= speed
-        way.sum(axis=0, out=along[inner])
-        speed.sum(axis=0, out=power[inner])
+        np.einsum("cf,cf->f", way, speed, out=along[inner])
+        np.einsum("cf,cf->f", speed, speed, out=power[inner])
     for first, row in ((0, half), (clock.size - 1 - half, clock.size - 2 - half)):  # both ends
         speed = values[:, row + half + 1] - values[:, row - half]
         speed /= max(_FINEST, clock[row + half + 1] - clock[row - half])
@@ -138,7 +130,7 @@ def _period(progress: Array, speed: Array) -> tuple[float, float]:
 def _sample(values: Array) -> slice:
     """The SAMPLE rows in which the channels (C, F) go the longest way."""
     starts = np.arange(0, max(1, values.shape[1] - SAMPLE + 1), SAMPLE // 2)
-    way = [np.abs(np.diff(values[:, k : k + SAMPLE : 20])).sum() for k in starts.tolist()]
+    way = [np.abs(np.diff(values[:, k : k + SAMPLE : 200])).sum() for k in starts.tolist()]
     first = int(starts[np.argmax(way)])
     return slice(first, first + SAMPLE)
 
@@ -148,43 +140,51 @@ def _source(arrival: Array, values: Array) -> _Source | None:
 
     arrival : (F,) [s]. values : (C, F).
     """
+    period = float(np.ptp(arrival)) / (arrival.size - 1)
+    count, sure, progress = _counted(values, np.ones(arrival.size - 1))
+    if sure.mean() <= ENOUGH:  # not nearly every tick has a row
+        others = _some_ticks(arrival, values)
+        if others[2].mean() > sure.mean() or sure.mean() < MOSTLY:
+            period, count, sure, progress = others
+    every = slice(None, None, 1 + sure.size // SAMPLE)
+    known, shown = sure[every], progress[every]
+    if np.count_nonzero(sure) < max(FEWEST, FEW * sure.size) or not known.any():
+        return None
+    left = np.abs(shown - count[every])[known]
+    stamped = np.abs((arrival[1:][every] - arrival[:-1][every]) / period - shown)[known]
+    if np.mean(stamped > IRREGULAR) < SHARE or left.mean() > BETTER * stamped.mean():
+        return None
+    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, 1.0))))
+    period = _refined(arrival, ticks, sure, period)
+    period, phase, prompt, block = _blocks(arrival, ticks, period)
+    start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
+    ticks += _missed(arrival / period - start - ticks, sure, block)
+    period, ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
+    if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
+        return None
+    period, start = _line(arrival, ticks, period, block)
+    sigma = period * float(np.sqrt(0.5 * np.mean(left**2)))
+    return _Source(period, start, ticks, sigma)
+
+
+def _some_ticks(arrival: Array, values: Array) -> tuple[float, Array, Mask, Array]:
+    """[s] period of a source that skips ticks or shows some again, and what `_counted` says then.
+
+    arrival : (F,) [s]. values : (C, F). The arrivals of many rows show the speed, and this the way
+    that is gone again and again.
+    """
     rate, part, fit, half = arrival.size / np.ptp(arrival), _sample(values), 0.0, 0
-    widest = min(SAMPLE, arrival.size) // 3
+    widest, period = min(SAMPLE, arrival.size) // 3, 0.0
     for width in HALVES:
         tried = min(max(ROWS[-1], int(width * rate)), widest)
         candidate = _period(*_progress(values[:, part], arrival[part], tried))
         if candidate[1] > fit:
             (period, fit), half = candidate, tried
     if not half:
-        return None
-    count, sure, progress = _counted(
-        values,
-        np.clip(np.rint(np.diff(arrival) / period), 1.0, LONGEST),
-        _progress(values, arrival, half)[0] / period,
-    )
-    if np.count_nonzero(sure) < FEWEST:
-        return None
-    left = np.abs(progress - count)[sure]
-    stamped = np.abs(np.diff(arrival) / period - progress)[sure]
-    if np.mean(stamped > IRREGULAR) < SHARE or left.mean() > BETTER * stamped.mean():
-        return None
-    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, 1.0))))
-    period = _refined(arrival, ticks, sure, period)
-    for _ in range(LOOKS):  # again once ticks that were skipped count
-        ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, 1.0))))
-        period, phase, prompt, block = _blocks(arrival, ticks, period)
-        start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
-        ticks += _missed(arrival / period - start - ticks, sure, block)
-        if sure.mean() > ENOUGH:
-            break
-        count, sure, progress = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))
-    ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
-    if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
-        return None
-    period, phase, prompt, _ = _blocks(arrival, ticks, period)
-    start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
-    sigma = period * float(np.sqrt(0.5 * np.mean(left**2)))
-    return _Source(period, start, ticks, sigma)
+        none = np.zeros(arrival.size - 1)
+        return 1.0, none, none > 0.0, none
+    likely = np.clip(np.rint(np.diff(arrival) / period), 1.0, LONGEST)
+    return period, *_counted(values, likely, _progress(values, arrival, half)[0] / period)
 
 
 def _counted(
@@ -204,7 +204,10 @@ def _counted(
             progress = _progress(values, clock, rows)[0]
         whole = np.clip(np.rint(progress), 1.0, LONGEST)
         region = uniform_filter1d(np.cos(2.0 * np.pi * progress), 2 * REGION + 1)
-        sure = (region > SURE) & (np.abs(progress - whole) < WHOLE)
+        steady = region > SURE
+        noise = (progress - whole)[steady][:: 1 + progress.size // SAMPLE]
+        tolerance = np.clip(NEAR * robust_sigma(noise), *WHOLE) if noise.size else WHOLE[0]
+        sure = steady & (np.abs(progress - whole) < tolerance)
         before, count = count, np.where(region > LIKELY, whole, likely)
         if rows and np.array_equal(before, count):
             break
@@ -239,8 +242,10 @@ def _blocks(arrival: Array, ticks: Array, period: float) -> tuple[float, Array, 
     arrival : (F,) [s]. ticks : (F,) right up to whole numbers.
     """
     block, coarse = max(BLOCK, arrival.size // MOST), period
+    late = arrival - coarse * ticks
+    prompt = _promptest(late, block)
     while True:
-        period, prompt = coarse, _promptest(arrival - coarse * ticks, block)
+        period = coarse
         t, n, lag = arrival[prompt], ticks[prompt], 1
         while lag <= prompt.size // 2:
             apart = n[lag:] - n[:-lag]
@@ -249,12 +254,19 @@ def _blocks(arrival: Array, ticks: Array, period: float) -> tuple[float, Array, 
             lag *= 2
         phase = t / period - n
         step = np.diff(phase)
-        noise = 1.05 * np.median(np.abs(step - np.rint(step)))  # 1.4826 / sqrt(2)
+        noise = robust_sigma(step - np.rint(step)) / np.sqrt(2.0)
         if noise < STEADY or prompt.size < 2 * STEADIED:
-            off = phase - np.angle(np.exp(2j * np.pi * phase).mean()) / (2.0 * np.pi)
-            period *= 1.0 + _tilt(n, off - np.rint(off))
+            if noise >= STEADY:  # the phases do not tell whole ticks
+                period, phase = coarse, t / coarse - n
+            period *= 1.0 + _tilt(n, _off(phase))
             return period, t / period - n, prompt, block
-        block *= 2
+        block, prompt = 2 * block, prompt[_promptest(late[prompt], 2)]
+
+
+def _off(phase: Array) -> Array:
+    """(B,) [ticks] phases (B,) from their mean direction, up to whole numbers."""
+    off = phase - np.angle(np.exp(2j * np.pi * phase).mean()) / (2.0 * np.pi)
+    return np.asarray(off - np.rint(off))
 
 
 def _tilt(ticks: Array, off: Array) -> float:
@@ -265,6 +277,26 @@ def _tilt(ticks: Array, off: Array) -> float:
         left = np.abs(off - line @ columns)
         weight = 1.0 / np.maximum(1.0, left / (HUBER * np.median(left) + 1e-9))
     return float(line[1])
+
+
+def _line(arrival: Array, ticks: Array, period: float, block: int) -> tuple[float, Array]:
+    """[s] period and (F,) [ticks] start of the source by the promptest rows of blocks.
+
+    The period is by their means where these lie closer to a line. arrival : (F,) [s]. ticks : (F,).
+    period : [s] about.
+    """
+    late = arrival / period - ticks
+    prompt = _promptest(late, block)
+    means = late[: prompt.size * block].reshape(prompt.size, -1).mean(axis=1)
+    lines = []
+    for delays in (late[prompt], means):
+        slope = _tilt(ticks[prompt], delays - np.median(delays))
+        left = delays - slope * ticks[prompt]
+        lines.append((float(robust_sigma(left - np.median(left))), slope))
+    period *= 1.0 + min(lines)[1]
+    period *= 1.0 + _tilt(ticks[prompt], _off(arrival[prompt] / period - ticks[prompt]))
+    phase = arrival[prompt] / period - ticks[prompt]
+    return period, np.interp(np.arange(ticks.size), prompt, _starts(phase))
 
 
 def _starts(phase: Array) -> Array:
@@ -280,7 +312,7 @@ def _starts(phase: Array) -> Array:
     first = np.clip(np.arange(phase.size) - STEADIED, 0, None)
     stop = np.clip(np.arange(phase.size) + STEADIED + 1, None, phase.size)
     moving = np.unwrap(np.angle((sums[stop] - sums[first]) / turn.mean())) / (2.0 * np.pi)
-    noise = 1.4826 * float(np.median(np.abs(off - (usual - centre)))) / np.sqrt(2.0 * STEADIED)
+    noise = robust_sigma(off - (usual - centre)) / np.sqrt(2.0 * STEADIED)
     drifts = np.ptp(moving) > DRIFT * noise and phase.size > 4 * STEADIED
     return usual + moving if drifts else np.full(phase.size, usual)
 
@@ -293,11 +325,13 @@ def _missed(late: Array, sure: Mask, block: int) -> Array:
     """
     from scipy.ndimage import minimum_filter1d  # noqa: PLC0415  slow to import, and rarely needed
 
-    piece = np.concatenate(([True], ~sure))
-    ahead = AHEAD * block
-    missed = minimum_filter1d(late, 2 * ahead, origin=-ahead, mode="nearest")[piece]
-    missed = missed[np.cumsum(piece) - 1]
-    return np.asarray(np.floor(missed + 0.5))
+    first = np.flatnonzero(np.concatenate(([True], ~sure)))
+    blocks = np.append(late, np.full(-late.size % block, np.inf)).reshape(-1, block)
+    least = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1]  # from a row to its block's end
+    further = minimum_filter1d(least[:, 0], 2 * AHEAD, origin=-AHEAD, mode="nearest")
+    ahead = further[np.minimum(first // block + 1, further.size - 1)]
+    missed = np.floor(np.minimum(least.ravel()[first], ahead) + 0.5)
+    return np.repeat(missed, np.diff(first, append=late.size))
 
 
 def _settled(
@@ -307,31 +341,37 @@ def _settled(
     period: float,
     block: int,
     links: tuple[Mask, Array],
-) -> Array:
-    """(F,) ticks of the most likely sequence.
+) -> tuple[float, Array]:
+    """[s] period and (F,) ticks of the most likely sequence.
 
     arrival : (F,) [s]. values : (C, F). ticks : (F,) about. block : rows among which one is hardly
     late. links : of the links, which are sure, and their progress. Each pass looks at some ticks on
-    either side of what the one before has found.
+    either side of what the one before has found. Where rests leave many links unsure, the period
+    depends on how they are counted: the first pass tries some ticks more and less in the whole log.
     """
-    for _ in range(PASSES):
+    for turn in range(PASSES):
         sure, progress = links
-        link = np.flatnonzero(~sure)
+        period, start = _line(arrival, ticks, period, block)
+        late, share = arrival / period - start - ticks, ticks / ticks[-1] - 0.5
+        count, link = np.diff(ticks), np.flatnonzero(~sure)
         if not link.size:
             break
-        late = arrival / period - ticks
-        prompt = _promptest(late, block)
-        period *= 1.0 + _tilt(ticks[prompt], late[prompt] - np.median(late[prompt]))
-        phase = arrival[prompt] / period - ticks[prompt]
-        late = arrival / period - np.interp(np.arange(late.size), prompt, _starts(phase)) - ticks
-        count = np.diff(ticks)
         sigma = links_sigma(values, count, sure, np.abs(progress - count))
-        more = likeliest_ticks(late, link, count[link], progress[link], sigma)
-        ticks = ticks + more
-        if sure.mean() > ENOUGH or not more.any():
+        search = not turn and sure.mean() <= ENOUGH and late.size <= SEARCHED
+        further = FURTHER if search else np.zeros((1, 1))
+        first = np.concatenate(([0], link + 1))
+        begun = np.rint(further * share[first])  # of the rows from one such link to the next
+        more = np.repeat(begun, np.diff(first, append=late.size), axis=1)  # (K, F)
+        for _ in range(REPEATS if search else 1):
+            counts, delay = (count + np.diff(more))[:, link], late + further * share - more
+            change, cost = likeliest_ticks(delay, link, counts, progress[link], sigma)
+            more += change
+        best = int(cost.argmin())
+        ticks, period = ticks + more[best], period * (1.0 - float(further[best, 0]) / ticks[-1])
+        if sure.mean() > ENOUGH or not more[best].any():
             break
         links = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))[1:]
-    return ticks
+    return period, ticks
 
 
 class _Times(NamedTuple):
@@ -349,18 +389,19 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
 
     arrival : (N,) [s]. channels : (N,) each.
     """
-    fresh = _fresh(channels)
+    fresh = np.flatnonzero(changed_rows(channels))
     if fresh.size < FEWEST or arrival[-1] == 0.0 or not _irregular(np.diff(arrival[fresh])):
         return None
-    new, at = _scaled(channels, fresh), arrival[fresh]
-    source = _source(at, new) if len(new) else None
-    if source is None:
+    new, at = _scaled(channels, fresh), arrival[fresh] if fresh.size < arrival.size else arrival
+    if not len(new) or (source := _source(at, new)) is None:
         return None
     period, start, ticks, sigma = source
     forward = np.concatenate(([True], ticks[1:] > np.maximum.accumulate(ticks)[:-1]))
-    fresh, ticks, start, at = fresh[forward], ticks[forward], start[forward], at[forward]
+    if not forward.all():
+        fresh, new = fresh[forward], new[:, forward]
+        ticks, start, at = (column[forward] for column in (ticks, start, at))
     late = at - (start + ticks) * period
-    row, tick = _with_standing(fresh, ticks, new[:, forward], arrival, period)
+    row, tick = _with_standing(fresh, ticks, new, arrival, period)
     delays = np.sort(late[:: 1 + late.size // MANY])
     usual = float(delays[delays.size // 10 : delays.size - delays.size // 10].mean())
     time = (np.interp(tick, ticks, start) + tick) * period + usual
@@ -384,19 +425,18 @@ def _with_standing(
     """
     after = np.floor((arrival[-1] - arrival[fresh[-1]]) / period)
     passed = np.append(np.diff(ticks), after + 1.0)
-    way = np.append(np.sqrt((np.diff(new) ** 2).sum(axis=0)), 0.0) / passed
     repeats = np.diff(fresh, append=arrival.size) - 1
     if not repeats.any():
         return fresh, ticks
+    way = np.append(np.sqrt((np.diff(new) ** 2).sum(axis=0)), 0.0) / passed
     count = np.minimum(repeats, passed - 1.0).astype(np.intp)
     count[way > STILL * np.quantile(way, 0.9)] = 0
     link = np.repeat(np.arange(fresh.size), count)
     place = np.arange(link.size) - np.repeat(np.cumsum(count) - count, count) + 1
     row = fresh[link] + place * repeats[link] // np.maximum(1, count[link])
     tick = ticks[link] + place * passed[link] / (count[link] + 1.0)
-    row, tick = np.concatenate((fresh, row)), np.concatenate((ticks, tick))
-    order = np.argsort(row, kind="stable")
-    return row[order], tick[order]
+    order = np.argsort(row := np.concatenate((fresh, row)), kind="stable")
+    return row[order], np.concatenate((ticks, tick))[order]
 
 
 def with_source_times(table: Table, names: Sequence[str]) -> Table:
@@ -446,7 +486,8 @@ def of_one_source(table: Table) -> bool:
     """
     step = np.diff(table.columns[STAMP])
     undone = any(entry.kind == ARRIVAL for entry in table.findings)
-    return undone and float(step.mean()) < MOST_TICKS * float(np.quantile(step, 0.1))
+    usual = float(np.quantile(step[:: 1 + step.size // SAMPLE], 0.1))
+    return undone and float(step.mean()) < MOST_TICKS * usual
 
 
 def _continuous(column: NDArray[Any]) -> Array:

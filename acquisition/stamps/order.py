@@ -79,12 +79,12 @@ def without_strays(table: Table) -> Table:
     """
     stamps = table.columns[STAMP]
     step = np.diff(stamps)
-    forward = step[step > 0]
-    if not forward.size:
+    back, forward = np.flatnonzero(step < 0) + 1, step[step > 0]
+    if not back.size or not forward.size:
         return table
     close = GAP * float(np.median(forward))
     stray = np.zeros(stamps.size, dtype=bool)
-    for late in np.flatnonzero(step < 0) + 1:
+    for late in back:
         for row in (late, late - 1):  # too low itself, or the one before too high
             inner = 0 < row < stamps.size - 1 and not stray[max(0, row - 1) : row + 2].any()
             if inner and 0 < stamps[row + 1] - stamps[row - 1] <= close:

@@ -269,7 +269,20 @@ def share_of_wrong_rows(seed: int) -> float:
 @pytest.mark.long
 def test_a_robot_that_moves_and_rests_mostly_keeps_its_ticks() -> None:
     """Rows between two rests once had the tick before their own, or the next one, which a fit takes
-    for a step of the clock. Bursts of up to 20 ms that lose rows while the robot rests leave two of
-    eight logs in doubt (docs/limits.md).
+    for a step of the clock: in 7 of 24 logs, before periods beside the first one were tried. Bursts
+    of up to 20 ms that lose rows while the robot rests leave one of ten in doubt (docs/limits.md).
     """
-    assert sum(share_of_wrong_rows(seed) < 0.01 for seed in range(8)) >= 6
+    wrong = [share_of_wrong_rows(seed) for seed in range(24)]
+    assert sum(share < 0.025 for share in wrong) >= 21
+
+
+def test_no_tick_is_invented_in_a_long_log_of_late_bursts() -> None:
+    """At 1 kHz the period once was 100 ppm off, and the first 50 of 600 s by a tick: one link that
+    noise left open, and every row behind it cheaper if less late.
+    """
+    t = 0.001 * np.arange(60_000)
+    phase = np.arange(6)
+    angles = 0.2 * (phase - 2.5) + 0.4 * np.sin((0.3 + 0.1 * phase) * t[:, None] + phase)
+    angles = np.round(angles + np.random.default_rng(1).normal(0.0, 1e-5, angles.shape), 9)
+    result = with_source_times(table(bursts(t, 1), angles), NAMES)
+    assert off(result, t).max() < 2e-4
