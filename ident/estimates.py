@@ -132,8 +132,12 @@ def result_of(
         named = payload is not None and payload.undeclared
         if cause := "" if named else beside_fit(cell, fit, names, contested=contested):
             verdict = replace(verdict, status=Status.MISFIT).with_cause(cause)
-    for remark in _remarks(cell, fit, options, robot, stated, orders, poses, complete=complete):
+    for remark in _remarks(cell, fit, options, robot, stated, orders, complete=complete):
         verdict = verdict.with_warning(remark)
+    if poses:
+        undoubted = robot_estimate(cell, single[0], fit, stated.undoubted(), known, deviated)
+        if contradiction := _contradiction(poses, rms(undoubted.tcp_sigma)):
+            verdict = verdict.with_warning(contradiction)
     return Identification(robot, estimates, statistics, verdict, poses)
 
 
@@ -157,7 +161,6 @@ def _remarks(
     robot: RobotEstimate,
     stated: Uncertainty,
     orders: Sequence[JointOrder],
-    poses: TableEstimate | None,
     *,
     complete: bool,
 ) -> Iterator[str]:
@@ -181,7 +184,6 @@ def _remarks(
         lag_remark(fit, np.sqrt(np.diag(stated.covariance))),
         *change_remarks(fit, stated.covariance),
         joint_error_remark(orders, robot.corrections) if orders else "",
-        _contradiction(poses, rms(robot.tcp_sigma)) if poses else "",
     ]
     yield from filter(None, remarks)
 

@@ -92,11 +92,16 @@ class Uncertainty:
     white: Array  # (P, P) part that the data would leave were their residuals white
     widened: Array  # (P, P) part by which it is more, as they are not
     considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
+    doubt: Array  # (P, L) shifts by what contradicts itself: known lengths, and beyond priors
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
     autocorrelation: float  # of neighbours in the whitened residual
     blocks: int  # of time, that the inflation comes from
     lengths: KnownLengths
+
+    def undoubted(self) -> Uncertainty:
+        """The same without the doubt: what contradicts itself is no excuse for more of it."""
+        return replace(self, covariance=self.covariance - self.doubt @ self.doubt.T)
 
 
 def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
@@ -115,10 +120,9 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     inflated = misfit * data * np.outer(inflation, inflation)
     covariance = inflated + prior
     lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
-    candidates = _left_out(fit)
-    covariance += lengths.doubt @ lengths.doubt.T + candidates @ candidates.T
-    doubt = DOUBT * doubted_shift(fit, lengths.unknowns)
-    covariance += np.outer(doubt, doubt)
+    candidates, pulled = _left_out(fit), DOUBT * doubted_shift(fit, lengths.unknowns)
+    doubt = np.column_stack((lengths.doubt, pulled))
+    covariance += doubt @ doubt.T + candidates @ candidates.T
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -127,6 +131,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
         white=data,
         widened=inflated - data,
         considered=shifts,
+        doubt=doubt,
         inflation=inflation,
         information_gain=gain,
         autocorrelation=mean_autocorrelation(fit),

@@ -141,7 +141,15 @@ def no_loads(joints: int, samples: int) -> Loads:
     """Where no correction asks for any."""
     gears, none = np.zeros((joints, samples)), np.zeros(samples)
     bearings = np.zeros((BEARINGS, 2, samples))
-    return Loads(gears, gears, none, none, bearings, bearings, gears)
+    return Loads(
+        gear=gears,
+        gear_per_newton=gears,
+        plate=none,
+        plate_per_newton=none,
+        bearing=bearings,
+        bearing_per_newton=bearings,
+        rubbed=gears,
+    )
 
 
 def own_weight(

@@ -110,7 +110,13 @@ def logged_torque(
     carried = loads(mass_model(cell), geometry, q, ballbar, speed, acceleration)
     to_gear = cell.robot.joint_to_gear
     return LoggedTorque(
-        times, torque.T, q, (speed @ to_gear).T, (acceleration @ to_gear).T, carried, ballbar
+        times=times,
+        torque=torque.T,
+        q=q,
+        speed=(speed @ to_gear).T,
+        acceleration=(acceleration @ to_gear).T,
+        carried=carried,
+        ballbar=ballbar,
     )
 
 
