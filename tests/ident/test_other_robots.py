@@ -142,7 +142,8 @@ def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Pa
         return result, position_error(result.robot.identified.tool(grid), true).mean
 
     result, error = identified()
-    assert [c.name for c in result.robot.corrections] == ["unit_weights"]
+    # the play of a rod without tension is at the limit of its support, and no part of the robot
+    assert [c.name for c in result.robot.corrections if c.name != "rod_strain"] == ["unit_weights"]
     assert result.verdict.status is Status.GOOD
     assert any(
         "; unit_weights stands for joint_compliance" in text for text in result.verdict.warnings
