@@ -329,3 +329,9 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
         assert "md-footer__link--next" in text
     assert (tmp_path / "site/assets/search_from_disk.js").is_file()
     assert (tmp_path / "site/search/search_index.js").is_file()
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
+def test_a_page_holds_no_marks_of_a_merge(page: Path) -> None:
+    marks = [line for line in page.read_text().splitlines() if re.match(r"(<{7}|>{7}|={7}$)", line)]
+    assert not marks
