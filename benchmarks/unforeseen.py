@@ -344,9 +344,7 @@ def main() -> None:
         parser.error(f"no attack {', '.join(unknown)}; there are {', '.join(every)}")
     with tempfile.TemporaryDirectory() as scratch, ProcessPoolExecutor(given.workers) as pool:
         place = Path(given.recordings or scratch)
-        jobs = [
-            pool.submit(row_of, name, every[name], given.seconds, place / name) for name in names
-        ]
+        jobs = [pool.submit(_row_named, name, given.seconds, place / name) for name in names]
         rows = [_said(job.result()) for job in jobs]
     write_table(given.out, rows, ".4g")
     attacks = [row for row in rows if not row.attack.startswith("healthy")]
@@ -359,6 +357,11 @@ def main() -> None:
         print(f"cause {kind}: {len(own)}: {', '.join(own)}")
     spoken = [row for row in rows if row.attack.startswith("healthy")]
     print(f"{sum(row.status == 'good' for row in spoken)} of {len(spoken)} healthy robots good")
+
+
+def _row_named(name: str, seconds: float, place: Path) -> Row:
+    """The row of an attack by its name, as a worker gets it: an attack may hold a closure."""
+    return row_of(name, cases()[name], seconds, place)
 
 
 def _said(row: Row) -> Row:
