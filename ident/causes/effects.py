@@ -7,7 +7,8 @@ the estimate of a fit with covariance C and Jacobian J the cost falls with them 
 
 whatever the other unknowns do meanwhile. Hysteresis: stop operators of each gear's load
 (Prandtl-Ishlinskii model: Visintin 1994, ch. 3). Reversal: the way in which each gear turned last
-(Dahl 1968), as of backlash that friction takes up. Drift: the zero of a gear in proportion to time.
+(Dahl 1968), as of backlash that friction takes up. Drift: the zero of a gear in proportion to time;
+its rival, without words, is the zero that is another one in each recording.
 Sway: a base of the ball-bar that swings, at the frequency at which the residual has its peak.
 """
 
@@ -37,7 +38,7 @@ _DEPENDENT = 1e-3  # of a column's power: what is left of one that other unknown
 class Effect:
     """One effect with what it would explain."""
 
-    cause: str
+    cause: str  # empty of a machine that changed between recordings, which others name
     remedy: str
     left: float  # share of the cost that it leaves
 
@@ -81,7 +82,9 @@ def _columns(fit: Fit) -> Iterator[tuple[Words, str, Columns]]:
     yield partial(_hysteresis, "motion"), remedy, turned
     remedy = "Look for a loose resolver or coupling, and let the robot warm up"
     for gear in range(len(fit.model.gearing.to_joint)):
-        own = [w(p.columns[gear : gear + 1]) * _share_of_time(p) for p, w in points]
+        zero = [w(p.columns[gear : gear + 1]) for p, w in points]
+        yield (lambda _: ""), "", _in_each(zero)
+        own = [z * _share_of_time(p) for z, (p, _) in zip(zero, points, strict=True)]
         yield partial(_drift, gear + 1), remedy, _in_each(own)
     frequency, sway = _sway(fit)
     remedy = "Stand robot and ball-bar on one foundation, away from what shakes it"

@@ -267,8 +267,11 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str], *, contested: bool = 
         # from another recording the same is seen again
         cause = _logged_wrongly(error, names)
         evidence.setdefault(error.channel, (error.left, cause, error.remedy))
-    for effect in effects_beside(fit):
-        if effect.left < 1.0 - (2.0 if contested else 1.0) * BESIDE:
+    effects = effects_beside(fit)
+    changed = min(effect.left for effect in effects if not effect.cause)
+    limit = min(changed, 1.0 - 2.0 * BESIDE) if contested else 1.0 - BESIDE
+    for effect in effects:
+        if effect.cause and effect.left < limit:
             evidence[effect.cause] = effect.left, effect.cause, effect.remedy
     ranked = sorted(evidence.values())
     share = "so corrected, the complete model leaves {} of what it leaves without"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from tests.independent.recording import Plan, record
 
 EFFECTS = {
     "hysteresis of the gears along their load": Effects(hysteresis=5e-5),
-    "the base of the ball-bar sways at 0.7": Effects(sway=(3e-5, 0.7)),
+    r"the base of the ball-bar sways at 0\.(69\d?|7) Hz": Effects(sway=(3e-5, 0.7)),
 }
 SHORT = 60.0  # [s]
 
@@ -33,5 +34,5 @@ def test_a_stop_operator_follows_what_drags_it_and_forgets_all_else() -> None:
 def test_an_effect_is_named_and_its_result_is_not_acceptable(cause: str, tmp_path: Path) -> None:
     record(Plan(1, EFFECTS[cause], duration=SHORT), tmp_path)
     verdict = identify_recordings([tmp_path / "1", tmp_path / "2"]).identification.verdict
-    assert cause in verdict.sentence
+    assert re.search(cause, verdict.sentence)
     assert not verdict.acceptable
