@@ -26,6 +26,7 @@ from ident.estimator.fit import Fit
 from ident.estimator.model import Evaluation
 from ident.estimator.normal_equations import jacobian
 from ident.estimator.whitening import Whitening
+from ident.loads.gear_loads import stop
 
 STOPS = (0.03, 0.15)  # of a gear's largest load: widths of its stop operators
 TRAVEL = 3e-4  # [rad] over which friction builds up behind a reversal
@@ -127,15 +128,6 @@ def _turned(point: Evaluation) -> Array:
     """(J, N) -1 to 1: the way in which each gear turned last."""
     logged = point.samples.joint_angles(point.robot_time) @ point.gearing.to_gear
     return stop(logged.T / TRAVEL)
-
-
-def stop(x: Array) -> Array:
-    """(J, N) what is left of signals (J, N) within a band of -1 to 1 that they drag along."""
-    state, out = np.zeros(len(x)), np.zeros_like(x)
-    for k, step in enumerate(np.diff(x, axis=1, prepend=x[:, :1]).T):
-        state = np.clip(state + step, -1.0, 1.0)
-        out[:, k] = state
-    return out
 
 
 def _sway(fit: Fit) -> tuple[float, Columns]:

@@ -130,11 +130,19 @@ def rubbed(masses: MassModel, geometry: Geometry, q: Array, b: Array) -> Array:
     elastic-plastic bristle of TRAVEL (Dahl 1968): at rest it stays as the motion left it.
     """
     robot, bar, side = robot_frames(geometry, q), bar_frames(geometry, b), np.zeros((len(b), 6))
-    for k, step in enumerate(np.diff(b, axis=0) / TRAVEL, start=1):
-        side[k, :5] = np.clip(side[k - 1, :5] + step, -1.0, 1.0)
+    side[:, :5] = stop(b.T / TRAVEL).T
     motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None])).transpose(2, 0, 1)
     wrench = np.asarray(np.linalg.solve(motions, side[:, :, None])[:, :, 0].T, dtype=float)
     return _about_axes(masses, robot, _at_joints(robot, wrench))
+
+
+def stop(x: Array) -> Array:
+    """(J, N) what is left of signals (J, N) within a band of -1 to 1 that they drag along."""
+    state, out = np.zeros(len(x)), np.zeros_like(x)
+    for k, step in enumerate(np.diff(x, axis=1, prepend=x[:, :1]).T):
+        state = np.clip(state + step, -1.0, 1.0)
+        out[:, k] = state
+    return out
 
 
 def no_loads(joints: int, samples: int) -> Loads:
