@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dwells import find_dwells, speeds
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.logs import BallBarLog, RobotLog
+from ballbar.acquisition.dwells import find_dwells, speeds
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.logs import BallBarLog, RobotLog
 
 STEP = 0.05  # [s] of the common grid: the speeds are smooth over 0.2 s
 MIN_OVERLAP = 10.0  # [s] less cannot tell one motion from another

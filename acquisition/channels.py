@@ -20,15 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import times
-from acquisition.faults.publishers import refuse_two_publishers
-from acquisition.recording import Recording, read_recording
-from acquisition.report import Finding
-from acquisition.stamps.arrival import of_one_source, with_source_times
-from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds, without_strays
-from acquisition.table.header import Kind, Layout
-from acquisition.table.table import Table, read_table
-from acquisition.table.text import (
+from ballbar.acquisition import times
+from ballbar.acquisition.faults.publishers import refuse_two_publishers
+from ballbar.acquisition.recording import Recording, read_recording
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.stamps.arrival import of_one_source, with_source_times
+from ballbar.acquisition.stamps.order import STAMP, in_order, in_sequence, seconds, without_strays
+from ballbar.acquisition.table.header import Kind, Layout
+from ballbar.acquisition.table.table import Table, read_table
+from ballbar.acquisition.table.text import (
     SEPARATORS,
     LogText,
     column_names,
@@ -37,9 +37,9 @@ from acquisition.table.text import (
     read_text,
     split_fields,
 )
-from cell.dialect import TimeForm
-from cell.errors import InputError, LogError
-from cell.logs import ChannelLog, SourceName
+from ballbar.cell.dialect import TimeForm
+from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.logs import ChannelLog, SourceName
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 POINT = ("x", "y", "z")  # [m]

@@ -8,16 +8,22 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from acquisition.formats.table_file import COLUMNS as JOINTTARGET
-from acquisition.formats.table_file import FileKind
-from acquisition.table.quantities import Quantity, header_names, quantities, selector, unit_stated
-from acquisition.table.text import LogText
-from cell.descriptions import Robot
-from cell.errors import DescriptionError
-from cell.file_units import METRES, RADIANS, AngleUnit
-from cell.instruments.base import Instrument
-from cell.pose_file import PoseTableFile, Sigma, ValueColumns
-from cell.selectors import spread
+from ballbar.acquisition.formats.table_file import COLUMNS as JOINTTARGET
+from ballbar.acquisition.formats.table_file import FileKind
+from ballbar.acquisition.table.quantities import (
+    Quantity,
+    header_names,
+    quantities,
+    selector,
+    unit_stated,
+)
+from ballbar.acquisition.table.text import LogText
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.file_units import METRES, RADIANS, AngleUnit
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.pose_file import PoseTableFile, Sigma, ValueColumns
+from ballbar.cell.selectors import spread
 
 # Columns of the joint angles of files that have names of their own for them.
 AXES_OF: dict[FileKind, tuple[str, ...]] = {

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.neighbours import Mask, robust_sigma
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import Mask, robust_sigma
 
 # [s] half of the span over which a speed is taken: shorter than any dwell, longer than ten ball-
 # bar samples.

@@ -8,14 +8,20 @@ from typing import get_args
 
 import numpy as np
 
-from acquisition.sources import Fitted, LogSource, inside, log_source, time_form
-from acquisition.table.header import Header, read_header
-from acquisition.table.rows import PlainRows
-from acquisition.table.table import signal_rows
-from acquisition.table.text import SEPARATORS, read_text
-from acquisition.times import popped_stamps, stamps_ns, words
-from cell.logs import SourceName
-from cell.recording import EncoderFitting, LengthFile, SourceFile, TrackerFile, load_recording_file
+from ballbar.acquisition.sources import Fitted, LogSource, inside, log_source, time_form
+from ballbar.acquisition.table.header import Header, read_header
+from ballbar.acquisition.table.rows import PlainRows
+from ballbar.acquisition.table.table import signal_rows
+from ballbar.acquisition.table.text import SEPARATORS, read_text
+from ballbar.acquisition.times import popped_stamps, stamps_ns, words
+from ballbar.cell.logs import SourceName
+from ballbar.cell.recording import (
+    EncoderFitting,
+    LengthFile,
+    SourceFile,
+    TrackerFile,
+    load_recording_file,
+)
 
 ANGLES = {
     "motors": "motor angles",

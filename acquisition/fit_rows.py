@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.damaged_values import damaged_values, with_damaged
-from acquisition.faults.segments import PoweredUp, Segments, find_segments
-from acquisition.flags import usable
-from acquisition.sources import ImportLog, LogRows, SourceFiles, refuse_few
-from acquisition.stamps.order import seconds_from, with_periods_checked
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.neighbours import Mask, Rows
+from ballbar.acquisition.faults.damaged_values import damaged_values, with_damaged
+from ballbar.acquisition.faults.segments import PoweredUp, Segments, find_segments
+from ballbar.acquisition.flags import usable
+from ballbar.acquisition.sources import ImportLog, LogRows, SourceFiles, refuse_few
+from ballbar.acquisition.stamps.order import seconds_from, with_periods_checked
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import Mask, Rows
 
 # Rows of one log that a fit takes, for its memory: two hours at 250 Hz. Of eight hours at 248 Hz
 # every fourth remains, 62 Hz, of a motion below 3 Hz.

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from acquisition.report import Finding
-from acquisition.table.quantities import PoseRows
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.instruments.base import Instrument, Kind
-from cell.pose_file import Sigma, ValueColumns
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.quantities import PoseRows
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.instruments.base import Instrument, Kind
+from ballbar.cell.pose_file import Sigma, ValueColumns
 
 _STEP = 1e-5  # [rad] of the central difference; its error is of the order of 1e-10
 
@@ -86,7 +86,7 @@ class ValueConversion:
 def rotation(convention: str, raw: Array, angle: float) -> Rotation:
     """Rotations of raw columns (N, 3) in units of `angle` [rad], or of quaternions (N, 4).
 
-    convention : as in cell.file_units.Rotation.
+    convention : as in ballbar.cell.file_units.Rotation.
     """
     match convention:
         case "quat_wxyz":

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.declared_columns import (
+from ballbar.acquisition.declared_columns import (
     Part,
     TableColumns,
     TableContext,
@@ -20,30 +20,30 @@ from acquisition.declared_columns import (
     table_columns,
     value_units,
 )
-from acquisition.faults.nominal_robot import (
+from ballbar.acquisition.faults.nominal_robot import (
     check_lengths,
     check_positions,
     check_rotations,
     orientations,
     refuse_radians,
 )
-from acquisition.faults.robot_angles import AngleReading
-from acquisition.faults.table_angles import angle_findings, refuse_other_unit
-from acquisition.formats.table_file import pose_text
-from acquisition.measured_values import (
+from ballbar.acquisition.faults.robot_angles import AngleReading
+from ballbar.acquisition.faults.table_angles import angle_findings, refuse_other_unit
+from ballbar.acquisition.formats.table_file import pose_text
+from ballbar.acquisition.measured_values import (
     ValueConversion,
     constant_sigma,
     refuse_quaternions,
     with_sigma_of_instrument,
 )
-from acquisition.report import FileSummary, Finding
-from acquisition.table.quantities import PoseRows, Quantity, read_rows
-from acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.file_units import METRES, RADIANS
-from cell.pose_file import NamedColumn, PoseTime
-from cell.poses import PoseGroup
+from ballbar.acquisition.report import FileSummary, Finding
+from ballbar.acquisition.table.quantities import PoseRows, Quantity, read_rows
+from ballbar.acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.file_units import METRES, RADIANS
+from ballbar.cell.pose_file import NamedColumn, PoseTime
+from ballbar.cell.poses import PoseGroup
 
 _DIGITS = re.compile(r"(\d{4})(\d\d)(\d\d)(\d\d)(\d\d)(\d\d)(\.\d+)?")  # 20200714163904
 _EXPONENT = re.compile(r"[+-]?[0-9.,]+[eE][+-]?[0-9]+")

@@ -15,16 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.declared_columns import TableContext
-from acquisition.pose_rows import FilePoses, file_poses
-from acquisition.reference_points import steadied
-from acquisition.report import ImportReport
-from cell.errors import DescriptionError
-from cell.foreign_files import repeated
-from cell.load import load_instrument, load_robot
-from cell.pose_file import PosesFile, known_distances, load_poses_file, pose_file_path
-from cell.poses import PoseGroup, PoseTable
-from cell.recording import RecordingFile
+from ballbar.acquisition.declared_columns import TableContext
+from ballbar.acquisition.pose_rows import FilePoses, file_poses
+from ballbar.acquisition.reference_points import steadied
+from ballbar.acquisition.report import ImportReport
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.foreign_files import repeated
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.cell.pose_file import PosesFile, known_distances, load_poses_file, pose_file_path
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.recording import RecordingFile
 
 
 @dataclass(frozen=True, eq=False)

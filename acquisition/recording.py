@@ -16,8 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.faults.damaged_values import load_scale
-from acquisition.faults.encoders import (
+from ballbar.acquisition.faults.damaged_values import load_scale
+from ballbar.acquisition.faults.encoders import (
     WORD,
     counter_scales,
     counter_words,
@@ -27,10 +27,10 @@ from acquisition.faults.encoders import (
     with_jumps_checked,
     with_status_checked,
 )
-from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
-from acquisition.faults.other_angles import with_angle_jumps_checked
-from acquisition.faults.replayed import with_replays_checked
-from acquisition.faults.robot_angles import (
+from ballbar.acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
+from ballbar.acquisition.faults.other_angles import with_angle_jumps_checked
+from ballbar.acquisition.faults.replayed import with_replays_checked
+from ballbar.acquisition.faults.robot_angles import (
     AngleReading,
     gear_torques,
     moves,
@@ -38,21 +38,34 @@ from acquisition.faults.robot_angles import (
     with_limits_checked,
     without_sentinels,
 )
-from acquisition.fit_rows import choose_rows, cut_rows, fit_rows, rows_in_time
-from acquisition.flags import RowFlag, usable
-from acquisition.measured_values import rotation
-from acquisition.report import ImportReport
-from acquisition.sources import Fitted, ImportLog, LogRows, log_source, read_files, refuse_few
-from acquisition.stamps.order import seconds
-from cell.descriptions import Robot
-from cell.errors import DescriptionError, LogError
-from cell.file_units import METRES, RADIANS
-from cell.instruments.base import Instrument
-from cell.load import load_instrument, load_robot
-from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
-from cell.recording import LengthFile, RecordingFile, SourceFile, TrackerFile, load_recording_file
-from cell.rigid_fit import nominal_frames
-from cell.selectors import require
+from ballbar.acquisition.fit_rows import choose_rows, cut_rows, fit_rows, rows_in_time
+from ballbar.acquisition.flags import RowFlag, usable
+from ballbar.acquisition.measured_values import rotation
+from ballbar.acquisition.report import ImportReport
+from ballbar.acquisition.sources import (
+    Fitted,
+    ImportLog,
+    LogRows,
+    log_source,
+    read_files,
+    refuse_few,
+)
+from ballbar.acquisition.stamps.order import seconds
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.file_units import METRES, RADIANS
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
+from ballbar.cell.recording import (
+    LengthFile,
+    RecordingFile,
+    SourceFile,
+    TrackerFile,
+    load_recording_file,
+)
+from ballbar.cell.rigid_fit import nominal_frames
+from ballbar.cell.selectors import require
 
 LED_ACCURACY = 9.0e-5  # [m] along each axis (thesis sec. 5.3: Nikon K600)
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show

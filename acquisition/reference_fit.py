@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
-from cell.arrays import Array
-from cell.rotation import matrix_from_rotvec
+from ballbar.cell.arrays import Array
+from ballbar.cell.rotation import matrix_from_rotvec
 
 _CUT = 8.0  # deviations of a reading at which a quarter of its weight is left
 _FREEDOM = 4.0  # of Student's t of the steps

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from acquisition.pose_rows import FilePoses
-from acquisition.reference_fit import Knock, ReferenceFit, fit_with_knocks
-from acquisition.report import Finding, finding
-from cell.arrays import Array
-from cell.errors import LogError
+from ballbar.acquisition.pose_rows import FilePoses
+from ballbar.acquisition.reference_fit import Knock, ReferenceFit, fit_with_knocks
+from ballbar.acquisition.report import Finding, finding
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
 
 _FEWEST = 3  # points, and measurements of each
 _FAR = 0.02  # [m] further than an instrument drifts or is jolted

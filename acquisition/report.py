@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.logs import SourceName
+from ballbar.cell.logs import SourceName
 
 Severity = Literal["repaired", "warning"]
 # What to do about each kind of warning; every other kind of finding is a repair.

@@ -10,22 +10,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.publishers import refuse_two_publishers
-from acquisition.flags import Flags
-from acquisition.formats.registry import read_file
-from acquisition.report import FileSummary, Finding
-from acquisition.stamps.arrival import of_one_source, with_source_times
-from acquisition.stamps.order import STAMP, in_order, in_sequence, join, without_strays
-from acquisition.stamps.quantised import spread
-from acquisition.table.header import Kind, Layout
-from acquisition.table.table import Table
-from acquisition.times import TimeCells, checked_form, form_shown, popped_stamps, stamps_ns, words
-from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
-from cell.errors import DescriptionError, LogError, UnfinishedLogError
-from cell.foreign_files import repeated
-from cell.logs import SourceName
-from cell.neighbours import Mask
-from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, TrackerFile
+from ballbar.acquisition.faults.publishers import refuse_two_publishers
+from ballbar.acquisition.flags import Flags
+from ballbar.acquisition.formats.registry import read_file
+from ballbar.acquisition.report import FileSummary, Finding
+from ballbar.acquisition.stamps.arrival import of_one_source, with_source_times
+from ballbar.acquisition.stamps.order import STAMP, in_order, in_sequence, join, without_strays
+from ballbar.acquisition.stamps.quantised import spread
+from ballbar.acquisition.table.header import Kind, Layout
+from ballbar.acquisition.table.table import Table
+from ballbar.acquisition.times import (
+    TimeCells,
+    checked_form,
+    form_shown,
+    popped_stamps,
+    stamps_ns,
+    words,
+)
+from ballbar.cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
+from ballbar.cell.errors import DescriptionError, LogError, UnfinishedLogError
+from ballbar.cell.foreign_files import repeated
+from ballbar.cell.logs import SourceName
+from ballbar.cell.neighbours import Mask
+from ballbar.cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, TrackerFile
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix
 # nothing.

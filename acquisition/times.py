@@ -23,10 +23,10 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding, finding
-from cell.dialect import TimeForm
-from cell.errors import DescriptionError, LogError
-from cell.schema_errors import nearest
+from ballbar.acquisition.report import Finding, finding
+from ballbar.cell.dialect import TimeForm
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.schema_errors import nearest
 
 Stamps = NDArray[np.int64]
 TIME_FORMS: tuple[TimeForm, ...] = get_args(TimeForm)

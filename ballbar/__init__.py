@@ -9,7 +9,8 @@ The names stand in `__init__.pyi`, a line each: `from MODULE import NAME as NAME
 from importlib import import_module
 from pathlib import Path
 
-PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")  # of this project
+# Folders of the source tree; all but the last are installed within it, as `ballbar.cell` and so on
+PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")
 
 _LINES = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8").splitlines()
 _HOME = {words[3]: words[1] for words in map(str.split, _LINES) if words[:1] == ["from"]}

@@ -12,7 +12,7 @@ import signal
 import sys
 from contextlib import suppress
 
-from cell.threads import ONE_THREAD
+from ballbar.cell.threads import ONE_THREAD
 
 
 def main() -> None:

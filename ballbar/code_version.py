@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from functools import cache
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from ballbar import PACKAGES
@@ -25,11 +26,16 @@ def code_version() -> str:
     of a cluster.
     """
     digest = hashlib.sha256()
-    root = Path(__file__).parents[1]
     for package in PACKAGES:
-        for file in sorted(path for path in (root / package).rglob("*") if path.suffix in _CONTENT):
-            name = file.relative_to(root).as_posix()
-            digest.update(f"{name}\0".encode() + file.read_bytes() + b"\0")
+        inside = "ballbar" if package == "ballbar" else f"ballbar.{package}"
+        spec = find_spec(inside)  # without an import: `--version` answers at once
+        assert spec is not None
+        folder = Path(spec.origin or "").parent
+        for file in sorted(path for path in folder.rglob("*") if path.suffix in _CONTENT):
+            name = file.relative_to(folder)
+            if name.parts[0] not in (*PACKAGES, "scenarios"):  # in `ballbar` once it is installed
+                text = f"{package}/{name.as_posix()}\0"
+                digest.update(text.encode() + file.read_bytes() + b"\0")
     for library in _LIBRARIES:
         digest.update(f"{library} {version(library)}\0".encode())
     return f"{version(DISTRIBUTION)}+{digest.hexdigest()[:8]}"

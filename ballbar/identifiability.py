@@ -14,19 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.scenario import Scenario
-from ballbar.trial.nominal_path import nominal_path, spread_rows
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, parameter_named
-from cell.inverse import refine
-from ident.estimator.closure import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, parameter_named
+from ballbar.cell.inverse import refine
+from ballbar.ident.estimator.closure import (
     bar_joint_jacobian,
     close_loop,
     parameter_jacobian,
     robot_joint_jacobian,
 )
-from ident.estimator.dependencies import (
+from ballbar.ident.estimator.dependencies import (
     Dependency,
     Group,
     Selection,
@@ -36,10 +34,12 @@ from ident.estimator.dependencies import (
     significant,
     spectrum,
 )
-from ident.estimator.thesis_names import extra_parameters, shortened, thesis_parameters
-from ident.estimator.whitening import covariance, whitening
-from ident.thesis.costs import cost_named
-from ident.thesis.names import ENCODERS_NEEDED, ML
+from ballbar.ident.estimator.thesis_names import extra_parameters, shortened, thesis_parameters
+from ballbar.ident.estimator.whitening import covariance, whitening
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.names import ENCODERS_NEEDED, ML
+from ballbar.scenario import Scenario
+from ballbar.trial.nominal_path import nominal_path, spread_rows
 
 Influences = dict[str, dict[str, float]]  # parameter left out: {selected parameter: its change}
 
@@ -113,7 +113,7 @@ def encoders_used(cost: str, fitted: tuple[int, ...]) -> tuple[int, ...]:
 def study(loop: KinematicLoop, cost: str, fitted: tuple[int, ...], *, complete: bool) -> Study:
     """Parameters without effect, dependencies between the others, and a choice of what to keep.
 
-    cost : one of ident.thesis.costs.COSTS. fitted : ball-bar joints with an encoder.
+    cost : one of ballbar.ident.thesis.costs.COSTS. fitted : ball-bar joints with an encoder.
     complete : also Hayati angles and the tilt of the ball-bar's base, which the thesis leaves out.
     """
     encoders = encoders_used(cost, fitted)

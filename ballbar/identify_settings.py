@@ -6,10 +6,17 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from cell.schema import Strict
-from ident.corrections import CORRECTIONS
-from ident.options import FitOptions, ForceSource, ModelName
-from ident.thesis.names import PRINTED_STOP, Instants, Pairing, ParameterSet, ShiftAt, Smoothing
+from ballbar.cell.schema import Strict
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.options import FitOptions, ForceSource, ModelName
+from ballbar.ident.thesis.names import (
+    PRINTED_STOP,
+    Instants,
+    Pairing,
+    ParameterSet,
+    ShiftAt,
+    Smoothing,
+)
 
 
 def _known_correction(name: str) -> str:

@@ -10,22 +10,22 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from ballbar.cell.ballbar_files import BallBarFile, PlateFile
+from ballbar.cell.description_files import RobotFile
+from ballbar.cell.dialect import Dialect
+from ballbar.cell.extended_yaml import EXTENDS
+from ballbar.cell.instrument import InstrumentFile
+from ballbar.cell.pose_file import PosesFile
+from ballbar.cell.recording import RecordingFile
+from ballbar.cell.schema import describe_keys
 from ballbar.claims.file import ClaimFile
+from ballbar.planning.pose_request import PosePlanRequest
+from ballbar.planning.request import PlanRequest
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.scenario import Scenario
+from ballbar.sim.path_files import LissajousFile, PushPullFile
+from ballbar.sim.truth import PoseTruth, Truth
 from ballbar.sweep.file import SweepFile
-from cell.ballbar_files import BallBarFile, PlateFile
-from cell.description_files import RobotFile
-from cell.dialect import Dialect
-from cell.extended_yaml import EXTENDS
-from cell.instrument import InstrumentFile
-from cell.pose_file import PosesFile
-from cell.recording import RecordingFile
-from cell.schema import describe_keys
-from planning.pose_request import PosePlanRequest
-from planning.request import PlanRequest
-from sim.path_files import LissajousFile, PushPullFile
-from sim.truth import PoseTruth, Truth
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 EXTENDABLE: dict[str, type[BaseModel]] = {

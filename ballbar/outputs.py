@@ -6,12 +6,12 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from ballbar.cell.files import write_whole
+from ballbar.cell.processes import Begin
 from ballbar.recordings.check import import_reports
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
-from cell.files import write_whole
-from cell.processes import Begin
 
 SENT_ROWS = 500_000  # of the robot's logs, half an hour at 250 Hz
 
@@ -29,7 +29,7 @@ def write_outputs(
 ) -> None:
     """Writes calibration.yaml, report.html, with `replay` run.rrd, and of logs import_report.json.
 
-    begin : writes the replay meanwhile (cell.processes).
+    begin : writes the replay meanwhile (ballbar.cell.processes).
 
     Raises RefusedResultError, once all else is written, where the reader refuses calibration.yaml.
     """

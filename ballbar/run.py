@@ -10,6 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.extended_yaml import files_of
+from ballbar.cell.files import DESCRIPTIONS, claimed_folder
+from ballbar.cell.pose_file import load_poses_file
+from ballbar.cell.processes import Begin
+from ballbar.cell.recording import load_recording_file
+from ballbar.ident.options import Listener
 from ballbar.plan.found_path import with_found_path
 from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
@@ -21,19 +28,12 @@ from ballbar.scenario import (
     with_copied_descriptions,
     write_scenario,
 )
+from ballbar.sim.recording_files import TABLE, truth_path, write_poses, write_recording
+from ballbar.sim.simulate import Simulation, simulate
+from ballbar.sim.still_poses import PoseSimulation, simulate_poses
 from ballbar.trial.nominal_path import recorded_log
 from ballbar.truth.compare import against_simulation
 from ballbar.truth.limits import plant_limits, result_limits
-from cell.errors import InputError
-from cell.extended_yaml import files_of
-from cell.files import DESCRIPTIONS, claimed_folder
-from cell.pose_file import load_poses_file
-from cell.processes import Begin
-from cell.recording import load_recording_file
-from ident.options import Listener
-from sim.recording_files import TABLE, truth_path, write_poses, write_recording
-from sim.simulate import Simulation, simulate
-from sim.still_poses import PoseSimulation, simulate_poses
 
 # file, data, and words of what a scenario makes: of the whole, where it is real, and on the way
 _RECORDING = ("recording.yaml", "raw", "a recording", "a real recording", "simulating the cell")
@@ -124,7 +124,7 @@ def run_scenario(
 
     command : the command line, for the report. answered : takes the result before report and replay
     are written. live : window that shows each stage while it runs.
-    begin : writes the replay meanwhile (cell.processes).
+    begin : writes the replay meanwhile (ballbar.cell.processes).
 
     Raises InputError when the scenario cannot be run or identifies with one of the thesis's costs,
     or when `out` holds something else.

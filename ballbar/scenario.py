@@ -12,15 +12,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, portable
+from ballbar.cell.files import beside, copied_description, write_yaml
+from ballbar.cell.schema import Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.strict_yaml import parse_model
+from ballbar.ident.thesis.names import ENCODERS_NEEDED
 from ballbar.identify_settings import IdentifySettings
-from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, portable
-from cell.files import beside, copied_description, write_yaml
-from cell.schema import Strict
-from cell.schema_errors import wrong_key
-from cell.strict_yaml import parse_model
-from ident.thesis.names import ENCODERS_NEEDED
-from sim.settings import A_PATH, SimulationSettings, refuse_keys
+from ballbar.sim.settings import A_PATH, SimulationSettings, refuse_keys
 
 SCENARIOS = ExtendableKind(
     what="scenario",

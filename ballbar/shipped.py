@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from itertools import takewhile
 from pathlib import Path
 
-from cell import load
-from cell.dialect import dialect_names, load_dialect
-from cell.errors import InputError
-from cell.extended_yaml import SHIPPED
-from cell.files import aside_of, require_writable, write_whole
+from ballbar.cell import load
+from ballbar.cell.dialect import dialect_names, load_dialect
+from ballbar.cell.errors import InputError
+from ballbar.cell.extended_yaml import SHIPPED
+from ballbar.cell.files import aside_of, require_writable, write_whole
 
 DIALECTS = SHIPPED.parent / "cell" / "dialects"
 COPIED = ("*.yaml", "paths", "plans", "sweeps")  # of the scenarios; claims belong to the thesis

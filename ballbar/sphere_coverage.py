@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cell.arrays import Array
-from cell.rotation import even_directions
+from ballbar.cell.arrays import Array
+from ballbar.cell.rotation import even_directions
 
 PATCHES = 800  # over the whole sphere: 0.08 of the radius across
 

@@ -21,7 +21,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 
-from cell.foreign_text import printable
+from ballbar.cell.foreign_text import printable
 
 FAULT = 3  # exit code after a fault of the program, or with too little memory
 INTERRUPTED = 130  # exit code after Ctrl-C or SIGTERM, as shells have it of the former

@@ -13,9 +13,9 @@ import sys
 
 import numpy as np
 
+from ballbar.ident.identify import identify
+from ballbar.sim.settings import SimulationSettings
 from benchmarks.study import SCENARIOS, kinematic_settings, recorded
-from ident.identify import identify
-from sim.settings import SimulationSettings
 from tests.helpers.clock_truth import clock_error
 
 ALLOWED = 100e-6  # [s]

@@ -21,23 +21,23 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.load import load_robot, robot_names
+from ballbar.cell.typical_machine import arm_length
+from ballbar.ident.options import Listener
 from ballbar.identify_settings import IdentifySettings
+from ballbar.planning.files import SCENARIO, write_plan
+from ballbar.planning.plan import PathPlan, plans
+from ballbar.planning.request import PlanRequest, load_request
 from ballbar.result.run_recordings import identify_files
 from ballbar.robot_file.dh_table import draft_from_table
 from ballbar.robot_file.draft import draft_from_urdf
 from ballbar.robot_file.new_robot import write_robot
 from ballbar.run import simulate_scenario
 from ballbar.scenario import load_scenario
+from ballbar.sim.truth import load_truth
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import STUDIES, in_words, study_parser, write_table
-from cell.errors import FailureError, InputError
-from cell.load import load_robot, robot_names
-from cell.typical_machine import arm_length
-from ident.options import Listener
-from planning.files import SCENARIO, write_plan
-from planning.plan import PathPlan, plans
-from planning.request import PlanRequest, load_request
-from sim.truth import load_truth
 
 SECONDS, EVALUATIONS, WORKERS = 60.0, 1500, 1  # of the search at most, after the first path
 HEADINGS = "a_m;d_m;alpha_deg;theta_deg;lower_deg;upper_deg;speed_deg_per_s\n"

@@ -22,18 +22,18 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.recording import read_recording, read_robot
+from ballbar.acquisition.recording import read_recording, read_robot
+from ballbar.cell.clock import Clock
+from ballbar.cell.load import load_robot
+from ballbar.cell.recording import SourceFile
+from ballbar.ident.identify import identify
+from ballbar.ident.options import FitOptions
+from ballbar.ident.signals.smooth_log import smooth_log
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.import_speed import write_recording as write_long
 from benchmarks.study import STUDIES, write_table
-from cell.clock import Clock
-from cell.load import load_robot
-from cell.recording import SourceFile
-from ident.identify import identify
-from ident.options import FitOptions
-from ident.signals.smooth_log import smooth_log
-from sim.recording_files import write_recording
-from sim.simulate import simulate
 from tests.helpers.drawn_robots import SCENARIOS, scenario_of
 
 Array = NDArray[np.float64]

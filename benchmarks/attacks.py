@@ -31,8 +31,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from ballbar.cell.egm_file import FILE_START
 from benchmarks.study import STUDIES, write_table
-from cell.egm_file import FILE_START
 from tests.helpers.command_line import SHORT
 from tests.helpers.container_files import db3, json_lines, mcap, mpe, scope
 from tests.helpers.device_logs import robot_lines, write

@@ -21,13 +21,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import has_arm_branches
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_cell
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics
 from ballbar.result.calibration import Calibration
-from cell.arrays import Array
-from cell.closed_form import has_arm_branches
-from cell.geometry import nominal_geometry
-from cell.load import load_cell
-from cell.robot_angles import controller_to_joints
-from ident.robot.identified_kinematics import IdentifiedKinematics
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.pose_results import write_pose_result
 from tests.helpers.simulated_recordings import perturbed

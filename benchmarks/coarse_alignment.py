@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.alignment import coarse_alignment
-from acquisition.recording import read_recording
+from ballbar.acquisition.alignment import coarse_alignment
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import joints_to_motors
+from ballbar.sim.motion import Motion
+from ballbar.sim.simulate import simulate
 from benchmarks.study import COUNTS_PER_RAD, SCENARIOS, describe, kinematic_settings
-from cell.load import load_robot
-from cell.robot_angles import joints_to_motors
-from sim.motion import Motion
-from sim.simulate import simulate
 
 DRAWS = 200
 ALLOWED = 0.1  # [s]

@@ -19,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.geometry import robot_frames
 from ballbar.compensation.targets_file import read_targets
 from ballbar.export.result import load_result
+from ballbar.ident.robot.accuracy import position_error
+from ballbar.ident.robot.inverse_calibration import corrected_targets
 from ballbar.rehearsal.day import RESULT, SIMULATED
 from ballbar.rehearsal.targets import CORRECTED, GIVEN
 from ballbar.scenario import load_scenario
+from ballbar.sim.plant.held import hold_machine, pose_distance
+from ballbar.sim.true_robot import true_machine
 from benchmarks.study import STUDIES, in_words, study_parser, write_table
-from cell.geometry import robot_frames
-from ident.robot.accuracy import position_error
-from ident.robot.inverse_calibration import corrected_targets
-from sim.plant.held import hold_machine, pose_distance
-from sim.true_robot import true_machine
 from tests.helpers.plant_robot import known_robot, robot_row
 
 OUT = STUDIES / "correct_in_plant.csv"

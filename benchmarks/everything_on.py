@@ -20,13 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions, ForceSource
+from ballbar.ident.result import Identification
+from ballbar.sim.truth import Truth
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import STUDIES, study_parser, write_table
-from cell.descriptions import Cell
-from ident.identify import identify_together
-from ident.options import FitOptions, ForceSource
-from ident.result import Identification
-from sim.truth import Truth
 from tests.helpers.drawn_robots import recorded, scenario_of
 from tests.helpers.stated_uncertainty import stated_uncertainty, white_tcp_sigma
 

@@ -29,7 +29,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from cell.files import write_whole
+from ballbar.cell.files import write_whole
 from tests.helpers import real_robots
 
 STORED = Path("benchmarks/golden_values")  # a file for each data set

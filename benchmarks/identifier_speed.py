@@ -19,25 +19,25 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import least_squares
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.load import load_cell
+from ballbar.cell.threads import one_thread_each
+from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.identifiability import candidates
+from ballbar.ident.estimator.model import Model, joints_as_logged
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs, identifiable_parameters
+from ballbar.ident.result import Identification
+from ballbar.ident.thesis.paired_samples import through_samples
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.load import load_cell
-from cell.threads import one_thread_each
-from ident.estimator.build_unknowns import kinematic_unknowns
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.identifiability import candidates
-from ident.estimator.model import Model, joints_as_logged
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples, samples_of
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs, identifiable_parameters
-from ident.result import Identification
-from ident.thesis.paired_samples import through_samples
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 T = TypeVar("T")

@@ -21,14 +21,14 @@ from statistics import median
 import numpy as np
 import pandas as pd
 
-from acquisition.formats.registry import read_file
-from acquisition.recording import read_recording
-from acquisition.sources import layout_of
+from ballbar.acquisition.formats.registry import read_file
+from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.sources import layout_of
+from ballbar.cell.dialect import load_dialect
+from ballbar.cell.load import load_robot
+from ballbar.cell.recording import SourceFile, load_recording_file
+from ballbar.cell.robot_angles import joints_to_motors
 from benchmarks.study import COUNTS_PER_RAD, describe
-from cell.dialect import load_dialect
-from cell.load import load_robot
-from cell.recording import SourceFile, load_recording_file
-from cell.robot_angles import joints_to_motors
 
 ROUNDS = 15
 ROBOT_ROWS, BAR_ROWS = 150_000, 60_000

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.files import write_whole
+from ballbar.cell.load import load_robot
+from ballbar.ident.corrections import supported_corrections
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
 from ballbar.truth.compare import identification_against_truth
-from cell.descriptions import Cell
-from cell.files import write_whole
-from cell.load import load_robot
-from ident.corrections import supported_corrections
-from ident.identify import identify_together
-from ident.options import FitOptions
 from tests.helpers.drawn_robots import ROOT, faulty, recorded, scenario_of
 
 SEED, DURATION = 1, 120.0

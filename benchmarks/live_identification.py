@@ -41,17 +41,17 @@ from typing import Any
 
 import numpy as np
 
+from ballbar.cell.load import load_robot
+from ballbar.cell.statistics import rms
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.sim.live.delivery import EgmRobot, Pace
+from ballbar.sim.live.device_logs import GrowingRecording, device_logs
+from ballbar.sim.live.faults import DWELL, FAULTS, moving_at
+from ballbar.sim.live.plc import Plc, logged_samples
 from ballbar.truth.compare import identification_against_truth
 from ballbar.watch.watch import Watch
 from benchmarks.study import study_parser, write_table
-from cell.load import load_robot
-from cell.statistics import rms
-from sim.live.delivery import EgmRobot, Pace
-from sim.live.device_logs import GrowingRecording, device_logs
-from sim.live.faults import DWELL, FAULTS, moving_at
-from sim.live.plc import Plc, logged_samples
 from tests.helpers.drawn_robots import DRAWN
 from tests.helpers.simulated_recordings import CLOCK, SCENARIOS, Recorded, record
 

@@ -24,8 +24,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from ballbar.sim.live.plc import STARTED
 from benchmarks.study import write_table
-from sim.live.plc import STARTED
 from tests.helpers.plc_server import Plc, plc_samples, text_of
 
 RATES = (100, 1000)  # [Hz]

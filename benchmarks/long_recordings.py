@@ -23,9 +23,9 @@ from typing import TextIO
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.robot_angles import joints_to_motors
 from benchmarks.study import COUNTS_PER_RAD, describe
-from cell.arrays import Array
-from cell.robot_angles import joints_to_motors
 from tests.helpers.minute_logs import TRUE
 from tests.helpers.synthetic_recording import CELL, closed, minute
 

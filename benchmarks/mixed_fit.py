@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.files import write_whole
+from ballbar.ident.identify import identify_together
 from ballbar.truth.compare import identification_against_truth
-from cell.files import write_whole
-from ident.identify import identify_together
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
 from tests.helpers.tracker_points import still_points
 

@@ -18,20 +18,20 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import robot_geometry
-from cell.load import load_robot
-from cell.logs import RobotLog, TrackerLog
-from cell.poses import PoseGroup
-from ident.cross_validation import position_rows, spread_of
-from ident.estimator.gauss_newton import inverse
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.robust_fit import LEAST, equations_at
-from ident.signals.smooth_log import motion_of
-from ident.start.followed import SEAT, TARGET, followed_table
-from ident.table_estimate import TableEstimate
-from ident.table_fit import fit_table
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.load import load_robot
+from ballbar.cell.logs import RobotLog, TrackerLog
+from ballbar.cell.poses import PoseGroup
+from ballbar.ident.cross_validation import position_rows, spread_of
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.robust_fit import LEAST, equations_at
+from ballbar.ident.signals.smooth_log import motion_of
+from ballbar.ident.start.followed import SEAT, TARGET, followed_table
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
 from tests.helpers.followed_robot import FollowedRobot
 
 STUDY = Path(__file__).parents[1] / "docs/studies/moving_tracker.csv"

@@ -286,7 +286,7 @@ class Judge:
         return plugin.failed
 
     def _anew(self, mutant: Mutant, tests: list[str]) -> str:
-        for name in [n for n in sys.modules if n.split(".")[0] in (*PACKAGES, "tests")]:
+        for name in [n for n in sys.modules if n.split(".")[0] in ("ballbar", "tests")]:
             del sys.modules[name]
         plugin = FirstFailure(tests)
         code = pytest.main([*OPTIONS, "-x", *_test_files(tests)], [plugin])

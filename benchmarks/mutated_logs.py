@@ -36,11 +36,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from acquisition.recording import read_ballbar, read_robot
-from cell.errors import InputError
-from cell.load import load_robot
-from cell.recording import EncoderFitting, EncoderName, SourceFile
-from cell.robot_angles import joints_to_axes, joints_to_motors
+from ballbar.acquisition.recording import read_ballbar, read_robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.load import load_robot
+from ballbar.cell.recording import EncoderFitting, EncoderName, SourceFile
+from ballbar.cell.robot_angles import joints_to_axes, joints_to_motors
 
 FILES = 20_000
 ROWS = 120

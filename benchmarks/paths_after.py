@@ -23,24 +23,24 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.files import write_yaml
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.evaluation import evaluators
+from ballbar.planning.files import path_data
+from ballbar.planning.known import Known, known_of
+from ballbar.planning.plan import PathPlan, assess, plans
+from ballbar.planning.request import PlanRequest, load_request
 from ballbar.scenario import Scenario
+from ballbar.sim.path_files import load_lissajous
+from ballbar.sim.truth import Truth
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.planned_paths import middle_path
 from benchmarks.study import STUDIES, in_words, study_parser, write_table
-from cell.descriptions import Cell
-from cell.files import write_yaml
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs
-from ident.result import Identification
-from planning.candidate import PathCandidate
-from planning.evaluation import evaluators
-from planning.files import path_data
-from planning.known import Known, known_of
-from planning.plan import PathPlan, assess, plans
-from planning.request import PlanRequest, load_request
-from sim.path_files import load_lissajous
-from sim.truth import Truth
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 ROBOT = "irb2400"

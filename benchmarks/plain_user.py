@@ -5,7 +5,7 @@ Jacobian by finite differences, and a forward pass that multiplies 4x4 matrices,
 once. No cost is missed that a careful user would save: the chain whose parameters do not change is
 computed again, as the solver cannot know.
 
-    python -m benchmarks.plain_user    # against ident.thesis.cost_fit, on the main scenario
+    python -m benchmarks.plain_user    # against ballbar.ident.thesis.cost_fit, on the main scenario
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.thesis.cost_fit import fit_cost
+from ballbar.ident.thesis.costs import cost_named
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.sim.kinematic_samples import KinematicSamples
 from ballbar.trial.sample_trial import cost_parameters, trial_samples
-from cell.arrays import Array
-from cell.chain import Chain
-from cell.geometry import Geometry
-from ident.thesis.cost_fit import fit_cost
-from ident.thesis.costs import cost_named
-from sim.kinematic_samples import KinematicSamples
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "irb2400.yaml"
 

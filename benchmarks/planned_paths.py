@@ -20,24 +20,24 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.files import write_yaml
+from ballbar.cell.geometry import BAR_ROWS
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.planning.candidate import PathCandidate, rounded
+from ballbar.planning.coarse import BATCH
+from ballbar.planning.crlb import predict
+from ballbar.planning.evaluation import Evaluator, check, evaluators, tcp_rms
+from ballbar.planning.files import path_data
+from ballbar.planning.force import predicted_forces
+from ballbar.planning.limits import violations
+from ballbar.planning.request import load_request
+from ballbar.planning.screen import screen
+from ballbar.planning.trajectory import trajectories
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.sim.path_files import load_lissajous
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import in_words, study_parser, write_table
-from cell.files import write_yaml
-from cell.geometry import BAR_ROWS
-from ident.identify import identify_together
-from ident.options import FitOptions
-from planning.candidate import PathCandidate, rounded
-from planning.coarse import BATCH
-from planning.crlb import predict
-from planning.evaluation import Evaluator, check, evaluators, tcp_rms
-from planning.files import path_data
-from planning.force import predicted_forces
-from planning.limits import violations
-from planning.request import load_request
-from planning.screen import screen
-from planning.trajectory import trajectories
-from sim.path_files import load_lissajous
 from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded
 
 ROBOTS = ("irb2400", "nj220")
@@ -99,7 +99,7 @@ def predicted_of(robot: str, path: str) -> float:
 
 
 def predicted_at(evaluator: Evaluator, candidate: PathCandidate) -> float:
-    """[m] predicted TCP sigma, median of the robots of planning.force."""
+    """[m] predicted TCP sigma, median of the robots of ballbar.planning.force."""
     cell, limits = evaluator.cell, evaluator.limits
     trajectory = min(
         trajectories(cell, candidate, evaluator.request.timing),

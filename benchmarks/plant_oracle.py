@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.geometry import nominal_geometry
-from cell.load import load_cell
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.static_errors import THESIS_3_1
-from sim.path import reference_path
-from sim.path_files import load_lissajous
-from sim.plant.effects import Plant, plant_effects
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_cell
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.errors.static_errors import THESIS_3_1
+from ballbar.sim.path import reference_path
+from ballbar.sim.path_files import load_lissajous
+from ballbar.sim.plant.effects import Plant, plant_effects
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 
 

@@ -19,15 +19,15 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_cell
 from ballbar.scenario import load_scenario
-from cell.geometry import nominal_geometry
-from cell.load import load_cell
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.static_errors import THESIS_3_1
-from sim.path import ReferencePath, reference_path
-from sim.path_files import load_lissajous
-from sim.plant.effects import Plant, plant_effects
-from sim.plant.mujoco_plant import prepare, run_plant
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.errors.static_errors import THESIS_3_1
+from ballbar.sim.path import ReferencePath, reference_path
+from ballbar.sim.path_files import load_lissajous
+from ballbar.sim.plant.effects import Plant, plant_effects
+from ballbar.sim.plant.mujoco_plant import prepare, run_plant
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ROUNDS = 5

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.options import FitOptions
-from ident.table_fit import fit_table
-from planning.feasible_poses import Candidates, random_candidates
-from planning.pose_plan import PosePlan, pose_plan
-from planning.pose_request import POSE_SCHEMA, PosePlanRequest
-from planning.stations import setup_of
+from ballbar.ident.options import FitOptions
+from ballbar.ident.table_fit import fit_table
+from ballbar.planning.feasible_poses import Candidates, random_candidates
+from ballbar.planning.pose_plan import PosePlan, pose_plan
+from ballbar.planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from ballbar.planning.stations import setup_of
 from tests.helpers.measured_plans import RIPPLE, DrawnRobot, drawn_robot
 
 ROBOTS, SETS = 5, 5

@@ -23,21 +23,21 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.chain import Chain
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.estimator import priors
+from ballbar.ident.identify import identify_together
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.table_fit import fit_table
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
 from ballbar.truth.compare import identification_against_truth
 from benchmarks import real_robots as real
 from benchmarks import real_robots_tables as tables
 from benchmarks.study import SCENARIOS, STUDIES, study_parser, write_table
-from cell.chain import Chain
-from cell.geometry import nominal_chain
-from cell.poses import PoseTable
-from ident.estimator import priors
-from ident.identify import identify_together
-from ident.recording_fit import Logs
-from ident.table_fit import fit_table
-from sim.recording_files import write_recording
-from sim.simulate import simulate
 from tests.helpers.still_poses import TrueRobot, angles, table_of, true_robot
 
 PRIORS = ((0.3, 1.0), (0.7, 2.0), (2.0, 3.0), (5.0, 5.0))  # [mm], [mrad]

@@ -18,18 +18,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.files import write_whole
+from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
+from ballbar.ident.estimator.regions import joint_regions
+from ballbar.ident.held_machine import placed
+from ballbar.ident.options import FitOptions, JointErrors
+from ballbar.ident.robot.accuracy import position_error
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
 from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from benchmarks import real_robots_tables as tables
-from cell.arrays import Array
-from cell.files import write_whole
-from cell.poses import PoseGroup, PoseTable
-from ident.estimator.regions import joint_regions
-from ident.held_machine import placed
-from ident.options import FitOptions, JointErrors
-from ident.robot.accuracy import position_error
-from ident.table_estimate import TableEstimate
-from ident.table_fit import fit_table
 
 MM = 1e3
 # what a figure in the report has from its page

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from acquisition.pose_tables import import_poses, read_poses
-from acquisition.report import finding_line
-from cell.poses import PoseTable
+from ballbar.acquisition.pose_tables import import_poses, read_poses
+from ballbar.acquisition.report import finding_line
+from ballbar.cell.poses import PoseTable
 from tests.helpers import real_robots
 from tests.helpers.real_robots import DATA, PANDA_SITES
 

@@ -23,14 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.pose_tables import read_poses
-from acquisition.reference_fit import fit_with_knocks
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.acquisition.reference_fit import fit_with_knocks
+from ballbar.cell.statistics import rms
+from ballbar.ident.table_fit import fit_table
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.sim.recording_files import write_poses
+from ballbar.sim.still_poses import simulate_poses
 from ballbar.truth.compare import poses_against_truth
-from cell.statistics import rms
-from ident.table_fit import fit_table
-from sim.recording_files import write_poses
-from sim.still_poses import simulate_poses
 from tests.helpers.reference_points import (
     MOTIONS,
     SIGMA,

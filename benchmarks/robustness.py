@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.files import write_whole
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.sim.truth import Truth
 from ballbar.truth.compare import identification_against_truth
-from cell.descriptions import Cell
-from cell.files import write_whole
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs
-from ident.result import Identification
-from sim.truth import Truth
 from tests.helpers.drawn_robots import (
     ROOT,
     SLIP_S,

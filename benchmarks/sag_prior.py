@@ -23,23 +23,23 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.files import write_whole
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.poses import PoseTable
+from ballbar.ident import table_fit
+from ballbar.ident.corrections import unit_weights as weights
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State
+from ballbar.ident.estimator import robust_fit as fit
+from ballbar.ident.estimator.priors import with_tails
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.robot.accuracy import position_error
+from ballbar.ident.start.placements import start_of_poses
+from ballbar.ident.table_estimate import TableEstimate
 from benchmarks import real_robots as real
 from benchmarks import real_robots_tables as tables
-from cell.arrays import Array
-from cell.chain import Frames, cross, forward
-from cell.descriptions import Robot
-from cell.files import write_whole
-from cell.geometry import nominal_chain
-from cell.poses import PoseTable
-from ident import table_fit
-from ident.corrections import unit_weights as weights
-from ident.corrections.base import GEAR, Coefficient, Correction, State
-from ident.estimator import robust_fit as fit
-from ident.estimator.priors import with_tails
-from ident.estimator.unknowns import Unknowns
-from ident.robot.accuracy import position_error
-from ident.start.placements import start_of_poses
-from ident.table_estimate import TableEstimate
 from tests.helpers.still_poses import TrueRobot, angles, table_of, true_robot
 
 RESULT = Path("docs/studies/sag_prior.csv")

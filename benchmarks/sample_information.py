@@ -12,20 +12,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.sample_times import sample_times
+from ballbar.ident.estimator.samples import samples_of
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import ROD_SIGMA_START, Logs, fit_recording
+from ballbar.ident.robot.accuracy import accuracy_grid, tcp_sigma
+from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING
+from ballbar.ident.thesis.paired_samples import SampleFit
 from benchmarks.alignment_after_fit import settings
 from benchmarks.study import SCENARIOS, recorded
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import jacobian
-from ident.estimator.sample_times import sample_times
-from ident.estimator.samples import samples_of
-from ident.options import FitOptions
-from ident.recording_fit import ROD_SIGMA_START, Logs, fit_recording
-from ident.robot.accuracy import accuracy_grid, tcp_sigma
-from ident.signals.smooth_log import WIDEST_KNOT_SPACING
-from ident.thesis.paired_samples import SampleFit
 
 COUNTS = (75, 150, 300)
 DURATION = 60.0  # [s]

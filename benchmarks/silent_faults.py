@@ -35,18 +35,18 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.recording import Recording, read_recording
 from ballbar import identify_recordings
+from ballbar.acquisition.recording import Recording, read_recording
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.start.automatic import StartError
 from ballbar.identify_settings import IdentifySettings
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
+from ballbar.sim.truth import Truth as SimulatedTruth
 from ballbar.truth.compare import reference_of, true_tool
 from benchmarks.study import STUDIES, study_parser, write_table
-from cell.errors import FailureError, InputError
-from ident.result import Identification
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.start.automatic import StartError
-from sim.recording_files import write_recording
-from sim.simulate import simulate
-from sim.truth import Truth as SimulatedTruth
 from tests.helpers.drawn_robots import SCENARIOS, scenario_of
 from tests.independent.machine import files as cell_files
 from tests.independent.recording import Plan, accuracy_box, aligned_distance, record_path

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.threads import ONE_THREAD
+from ballbar.cell.threads import ONE_THREAD
 
 ROUNDS = 11
 HEAVY = ("numpy", "scipy", "mujoco", "pyarrow", "matplotlib", "rerun")

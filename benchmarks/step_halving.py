@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.ident.result import Identification
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
-from ident.result import Identification
-from sim.recording_files import write_recording
-from sim.simulate import simulate
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 STEPS = (1e-3, 5e-4, 2.5e-4)  # [s]

@@ -14,11 +14,11 @@ from typing import Any
 
 import yaml
 
-from acquisition.recording import Recording, read_recording
-from cell.files import write_whole
-from sim.recording_files import write_recording
-from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate
+from ballbar.acquisition.recording import Recording, read_recording
+from ballbar.cell.files import write_whole
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.simulate import Simulation, simulate
 
 ROOT = Path(__file__).parents[1]
 SCENARIOS, STUDIES = ROOT / "scenarios", ROOT / "docs" / "studies"

@@ -31,15 +31,15 @@ from unittest import mock
 import numpy as np
 import pyarrow.parquet as pq
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.threads import one_thread_each
 from ballbar.scenario import load_scenario
+from ballbar.sim.streams import stream
 from ballbar.sweep.chunk import Row, Task, run_chunk
 from ballbar.sweep.run import Workers, run_sweep
 from ballbar.trial.trial import run_trial
 from benchmarks.study import STUDIES, in_words, write_table
 from benchmarks.sweep_speed import SCENARIOS, alone, nothing, sweep_of
-from cell.arrays import Array
-from cell.threads import one_thread_each
-from sim.streams import stream
 
 ROBOTS = 100_000
 CORES = (16, 64, 256)

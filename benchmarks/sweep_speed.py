@@ -25,6 +25,7 @@ from typing import TypeVar
 import numpy as np
 import pyarrow.parquet as pq
 
+from ballbar.cell.threads import one_thread_each
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task, Trial
@@ -32,7 +33,6 @@ from ballbar.sweep.file import SEED
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import Workers, dask_cluster, processes, run_sweep
 from ballbar.sweep.table import failures_of
-from cell.threads import one_thread_each
 
 T = TypeVar("T")
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -188,7 +188,7 @@ def real_sweep() -> Spent:
 
 def planted(scenario: Scenario, _folder: Path) -> dict[str, float | int | str]:
     """A run of the MuJoCo plant with every error source, and of its encoders and clocks."""
-    from sim.simulate import simulate  # noqa: PLC0415  the driver needs none of it
+    from ballbar.sim.simulate import simulate  # noqa: PLC0415  the driver needs none of it
 
     simulation = simulate(
         full_scenario().model_copy(update={SEED: scenario.seed}), relative_to=SCENARIOS

@@ -23,12 +23,12 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.files import write_whole
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.table_fit import fit_table
 from benchmarks import real_robots_tables
 from benchmarks.real_robots import as_points, mask, sites_of, with_sites
-from cell.arrays import Array
-from cell.files import write_whole
-from cell.poses import PoseTable
-from ident.table_fit import fit_table
 from tests.helpers.real_robots import DATA
 from tests.helpers.still_poses import (
     SEAT,

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cell.files import write_whole
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.cell.files import write_whole
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of, study_options
 
 SLOWER = 1.5

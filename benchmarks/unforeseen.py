@@ -31,13 +31,13 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.recording import read_recording
 from ballbar import identify_recordings
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.ident.start.automatic import StartError
 from ballbar.identify_settings import IdentifySettings
 from benchmarks.silent_faults import Logs, logs_of, spoilt
 from benchmarks.study import STUDIES, study_parser, write_table
-from cell.errors import FailureError, InputError
-from ident.start.automatic import StartError
 from tests.independent.machine import Effects, Ripple, files
 from tests.independent.recording import (
     Faults,

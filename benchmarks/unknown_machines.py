@@ -31,11 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar import identify_recordings
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.ident.result import Identification
+from ballbar.ident.start.automatic import StartError
 from ballbar.identify_settings import IdentifySettings
 from benchmarks.study import study_parser, write_table
-from cell.errors import FailureError, InputError
-from ident.result import Identification
-from ident.start.automatic import StartError
 from tests.helpers.independent_truth import (
     bound_draws,
     geometry_errors,

@@ -30,16 +30,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.verification import Verification
+from ballbar.ident.verify_recording import verify_recording
 from ballbar.scenario import Scenario
+from ballbar.sim.true_robot import TrueMachine
 from benchmarks.study import STUDIES, study_parser, write_table
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.verification import Verification
-from ident.verify_recording import verify_recording
-from sim.true_robot import TrueMachine
 from tests.helpers import drawn_lengths
 from tests.helpers.drawn_machines import OPTIONS, Truth, drawn, identified, recorded
 from tests.helpers.drawn_robots import recorded as recorded_robot

@@ -25,26 +25,24 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.load import load_robot
+from ballbar.ident.estimator.fit import fit_kinematics
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.sample_times import MARGIN
+from ballbar.ident.estimator.samples import samples_of
+from ballbar.ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
+from ballbar.ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
+from ballbar.ident.verdict import Status
 from ballbar.identify_settings import IdentifySettings
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
-from ballbar.trial.sample_trial import trial_samples
-from benchmarks.study import study_parser
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.load import load_robot
-from ident.estimator.fit import fit_kinematics
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.sample_times import MARGIN
-from ident.estimator.samples import samples_of
-from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
-from ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
-from ident.verdict import Status
-from sim.errors.sensor_errors import JointNoise
-from sim.errors.static_errors import StaticErrors
-from sim.kinematic_samples import KinematicSamples
-from sim.recording_files import write_recording
-from sim.settings import (
+from ballbar.sim.errors.sensor_errors import JointNoise
+from ballbar.sim.errors.static_errors import StaticErrors
+from ballbar.sim.kinematic_samples import KinematicSamples
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.settings import (
     CellSettings,
     ClockSettings,
     EncoderSettings,
@@ -53,7 +51,9 @@ from sim.settings import (
     PlantSettings,
     SimulationSettings,
 )
-from sim.simulate import simulate
+from ballbar.sim.simulate import simulate
+from ballbar.trial.sample_trial import trial_samples
+from benchmarks.study import study_parser
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 NOISE = 1e-5  # [rad]

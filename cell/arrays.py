@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cell.errors import InputError
+from ballbar.cell.errors import InputError
 
 ROUNDED = 1e-3  # [-] largest deviation of a rotation matrix that rounding may have left
 _TO_RIGID = 2  # steps, each of which squares the deviation

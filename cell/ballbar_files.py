@@ -9,9 +9,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from cell.description_files import DHRowFile, Length, LinkFile, NotNegative5, metres
-from cell.schema import EncoderLines, Line, NotNegative, Positive, Strict
-from cell.schema_errors import wrong_key
+from ballbar.cell.description_files import DHRowFile, Length, LinkFile, NotNegative5, metres
+from ballbar.cell.schema import EncoderLines, Line, NotNegative, Positive, Strict
+from ballbar.cell.schema_errors import wrong_key
 
 
 class BallBarLinksFile(Strict):

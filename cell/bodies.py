@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.descriptions import Cell, Link, Robot
-from cell.geometry import nominal_chain
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.descriptions import Cell, Link, Robot
+from ballbar.cell.geometry import nominal_chain
 
 
 def link_bodies(robot: Robot) -> list[Link]:

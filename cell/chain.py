@@ -20,8 +20,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array as Array  # noqa: PLC0414  ident and ballbar import it from here
-from cell.arrays import read_only
+from ballbar.cell.arrays import Array as Array  # noqa: PLC0414  ident and ballbar import it from here
+from ballbar.cell.arrays import read_only
 
 KINDS = ("a", "d", "alpha", "theta", "beta")
 

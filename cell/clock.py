@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 Time = TypeVar("Time", float, Array)
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.errors import InputError
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.errors import InputError
 
 REACHED = 1e-9  # [m, rad] of a pose that is taken, and of offsets that are none
 # [rad] twists of the arms that have a closed form; with s = -1 alpha_4 and alpha_5 are mirrored
@@ -38,7 +38,7 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
 
     Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
     where a pose is out of reach, or where the wrist is exactly singular. Raises InputError for a
-    robot of another structure (cell.numerical_inverse).
+    robot of another structure (ballbar.cell.numerical_inverse).
     """
     if not has_closed_form(chain):
         raise InputError(

@@ -17,9 +17,9 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from cell.descriptions import ProgramLanguage
-from cell.schema import Line, NotNegative, Positive, Strict
-from cell.schema_errors import Loc, wrong_key
+from ballbar.cell.descriptions import ProgramLanguage
+from ballbar.cell.schema import Line, NotNegative, Positive, Strict
+from ballbar.cell.schema_errors import Loc, wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
 SMALLEST_TWIST_DEG = 7.0  # [deg] a nominal angle between 0 and 2 pi in number, but not 0, is in rad

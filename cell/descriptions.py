@@ -2,7 +2,7 @@
 
 SI units and float64 throughout, arrays write-protected; `dataclasses.replace` makes a changed copy.
 DH rows are standard, `Rz(theta + q) Tz(d) Tx(a) Rx(alpha)`; matrices act on row vectors,
-`joints = motors @ T` (thesis App. A). Descriptions are read from files by cell.load.
+`joints = motors @ T` (thesis App. A). Descriptions are read from files by ballbar.cell.load.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Literal, overload
 
 import numpy as np
 
-from cell.arrays import (
+from ballbar.cell.arrays import (
     Array,
     Matrix3,
     MatrixJ,
@@ -23,7 +23,7 @@ from cell.arrays import (
     protect_fields,
     read_only,
 )
-from cell.errors import InputError
+from ballbar.cell.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ class Robot:
     links: tuple[Link, ...] | None = None  # base, link 1..J; robot base frame, all q = 0
     servo: Mapping[str, ServoGains] | None = None  # by name: soft, stiff
     gears: Gears | None = None
-    log_dialect: str = "abb-motor"  # of its controller's logs (cell.dialect)
+    log_dialect: str = "abb-motor"  # of its controller's logs (ballbar.cell.dialect)
     program_language: ProgramLanguage | None = None  # of its controller, where plans write programs
     armature: VectorJ | None = None  # [kg m^2] rotor inertia referred to the gear's output
 

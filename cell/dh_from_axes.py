@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array, read_only
-from cell.chain import Chain, forward
+from ballbar.cell.arrays import Array, read_only
+from ballbar.cell.chain import Chain, forward
 
 TOLERANCE = 1e-9  # [m, or sine of an angle] less is rounding: parallel, intersecting
 NEARLY_PARALLEL = 0.01  # [rad] sine of an angle below which rows become ill-conditioned: d = a/sine

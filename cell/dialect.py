@@ -2,7 +2,7 @@
 
 They stand in `cell/dialects/*.yaml`, or in a file of the user's. There is one table reader;
 a dialect gives it the separators, the time column and its forms, and which columns hold what. A
-column is named, found by a regular expression, or counted (cell.selectors).
+column is named, found by a regular expression, or counted (ballbar.cell.selectors).
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from cell.errors import DescriptionError
-from cell.file_units import AngleUnit
-from cell.logs import SourceName
-from cell.recording import EncoderName
-from cell.schema import Strict
-from cell.schema_errors import nearest
-from cell.selectors import by_position, checked, spread
-from cell.strict_yaml import load_model
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.file_units import AngleUnit
+from ballbar.cell.logs import SourceName
+from ballbar.cell.recording import EncoderName
+from ballbar.cell.schema import Strict
+from ballbar.cell.schema_errors import nearest
+from ballbar.cell.selectors import by_position, checked, spread
+from ballbar.cell.strict_yaml import load_model
 
 _FOLDER = Path(__file__).parent / "dialects"
 

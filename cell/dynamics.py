@@ -2,7 +2,7 @@
 
 The outward recursion gives angular velocity and acceleration of every body and the acceleration of
 its centre of mass. The inward recursion sums at each joint the forces and moments of all bodies
-beyond it (Luh, Walker & Paul 1980). Arrays are component-first as in cell.chain.
+beyond it (Luh, Walker & Paul 1980). Arrays are component-first as in ballbar.cell.chain.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames, cross
-from cell.descriptions import Link
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross
+from ballbar.cell.descriptions import Link
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,10 +21,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cell.errors import DescriptionError, InputError
-from cell.files import copied_description
-from cell.schema_errors import Loc, nearest
-from cell.strict_yaml import Place, YamlDocument, load_yaml, parse_value
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.files import copied_description
+from ballbar.cell.schema_errors import Loc, nearest
+from ballbar.cell.strict_yaml import Place, YamlDocument, load_yaml, parse_value
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
 EXTENDS = "extends"  # the key

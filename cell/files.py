@@ -11,11 +11,11 @@ from pathlib import Path
 
 import yaml
 
-from cell.core_yaml import CoreDumper
-from cell.errors import InputError
-from cell.foreign_files import read_regular
-from cell.foreign_text import printable
-from cell.strict_yaml import MAX_BYTES
+from ballbar.cell.core_yaml import CoreDumper
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_files import read_regular
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.strict_yaml import MAX_BYTES
 
 
 def write_whole(path: Path, content: bytes) -> None:

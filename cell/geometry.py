@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cell.arrays import Array, read_only
-from cell.chain import Chain, Frames, forward, screw
+from ballbar.cell.arrays import Array, read_only
+from ballbar.cell.chain import Chain, Frames, forward, screw
 
 if TYPE_CHECKING:
-    from cell.descriptions import Cell, Robot
+    from ballbar.cell.descriptions import Cell, Robot
 
 BAR_ROWS = 5  # one per joint
 ROD_ROW = 2  # of the ball-bar, from 0: its d is the rod's length
@@ -259,7 +259,8 @@ def parameter_screw(
 ) -> Array:
     """(6, N) motion of the tool frame of robot or ball-bar for a unit change of one parameter.
 
-    Components [m, rad per unit] are those of cell.chain.screw. out : (6, N) array to write to.
+    Components [m, rad per unit] are those of ballbar.cell.chain.screw. out : (6, N) array to write
+    to.
     """
     if parameter.side != "base":
         frames = robot if parameter.side == "robot" else bar

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 DWELL = 2.0  # times the source's period: values that stay for longer are those of a dwell
 NOTABLE = 0.05  # share of repeated rows among those of the motion from which values are held

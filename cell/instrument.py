@@ -4,7 +4,8 @@ Each joint of a chain is revolute, prismatic, universal (two axes) or ball (thre
 not. What the sensed joints tell of the target is what the instrument measures: a telescoping
 ball-bar or a draw-wire its distance, a laser tracker its position, a tracker with a 6-D target its
 pose; a socket holds it at one point. The sensed double ball-bar, five revolute joints and a rod, is
-described by its own class (cell.descriptions.BallBar), for it is a mechanism with masses too.
+described by its own class (ballbar.cell.descriptions.BallBar), for it is a mechanism with masses
+too.
 """
 
 from __future__ import annotations
@@ -14,15 +15,15 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.arrays import Array
-from cell.description_files import NominalAngle
-from cell.descriptions import BallBar, Link
-from cell.geometry import ROD_ROW
-from cell.instruments import kinds
-from cell.instruments.base import Instrument, Kind
-from cell.inverse import BAR_ALPHA
-from cell.schema import Line, NotNegative, Positive, Strict
-from cell.schema_errors import wrong_key
+from ballbar.cell.arrays import Array
+from ballbar.cell.description_files import NominalAngle
+from ballbar.cell.descriptions import BallBar, Link
+from ballbar.cell.geometry import ROD_ROW
+from ballbar.cell.instruments import kinds
+from ballbar.cell.instruments.base import Instrument, Kind
+from ballbar.cell.inverse import BAR_ALPHA
+from ballbar.cell.schema import Line, NotNegative, Positive, Strict
+from ballbar.cell.schema_errors import wrong_key
 
 JointKind = Literal["revolute", "prismatic", "universal", "ball"]
 _SHARED = ("lower_m", "upper_m", "sigma_m", "zero_sigma_m")  # by all sensed lengths of a chain

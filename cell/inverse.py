@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, forward, joint_screws
-from cell.errors import FailureError
-from cell.rotation import rotvec_from_matrix
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, forward, joint_screws
+from ballbar.cell.errors import FailureError
+from ballbar.cell.rotation import rotvec_from_matrix
 
 REACHED = 1e-9  # [m, rad] of a pose that fewer than six joints take, far above rounding
 # [rad] twists of the ball-bar, thesis sec. 2.2

@@ -1,6 +1,6 @@
 """Descriptions of a cell read from YAML files: those shipped in cell/, or files of one's own.
 
-The schema of the files is cell.description_files; here their units become SI.
+The schema of the files is ballbar.cell.description_files; here their units become SI.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.ballbar_files import AxialStiffnessFile, BallBarFile, JointBacklashFile, PlateFile
-from cell.description_files import DHRowFile, GearsFile, LinkFile, RobotFile, ServoFile
-from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
-from cell.errors import DescriptionError
-from cell.foreign_files import read_regular
-from cell.instrument import InstrumentFile, instrument_of, telescoping_bar
-from cell.instruments.base import Instrument
-from cell.schema_errors import nearest
-from cell.strict_yaml import MAX_BYTES, M, load_model
+from ballbar.cell.arrays import Array
+from ballbar.cell.ballbar_files import AxialStiffnessFile, BallBarFile, JointBacklashFile, PlateFile
+from ballbar.cell.description_files import DHRowFile, GearsFile, LinkFile, RobotFile, ServoFile
+from ballbar.cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.foreign_files import read_regular
+from ballbar.cell.instrument import InstrumentFile, instrument_of, telescoping_bar
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.schema_errors import nearest
+from ballbar.cell.strict_yaml import MAX_BYTES, M, load_model
 
 F = TypeVar("F")
 D = TypeVar("D")

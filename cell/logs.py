@@ -1,7 +1,7 @@
 """Recordings after reading: angles and loads over time, each log on its own clock.
 
 Acquisition makes these logs and identification takes them. Times are float64 seconds counted from
-the first row of their own log; cell.clock relates the two clocks.
+the first row of their own log; ballbar.cell.clock relates the two clocks.
 
 The logs hold the rows that a fit may use. `segment` numbers the stretches of a log between which
 the clock was set, a counter was reset or rows were lost; angles and times continue across them as
@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array, read_only
+from ballbar.cell.arrays import Array, read_only
 
 # The sources of a recording
 SourceName = Literal["robot", "ballbar", "length", "force", "tracker"]

@@ -1,8 +1,9 @@
 """Local cubics, which distinguish damaged values and steps of a log from motion.
 
-Acquisition looks for damaged values (acquisition.faults.damaged_values), identification for steps
-of an encoder or a clock (ident.signals.steps). Both compare a value with a cubic through the rows
-beside it. Rows have times t [s] and values y [rad] with white noise of standard deviation sigma.
+Acquisition looks for damaged values (ballbar.acquisition.faults.damaged_values), identification for
+steps of an encoder or a clock (ballbar.ident.signals.steps). Both compare a value with a cubic
+through the rows beside it. Rows have times t [s] and values y [rad] with white noise of standard
+deviation sigma.
 
 Prediction error. The cubic through rows i-2, i-1, i+1 and i+2 has at t_i the value sum_k w_k y_k,
 where w_k = prod_(m != k) (t_i - t_m) / (t_k - t_m) are Lagrange's weights. Its difference to y_i
@@ -29,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 Rows = NDArray[np.intp]
 Mask = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW, Clock
+from ballbar.cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW, Clock
 
 # Of the unit shown. 1e-6 mm or mrad is a nanometre or nanoradian, a four-hundredth of the finest
 # encoder step (3600 lines, 12 bits: 4e-7 rad); what is smaller is rounding, and is shown as 0.

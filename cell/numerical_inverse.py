@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, forward, joint_screws
-from cell.descriptions import Robot
-from cell.inverse import pose_error
-from cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, forward, joint_screws
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.inverse import pose_error
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 
 REACHED = 1e-9  # [m, rad] of an error that is zero but for rounding
 TABLE = 30_000  # tabulated starts

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Link
-from cell.errors import InputError
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Link
+from ballbar.cell.errors import InputError
 
 FARTHEST = 5.0  # [m] of a payload's centre from the flange: longer than any tool; 10 mm exceed it
 TOOL = 4  # deviations of the tool: mass [kg] and first moment [kg m] in the flange's frame

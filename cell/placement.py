@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.rotation import matrix_from_rotvec
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.rotation import matrix_from_rotvec
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """poses.yaml: how to read tables of still poses (schema `ballbar-poses/1`).
 
-A person writes it, or `ballbar new --poses`; acquisition.pose_tables reads it. A column is named as
-in the header of its file, or counted from 1 in a file without header. A number may be the
+A person writes it, or `ballbar new --poses`; ballbar.acquisition.pose_tables reads it. A column is
+named as in the header of its file, or counted from 1 in a file without header. A number may be the
 difference or the sum of two columns: "x_t - x_dif".
 """
 
@@ -13,13 +13,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.errors import DescriptionError
-from cell.file_units import AngleUnit, LengthUnit, Rotation
-from cell.instruments.base import Instrument
-from cell.poses import KnownDistance
-from cell.schema import Positive, Strict
-from cell.schema_errors import nearest, wrong_key
-from cell.strict_yaml import load_model
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.file_units import AngleUnit, LengthUnit, Rotation
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.poses import KnownDistance
+from ballbar.cell.schema import Positive, Strict
+from ballbar.cell.schema_errors import nearest, wrong_key
+from ballbar.cell.strict_yaml import load_model
 
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
 

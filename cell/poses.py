@@ -14,17 +14,18 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array, read_only
-from cell.clock import Clock
-from cell.descriptions import Robot
-from cell.instruments import kind_named
-from cell.instruments.base import Kind
+from ballbar.cell.arrays import Array, read_only
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.instruments import kind_named
+from ballbar.cell.instruments.base import Kind
 
 Measured = str  # name of a kind of instrument
 
 
 class JointMotion(Protocol):
-    """Motion of the robot's joints while an instrument followed its target (ident.signals.motion).
+    """Motion of the robot's joints while an instrument followed its target
+    (ballbar.ident.signals.motion).
 
     Times (N,) [s] are those of the robot's clock, angles those of the DH convention.
     """

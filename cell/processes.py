@@ -19,7 +19,7 @@ from functools import partial
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from cell.threads import one_thread_each
+from ballbar.cell.threads import one_thread_each
 
 # Begins work with its arguments; the function that it returns gives the result. `partial` is one
 # that begins nothing beforehand.

@@ -11,12 +11,12 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from cell.errors import DescriptionError
-from cell.file_units import AngleUnit, LogLengthUnit, Rotation
-from cell.logs import SourceName
-from cell.schema import EncoderLines, Strict
-from cell.schema_errors import wrong_key
-from cell.strict_yaml import load_model
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.file_units import AngleUnit, LogLengthUnit, Rotation
+from ballbar.cell.logs import SourceName
+from ballbar.cell.schema import EncoderLines, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.strict_yaml import load_model
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames, forward
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
 
 _ROUNDS = 60  # of the two steps in turn; each shortens the way to the least squares solution
 

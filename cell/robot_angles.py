@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cell.arrays import Array
-from cell.descriptions import Robot
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
 
 MAIN_AXES = 3  # they carry the arm; the axes behind them turn the wrist
 _BLOCK = 4096  # rows multiplied at a time: below it OpenBLAS computes in the calling thread

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 _SMALL = 1e-4  # [rad] below it the series is exact to rounding: next term is phi^4/360 ~ 3e-19
 _NEAR_HALF_TURN = 3.0  # [rad] beyond it the skew part loses the axis

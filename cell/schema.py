@@ -8,8 +8,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from cell.foreign_text import csv_text, is_printable
-from cell.schema_errors import Loc, wrong_key
+from ballbar.cell.foreign_text import csv_text, is_printable
+from ballbar.cell.schema_errors import Loc, wrong_key
 
 # Largest magnitude of a number by the unit that its key ends in: far beyond any cell, and so small
 # that squares and products stay finite.

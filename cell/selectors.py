@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cell.errors import DescriptionError
+from ballbar.cell.errors import DescriptionError
 
 _REGEX, _NUMBER = "re:", re.compile(r"#([1-9][0-9]{0,3})")
 # The k-th of n columns that one expression finds.

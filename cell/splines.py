@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 DEGREE = 5  # continuous acceleration and jerk; used for logs and recorded paths
 

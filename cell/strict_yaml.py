@@ -19,11 +19,11 @@ from typing import Any, NoReturn, TypeVar, cast
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from cell.core_yaml import SCALARS, TAG, root_node
-from cell.errors import DescriptionError
-from cell.foreign_files import read_regular
-from cell.foreign_text import is_printable, printable
-from cell.schema_errors import Example, Loc, explain
+from ballbar.cell.core_yaml import SCALARS, TAG, root_node
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.foreign_files import read_regular
+from ballbar.cell.foreign_text import is_printable, printable
+from ballbar.cell.schema_errors import Example, Loc, explain
 
 M = TypeVar("M", bound=BaseModel)
 

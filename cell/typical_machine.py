@@ -2,9 +2,9 @@
 
 A robot's file may state no masses, gears, servo or rotors. Plans of the force in a ball-bar's rod
 and the dynamic simulation then take typical values, each with the spread over published robots;
-an identification has unknowns about them (ident.corrections.typical_gears). Sizes are scaled with
-the chain's length L (`arm_length`) and the robot's mass M. Every spread is the standard deviation
-of a natural logarithm.
+an identification has unknowns about them (ballbar.ident.corrections.typical_gears). Sizes are
+scaled with the chain's length L (`arm_length`) and the robot's mass M. Every spread is the standard
+deviation of a natural logarithm.
 
 Sources: data sheets of 16 robots for their masses (docs/how_to/own_robot.md lists them); [I] and
 [N], cell/robots/irb2400.yaml and nj220.yaml with the sources that they name; [U] Universal Robots,
@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import Gears, Key, Link, Robot, ServoGains
-from cell.geometry import nominal_chain
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Gears, Key, Link, Robot, ServoGains
+from ballbar.cell.geometry import nominal_chain
 
 KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 GRAVITY = 9.81  # [m/s^2] standard gravity, rounded

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ballbar import FitOptions, PoseGroup, PoseTable, identify_poses, load_robot, verify
-from cell.chain import Chain, forward
+from ballbar.cell.chain import Chain, forward
 
 # 150 poses of a UR10 whose joint 4 has its zero 2 mrad off and whose upper arm is 0.4 mm longer. A
 # tracker at an unknown place measures a reflector with 20 um of noise along each axis.

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import typer
 from typer.models import ArgumentInfo, CommandInfo, OptionInfo
 
+from ballbar.cell.files import write_whole
 from ballbar.commands.listing import COMMANDS
-from cell.files import write_whole
 
 PAGE = Path(__file__).parents[1] / "docs/command_line.md"
 HEAD = """# Command line

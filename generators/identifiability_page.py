@@ -14,6 +14,23 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.files import write_whole
+from ballbar.cell.geometry import bar_frames, parameter_named
+from ballbar.cell.inverse import refine
+from ballbar.ident.estimator.closure import close_loop
+from ballbar.ident.estimator.dependencies import Group, Selection, groups
+from ballbar.ident.estimator.thesis_names import shortened, thesis_parameters
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.names import ENCODERS_NEEDED, ML, CostName
+from ballbar.ident.thesis.tables import (
+    MOST,
+    REMOVED,
+    TABLE_3_2,
+    TABLE_3_3,
+    TABLE_3_4,
+    TABLE_3_5_IDENTIFIED,
+    THESIS_COSTS,
+)
 from ballbar.identifiability import (
     NOISE,
     SAMPLES,
@@ -29,24 +46,7 @@ from ballbar.identifiability import (
     vector_text,
 )
 from ballbar.scenario import load_scenario
-from cell.files import write_whole
-from cell.geometry import bar_frames, parameter_named
-from cell.inverse import refine
-from ident.estimator.closure import close_loop
-from ident.estimator.dependencies import Group, Selection, groups
-from ident.estimator.thesis_names import shortened, thesis_parameters
-from ident.thesis.costs import cost_named
-from ident.thesis.names import ENCODERS_NEEDED, ML, CostName
-from ident.thesis.tables import (
-    MOST,
-    REMOVED,
-    TABLE_3_2,
-    TABLE_3_3,
-    TABLE_3_4,
-    TABLE_3_5_IDENTIFIED,
-    THESIS_COSTS,
-)
-from sim.errors.static_errors import THESIS_3_1
+from ballbar.sim.errors.static_errors import THESIS_3_1
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS, PAGE = ROOT / "scenarios", ROOT / "docs" / "identifiability.md"

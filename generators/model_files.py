@@ -17,14 +17,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cell.arrays import Array
-from cell.closed_form import robot_branches
-from cell.descriptions import Cell
-from cell.files import write_whole
-from cell.geometry import bar_frames, nominal_geometry
-from cell.load import load_cell
-from sim.plant.effects import Plant, PlantEffects
-from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import robot_branches
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.files import write_whole
+from ballbar.cell.geometry import bar_frames, nominal_geometry
+from ballbar.cell.load import load_cell
+from ballbar.sim.plant.effects import Plant, PlantEffects
+from ballbar.sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
 
 MODELS = Path(__file__).parents[1] / "sim" / "models"
 # Of each robot: ball-bar, its position [m], and a pose in the middle of the path as ball-bar

@@ -19,14 +19,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 
+from ballbar.cell.files import write_whole
+from ballbar.cell.geometry import bar_frames, robot_frames
 from ballbar.figure_style import AFTER, BEFORE, FRAME
+from ballbar.ident.estimator.closure import complete_bar_angles
 from ballbar.report.tcp_view import tcp_view
 from ballbar.result.run_data import RunData
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
-from cell.files import write_whole
-from cell.geometry import bar_frames, robot_frames
-from ident.estimator.closure import complete_bar_angles
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "irb2400.yaml"

@@ -12,14 +12,14 @@ from pathlib import Path
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from ballbar.cell.files import write_whole
+from ballbar.cell.pose_file import PosesFile
+from ballbar.cell.schema import describe_keys
+from ballbar.planning.pose_request import PosePlanRequest
+from ballbar.planning.request import PlanRequest
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.recording_entries import marks_of
-from cell.files import write_whole
-from cell.pose_file import PosesFile
-from cell.schema import describe_keys
 from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
-from planning.pose_request import PosePlanRequest
-from planning.request import PlanRequest
 
 describe_keys()
 DOCS = Path(__file__).parents[1] / "docs"

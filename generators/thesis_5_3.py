@@ -16,12 +16,12 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.files import write_whole
 from ballbar.scenario import load_scenario
-from cell.arrays import Array
-from cell.files import write_whole
-from sim.logging.load_logs import OpticalTracker, drawn_tracker, tracker_rows
-from sim.motion import Motion, deflect
-from sim.simulate import Simulation, simulate
+from ballbar.sim.logging.load_logs import OpticalTracker, drawn_tracker, tracker_rows
+from ballbar.sim.motion import Motion, deflect
+from ballbar.sim.simulate import Simulation, simulate
 from tests.helpers.log_analysis import force_near_singularity, pull_push
 from tests.helpers.simulated_recordings import singular_passage
 

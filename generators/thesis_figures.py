@@ -19,23 +19,23 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.files import write_whole
+from ballbar.cell.load import load_robot
 from ballbar.claims.table import ERROR
 from ballbar.figure_style import BLUE, FRAME, ORANGE, QUIET, svg_text, to_hundredths
+from ballbar.ident.thesis.cost_shift import REACH, best_shift, cost_of_shift, with_matched_offsets
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.paired_samples import through_samples
+from ballbar.ident.thesis.tables import TABLE_3_5_IDENTIFIED
 from ballbar.scenario import Scenario
+from ballbar.sim.errors.sample_errors import delay_of
+from ballbar.sim.errors.static_errors import THESIS_3_1
 from ballbar.sweep.check import load_sweep
 from ballbar.sweep.plan import run_of
 from ballbar.trial.sample_trial import trial_samples
 from ballbar.trial.trial import run_trial
 from ballbar.units import MM, MS
-from cell.arrays import Array
-from cell.files import write_whole
-from cell.load import load_robot
-from ident.thesis.cost_shift import REACH, best_shift, cost_of_shift, with_matched_offsets
-from ident.thesis.costs import cost_named
-from ident.thesis.paired_samples import through_samples
-from ident.thesis.tables import TABLE_3_5_IDENTIFIED
-from sim.errors.sample_errors import delay_of
-from sim.errors.static_errors import THESIS_3_1
 
 ROOT = Path(__file__).parent.parent
 DOCS, SWEEPS = ROOT / "docs", ROOT / "scenarios" / "claims" / "sweeps"

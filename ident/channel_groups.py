@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cell.errors import LogError
-from cell.logs import ChannelLog
+from ballbar.cell.errors import LogError
+from ballbar.cell.logs import ChannelLog
 
 Names = tuple[str, ...]
 Group = tuple[Names, Names]  # channels of A and of B: 1, 3, 4 (a quaternion) or 7 (both)

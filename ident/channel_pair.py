@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.channel_groups import Group
-from ident.estimator.channel_map import skew
-from ident.estimator.clock_fit import GroupFit, Side
+from ballbar.cell.arrays import Array
+from ballbar.ident.channel_groups import Group
+from ballbar.ident.estimator.channel_map import skew
+from ballbar.ident.estimator.clock_fit import GroupFit, Side
 
 # Times its noise: a channel with less spread stands still, a direction that turns less is unknown.
 MOVES = 3.0
@@ -25,7 +25,8 @@ class ChannelPair:
     """A group of channels of both logs that hold one motion, and the map between them.
 
     Single channels: `a = gain b + zero`. Points: `a + R_a lever = gain turn b + zero`.
-    Rotations: `R_a hand = turn R_b` (ident.estimator.channel_map). Quaternions are (x, y, z, w).
+    Rotations: `R_a hand = turn R_b` (ballbar.ident.estimator.channel_map). Quaternions are (x, y,
+    z, w).
     """
 
     a: str  # names, with commas between them

@@ -1,8 +1,8 @@
 """The complete model: one machine from one or several recordings, with all supported corrections.
 
-`dh` fit of each recording (ident.recording_fit) -> tension of the rod from what was logged, or from
-geometry alone -> joint fit, noise levels, joint fit -> step faults -> corrections that the data do
-not support dropped. Structure and measured guidance: notes/identification secs. 4 to 6.
+`dh` fit of each recording (ballbar.ident.recording_fit) -> tension of the rod from what was logged,
+or from geometry alone -> joint fit, noise levels, joint fit -> step faults -> corrections that the
+data do not support dropped. Structure and measured guidance: notes/identification secs. 4 to 6.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from functools import partial
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
-from ident.corrections.base import Correction
-from ident.corrections.rod_elongation import ROD_ELONGATION
-from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
-from ident.estimator.fit import Fit, fit, thinned
-from ident.estimator.model import Model, gearing
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import NormalEquations
-from ident.estimator.observations import rounding_noise
-from ident.estimator.priors import declared_sigma, robot_unknowns, with_tails
-from ident.estimator.robust_fit import robust_weights
-from ident.estimator.sample_times import close_times
-from ident.estimator.samples import Samples, samples_of
-from ident.estimator.step_faults import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.rod_elongation import ROD_ELONGATION
+from ballbar.ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
+from ballbar.ident.estimator.fit import Fit, fit, thinned
+from ballbar.ident.estimator.model import Model, gearing
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import NormalEquations
+from ballbar.ident.estimator.observations import rounding_noise
+from ballbar.ident.estimator.priors import declared_sigma, robot_unknowns, with_tails
+from ballbar.ident.estimator.robust_fit import robust_weights
+from ballbar.ident.estimator.sample_times import close_times
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.estimator.step_faults import (
     ENCODER_JUMPS,
     MAX_FOUND,
     encoder_slips,
@@ -37,11 +37,11 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.uncertainty import autocorrelation
-from ident.estimator.unknowns import PlacedPoses, Unknowns
-from ident.estimator.variance_components import excess_noise
-from ident.loads.gear_loads import mass_model
-from ident.loads.logged_tension import (
+from ballbar.ident.estimator.uncertainty import autocorrelation
+from ballbar.ident.estimator.unknowns import PlacedPoses, Unknowns
+from ballbar.ident.estimator.variance_components import excess_noise
+from ballbar.ident.loads.gear_loads import mass_model
+from ballbar.ident.loads.logged_tension import (
     FORCE_PRIOR,
     SPACING,
     instrument_forces,
@@ -49,10 +49,10 @@ from ident.loads.logged_tension import (
     tension_splines,
     torque_tension,
 )
-from ident.model_choice import candidates_left_out, needed_corrections, present, unsupported
-from ident.options import SILENT, FitOptions, Listener
-from ident.recording_fit import RecordingFit
-from ident.signals.steps import StepFault
+from ballbar.ident.model_choice import candidates_left_out, needed_corrections, present, unsupported
+from ballbar.ident.options import SILENT, FitOptions, Listener
+from ballbar.ident.recording_fit import RecordingFit
+from ballbar.ident.signals.steps import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
 DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0, "instrument": FORCE_PRIOR}

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import parameter_named
-from ident.corrections.remounted_tool import KINDS
-from ident.estimator.fit import Fit
-from ident.estimator.priors import BASE_POSE
-from ident.estimator.time_blocks import TimeBlocks, time_blocks
-from ident.single_causes import WANDERS, worded
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import parameter_named
+from ballbar.ident.corrections.remounted_tool import KINDS
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.priors import BASE_POSE
+from ballbar.ident.estimator.time_blocks import TimeBlocks, time_blocks
+from ballbar.ident.single_causes import WANDERS, worded
 
 # Decrease for a single unknown, over what is left with the change in the model, from which it is
 # one; for each of k unknowns 1 + (SINGLE - 1) / k^(1/4). SURE times that is asked for: machines

@@ -28,16 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cell.arrays import Array
-from cell.poses import PoseGroup, PoseTable
-from cell.statistics import chi_square_quantile
-from ident.estimator.fit import Fit
-from ident.estimator.model import Evaluation
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.regions import pose_regions
-from ident.estimator.uncertainty import inflation_factors
-from ident.estimator.whitening import Whitening
-from ident.signals.smooth_log import WIDEST_KNOT_SPACING
+from ballbar.cell.arrays import Array
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.statistics import chi_square_quantile
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Evaluation
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.regions import pose_regions
+from ballbar.ident.estimator.uncertainty import inflation_factors
+from ballbar.ident.estimator.whitening import Whitening
+from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING
 
 LEVEL = 0.95
 STRANGE = 3e-3  # [m] mean error: industrial robots, identified, stay below 0.5 mm

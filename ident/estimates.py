@@ -8,21 +8,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from cell.statistics import rms
-from ident.causes import beside_fit
-from ident.consistency import AGREED, consistency
-from ident.corrections import SUBSTITUTES, corrections_without_data
-from ident.estimator.build_unknowns import GAIN_PRIOR
-from ident.estimator.fit import Fit
-from ident.estimator.order_search import JointOrder
-from ident.estimator.priors import PULL, beyond_priors
-from ident.estimator.step_faults import as_logged, step_faults_in_logs
-from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.evidence import ClosureEvidence, Evidence
-from ident.fitted_robot import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.statistics import rms
+from ballbar.ident.causes import beside_fit
+from ballbar.ident.consistency import AGREED, consistency
+from ballbar.ident.corrections import SUBSTITUTES, corrections_without_data
+from ballbar.ident.estimator.build_unknowns import GAIN_PRIOR
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.order_search import JointOrder
+from ballbar.ident.estimator.priors import PULL, beyond_priors
+from ballbar.ident.estimator.step_faults import as_logged, step_faults_in_logs
+from ballbar.ident.estimator.uncertainty import Uncertainty, uncertainty
+from ballbar.ident.evidence import ClosureEvidence, Evidence
+from ballbar.ident.fitted_robot import (
     MOSTLY_PRIOR,
     deviated_masses,
     robot_at_rest,
@@ -30,12 +30,12 @@ from ident.fitted_robot import (
     softer_gears,
     with_doubt_of_masses,
 )
-from ident.loads.payload import PayloadEstimate
-from ident.model_choice import NEGATIVE, negative_coefficients
-from ident.options import FitOptions
-from ident.physical_bounds import impossible
-from ident.recording_fit import RecordingFit, nominal_robot_fit
-from ident.remarks import (
+from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.model_choice import NEGATIVE, negative_coefficients
+from ballbar.ident.options import FitOptions
+from ballbar.ident.physical_bounds import impossible
+from ballbar.ident.recording_fit import RecordingFit, nominal_robot_fit
+from ballbar.ident.remarks import (
     change_remarks,
     joint_error_remark,
     lag_remark,
@@ -45,15 +45,21 @@ from ident.remarks import (
     payload_remark,
     wrong_ratios,
 )
-from ident.result import FitStatistics, Identification, RecordingEstimate, Residuals, RobotEstimate
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.identified import IdentifiedRobot
-from ident.rules import judge, masses_in_doubt
-from ident.signals.steps import StepFault
-from ident.table_estimate import TableEstimate
-from ident.table_fit import added_table
-from ident.tracker import check_tracker
-from ident.verdict import Status
+from ballbar.ident.result import (
+    FitStatistics,
+    Identification,
+    RecordingEstimate,
+    Residuals,
+    RobotEstimate,
+)
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.rules import judge, masses_in_doubt
+from ballbar.ident.signals.steps import StepFault
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import added_table
+from ballbar.ident.tracker import check_tracker
+from ballbar.ident.verdict import Status
 
 # Of a complete fit, whose residual may show a cause
 UNEXPLAINED_FIT = (Status.MISFIT, Status.SUSPECT)

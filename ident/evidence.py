@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.result import FitStatistics, RecordingEstimate, RobotEstimate
-from ident.table_estimate import TableEstimate
+from ballbar.ident.result import FitStatistics, RecordingEstimate, RobotEstimate
+from ballbar.ident.table_estimate import TableEstimate
 
 # A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
 # is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
@@ -24,7 +24,7 @@ class ClosureEvidence:
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
-    impossible: tuple[str, ...] = ()  # what is beyond physical size (ident.physical_bounds)
+    impossible: tuple[str, ...] = ()  # what is beyond physical size (ballbar.ident.physical_bounds)
     disagreement: str = ""  # what is not the same in all recordings, or all along one
     ratios: str = ""  # gears that turn otherwise than logged
     # compliance of all gears over the catalogue's, where no torque tells masses
@@ -70,7 +70,7 @@ class Evidence:
     recording: RecordingEstimate | None = None
     table: TableEstimate | None = None
     remarks: tuple[str, ...] = ()  # on the logs of the recording
-    # residual of the recording by the machine of the others (ident.consistency)
+    # residual of the recording by the machine of the others (ballbar.ident.consistency)
     held_out: float | None = None
     elsewhere: bool = False  # whether the robot was judged elsewhere than where still poses are
 

@@ -3,7 +3,7 @@
 Outliers are recognised by the length of the whitened residual against its median. A pose read
 before the robot stood still has its residual along the last move: the joint angles were not yet, or
 no longer, those of the measurement. A drifting base shows as a score of the seat's motion in
-proportion to time (White 1982, as in ident.estimator.order_search).
+proportion to time (White 1982, as in ballbar.ident.estimator.order_search).
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from cell.arrays import Array
-from cell.poses import PoseGroup
-from ident.estimator.fit import Fit
-from ident.estimator.priors import declared_sigma
-from ident.estimator.robust_fit import median_scale, whitened_lengths
-from ident.table_steps import Step
+from ballbar.cell.arrays import Array
+from ballbar.cell.poses import PoseGroup
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.priors import declared_sigma
+from ballbar.ident.estimator.robust_fit import median_scale, whitened_lengths
+from ballbar.ident.table_steps import Step
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 # Least scale of the whitened residuals: instruments' sigmas are declared up to twice too wide, and

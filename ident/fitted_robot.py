@@ -8,31 +8,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.payload import TOOL, deviations_between
-from ident.corrections.base import Coefficient, Correction
-from ident.estimator.fit import Fit
-from ident.estimator.gauss_newton import inverse
-from ident.estimator.identifiability import DroppedParameter
-from ident.estimator.priors import fixed_names, held_names, priors, taken_as_exact
-from ident.estimator.uncertainty import Uncertainty, held_shifts
-from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
-from ident.loads.payload import PayloadEstimate
-from ident.model_choice import coefficients_of, lasting
-from ident.recording_fit import RecordingFit
-from ident.result import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.payload import TOOL, deviations_between
+from ballbar.ident.corrections.base import Coefficient, Correction
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.ident.estimator.identifiability import DroppedParameter
+from ballbar.ident.estimator.priors import fixed_names, held_names, priors, taken_as_exact
+from ballbar.ident.estimator.uncertainty import Uncertainty, held_shifts
+from ballbar.ident.loads.mass_uncertainty import deviated_cells, stated_covariance
+from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.model_choice import coefficients_of, lasting
+from ballbar.ident.recording_fit import RecordingFit
+from ballbar.ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
     NamedCovariance,
     RobotEstimate,
     identified_robot,
 )
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.tcp_uncertainty import MASSES, TcpUncertainty, parts_without_scale, tcp_uncertainty
-from ident.robot.tool_covariance import ToolCovariance
-from ident.table_estimate import TableEstimate
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.tcp_uncertainty import (
+    MASSES,
+    TcpUncertainty,
+    parts_without_scale,
+    tcp_uncertainty,
+)
+from ballbar.ident.robot.tool_covariance import ToolCovariance
+from ballbar.ident.table_estimate import TableEstimate
 
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears

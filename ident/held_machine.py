@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.number_text import significant_text
-from cell.placement import Placement
-from cell.poses import PoseTable
-from ident.causes import Causes
-from ident.complete_fit import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.causes import Causes
+from ballbar.ident.complete_fit import (
     MEASURED,
     Pose,
     clock_steps_of,
@@ -34,21 +34,21 @@ from ident.complete_fit import (
     with_likely_tension,
     with_tension,
 )
-from ident.estimator.build_unknowns import complete_unknowns, still_unknowns
-from ident.estimator.fit import Fit
-from ident.estimator.model import Model, gearing, still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.robust_fit import fit_robustly
-from ident.estimator.step_faults import encoder_slips
-from ident.estimator.unknowns import PlacedPoses, Unknowns
-from ident.loads.gear_loads import mass_model
-from ident.options import SILENT, FitOptions, Listener
-from ident.recording_fit import Logs, RecordingFit, fit_recording
-from ident.result import Machine
-from ident.robot.identified import IdentifiedRobot
-from ident.signals.steps import StepFault
-from ident.start.automatic import StartError
-from ident.start.placements import start_of_poses
+from ballbar.ident.estimator.build_unknowns import complete_unknowns, still_unknowns
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Model, gearing, still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.robust_fit import fit_robustly
+from ballbar.ident.estimator.step_faults import encoder_slips
+from ballbar.ident.estimator.unknowns import PlacedPoses, Unknowns
+from ballbar.ident.loads.gear_loads import mass_model
+from ballbar.ident.options import SILENT, FitOptions, Listener
+from ballbar.ident.recording_fit import Logs, RecordingFit, fit_recording
+from ballbar.ident.result import Machine
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.signals.steps import StepFault
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.start.placements import start_of_poses
 
 HELD = 1e-6  # of a prior's sigma: below any length or angle that data could tell
 
@@ -77,7 +77,8 @@ def recording_alone(
 ) -> RecordingFit:
     """The `dh` fit of a recording, from which its own unknowns start.
 
-    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
+    Raises StartError when the logs cannot be brought together, with the cause
+    (ballbar.ident.causes).
     """
     try:
         return fit_recording(cell, logs, options, listener)

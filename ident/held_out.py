@@ -1,7 +1,7 @@
 """Held-out validation: does a machine explain what it was not identified from?
 
 What belongs to the held-out recording or table itself is fitted, the machine is held
-(ident.held_machine).
+(ballbar.ident.held_machine).
 """
 
 from __future__ import annotations
@@ -10,15 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import robot_geometry
-from cell.number_text import significant_text
-from cell.poses import PoseTable
-from ident.causes import Causes
-from ident.cross_validation import LEVEL, SAME_PLACE
-from ident.estimator.fit import Fit
-from ident.estimator.step_faults import MAX_FOUND, find_step_fault, sized, step_faults_in_logs
-from ident.held_machine import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.causes import Causes
+from ballbar.ident.cross_validation import LEVEL, SAME_PLACE
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.step_faults import (
+    MAX_FOUND,
+    find_step_fault,
+    sized,
+    step_faults_in_logs,
+)
+from ballbar.ident.held_machine import (
     LoopClosure,
     closed_loop,
     loop_closure,
@@ -26,15 +31,15 @@ from ident.held_machine import (
     placed,
     recording_alone,
 )
-from ident.options import DEFAULTS, SILENT, FitOptions, Listener
-from ident.recording_fit import Logs
-from ident.result import Identification
-from ident.robot.identified import IdentifiedRobot, range_sentence
-from ident.signals.steps import StepFault
-from ident.table_estimate import TableEstimate, position_errors
-from ident.table_steps import other_sides
-from ident.tracker import TrackerCheck, check_tracker
-from ident.verdict import MISFIT
+from ballbar.ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.identified import IdentifiedRobot, range_sentence
+from ballbar.ident.signals.steps import StepFault
+from ballbar.ident.table_estimate import TableEstimate, position_errors
+from ballbar.ident.table_steps import other_sides
+from ballbar.ident.tracker import TrackerCheck, check_tracker
+from ballbar.ident.verdict import MISFIT
 
 WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
 
@@ -93,7 +98,8 @@ def held_out(
 
     logs : of the same robot, ball-bar and plate. options : its samples and the source of its force.
 
-    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
+    Raises StartError when the logs cannot be brought together, with the cause
+    (ballbar.ident.causes).
     """
     machine = result.machine
     cell, robot, excess = machine.robot.cell, machine.robot, machine.excess

@@ -1,9 +1,9 @@
 """From logs, still poses or both to the robot's parameters, with their uncertainty and a verdict.
 
 Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model
-with the clock as parameter (ident.recording_fit). Several recordings are then fitted together, by
-kinematics alone or with corrections (ident.complete_fit), and one where something systematic is
-left. Still poses alone are fitted by ident.table_fit.
+with the clock as parameter (ballbar.ident.recording_fit). Several recordings are then fitted
+together, by kinematics alone or with corrections (ballbar.ident.complete_fit), and one where
+something systematic is left. Still poses alone are fitted by ballbar.ident.table_fit.
 """
 
 from __future__ import annotations
@@ -11,33 +11,33 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.logs import BallBarLog, ForceLog, RobotLog
-from cell.payload import with_payload
-from cell.poses import PoseTable
-from cell.statistics import rms
-from ident.causes import Causes
-from ident.complete_fit import fit_complete, settled
-from ident.corrections import supported_corrections
-from ident.corrections.rod_elongation import rod_elongation
-from ident.estimates import result_at_rest, result_of
-from ident.estimator.unknowns import PlacedPoses
-from ident.joint_errors import fit_joint_errors, may_have_joint_errors
-from ident.loads.logged_tension import logged_torque
-from ident.loads.payload import PayloadEstimate, payload_of_recordings
-from ident.loads.rod_tension import TORQUE_NEEDS
-from ident.model_choice import AUTOCORRELATED
-from ident.options import DEFAULTS, SILENT, FitOptions, Listener
-from ident.recording_fit import Logs, RecordingFit, fit_recording
-from ident.remarks import CORRELATED
-from ident.result import Identification
-from ident.softening import fit_softening
-from ident.start.automatic import StartError
-from ident.start.placements import placed_by
-from ident.table_fit import fit_table
-from ident.tracker import judged_by_tracker
-from ident.verdict import UNEXPLAINED, Status, implausible, noise_status
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.logs import BallBarLog, ForceLog, RobotLog
+from ballbar.cell.payload import with_payload
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.statistics import rms
+from ballbar.ident.causes import Causes
+from ballbar.ident.complete_fit import fit_complete, settled
+from ballbar.ident.corrections import supported_corrections
+from ballbar.ident.corrections.rod_elongation import rod_elongation
+from ballbar.ident.estimates import result_at_rest, result_of
+from ballbar.ident.estimator.unknowns import PlacedPoses
+from ballbar.ident.joint_errors import fit_joint_errors, may_have_joint_errors
+from ballbar.ident.loads.logged_tension import logged_torque
+from ballbar.ident.loads.payload import PayloadEstimate, payload_of_recordings
+from ballbar.ident.loads.rod_tension import TORQUE_NEEDS
+from ballbar.ident.model_choice import AUTOCORRELATED
+from ballbar.ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ballbar.ident.recording_fit import Logs, RecordingFit, fit_recording
+from ballbar.ident.remarks import CORRELATED
+from ballbar.ident.result import Identification
+from ballbar.ident.softening import fit_softening
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.start.placements import placed_by
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.tracker import judged_by_tracker
+from ballbar.ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 LEFT_OUT = "the points of the tracker were left out: ball-bar and tracker together fit worse"
@@ -76,8 +76,8 @@ def identify_together(
 
     Each recording has its own clock, encoder offsets and base pose of the ball-bar, each table of
     still poses its own seats and targets. Where the result is not acceptable, its verdict names
-    what may be wrong with the logs (ident.causes). Where a tracker contradicts it, the verdict says
-    so (ident.tracker).
+    what may be wrong with the logs (ballbar.ident.causes). Where a tracker contradicts it, the
+    verdict says so (ballbar.ident.tracker).
 
     Raises StartError when the logs of a recording cannot be brought together, with the same cause,
     InputError for still poses of another robot, and PoseStartError where their measurements and

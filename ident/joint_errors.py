@@ -3,9 +3,9 @@
 Both are found by evidence, and stand against each other.
 
 The complete fit is linearised at its estimate and searched as still poses are
-(ident.estimator.order_search). Neighbouring samples are autocorrelated: the scores of a block of
-time count once. Each search is followed by the complete fit with all orders so far: only what it
-has explained lets the noise levels fall and smaller errors show.
+(ballbar.ident.estimator.order_search). Neighbouring samples are autocorrelated: the scores of a
+block of time count once. Each search is followed by the complete fit with all orders so far: only
+what it has explained lets the noise levels fall and smaller errors show.
 """
 
 from __future__ import annotations
@@ -14,16 +14,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from ident.complete_fit import refit
-from ident.corrections.base import BAR, GEAR
-from ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio, gears_of
-from ident.corrections.gear_ripple import harmonic_orders
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, joint_harmonics, orders_of
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import jacobian
-from ident.estimator.order_search import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.ident.complete_fit import refit
+from ballbar.ident.corrections.base import BAR, GEAR
+from ballbar.ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio, gears_of
+from ballbar.ident.corrections.gear_ripple import harmonic_orders
+from ballbar.ident.corrections.joint_harmonics import (
+    JOINT_HARMONICS,
+    PRIOR,
+    joint_harmonics,
+    orders_of,
+)
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.order_search import (
     SLOPE,
     JointOrder,
     LinearModel,
@@ -32,12 +37,12 @@ from ident.estimator.order_search import (
     search_orders,
     whole_orders,
 )
-from ident.estimator.regions import joint_regions
-from ident.estimator.robust_fit import stacked
-from ident.estimator.time_blocks import block_numbers
-from ident.options import Listener
-from ident.result import Identification
-from ident.verdict import Status
+from ballbar.ident.estimator.regions import joint_regions
+from ballbar.ident.estimator.robust_fit import stacked
+from ballbar.ident.estimator.time_blocks import block_numbers
+from ballbar.ident.options import Listener
+from ballbar.ident.result import Identification
+from ballbar.ident.verdict import Status
 
 SEARCHES = 3  # each followed by a complete fit
 SEARCHED = 4000  # samples, evenly taken, that a search needs at most

@@ -2,15 +2,15 @@
 
 Thousands of rows make effects of a micrometre significant. A finding has to exceed chance and the
 size from which it matters to the tool's position: here 5 um, a twentieth of what no nominal robot
-keeps (ident.verdict.ALWAYS_WORTHWHILE) and what an unchanged machine is apart by from one recording
-to the next.
+keeps (ballbar.ident.verdict.ALWAYS_WORTHWHILE) and what an unchanged machine is apart by from one
+recording to the next.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 LITTLE_SHIFT = 5e-6  # [m] of a tool or seat, or of a length: 0.4 m of steel that warms by 1 K
 LITTLE_TURN = 2.5e-5  # [rad] of a tool or an axis that is turned: 5 um at 0.2 m from the flange

@@ -1,11 +1,11 @@
 """Clock offset and skew between two logs of one motion, from any channels that both hold.
 
 Units, directions and zeros of the recorders do not matter: each group of channels, a single one,
-a vector, a rotation or a pose, has a constant map of its own (ident.estimator.channel_map). Rows
-that repeat a held value do not count (cell.held_values). Both logs are smoothed
-(ident.signals.smooth_log), all lags are compared by the speeds of the channels
-(ident.start.speed_scan), and the best ones are refined by least squares
-(ident.estimator.clock_fit).
+a vector, a rotation or a pose, has a constant map of its own (ballbar.ident.estimator.channel_map).
+Rows that repeat a held value do not count (ballbar.cell.held_values). Both logs are smoothed
+(ballbar.ident.signals.smooth_log), all lags are compared by the speeds of the channels
+(ballbar.ident.start.speed_scan), and the best ones are refined by least squares
+(ballbar.ident.estimator.clock_fit).
 
 Where a motion repeats itself, several lags explain the logs equally well. Such logs are refused:
 nothing in them tells which lag is right.
@@ -21,18 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.errors import FailureError, LogError
-from cell.held_values import fresh_rows
-from cell.logs import ChannelLog, segment_starts
-from cell.number_text import duration_text, significant_text
-from ident.channel_groups import UNIT, Group, Names, checked_groups, groups_by_name
-from ident.channel_pair import MOVES, ChannelPair, channel_pair
-from ident.estimator.clock_fit import AVERAGED, ClockFit, Side, fit_clock
-from ident.signals.smooth_log import WIDEST_KNOT_SPACING, SmoothLog, smooth_log
-from ident.start.lag_scan import best_lags, subsample
-from ident.start.speed_scan import Columns, likely_pairs, scan_speeds, speed_correlation
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import FailureError, LogError
+from ballbar.cell.held_values import fresh_rows
+from ballbar.cell.logs import ChannelLog, segment_starts
+from ballbar.cell.number_text import duration_text, significant_text
+from ballbar.ident.channel_groups import UNIT, Group, Names, checked_groups, groups_by_name
+from ballbar.ident.channel_pair import MOVES, ChannelPair, channel_pair
+from ballbar.ident.estimator.clock_fit import AVERAGED, ClockFit, Side, fit_clock
+from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING, SmoothLog, smooth_log
+from ballbar.ident.start.lag_scan import best_lags, subsample
+from ballbar.ident.start.speed_scan import Columns, likely_pairs, scan_speeds, speed_correlation
 
 SCAN_STEP = 0.02  # [s] of the lags
 MIN_OVERLAP = 5.0  # [s] less cannot tell one motion from another

@@ -13,16 +13,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import forward, joint_screws
-from cell.geometry import Geometry, robot_frames
-from cell.placement import Placement
-from cell.poses import PoseTable
-from ident.estimator.build_unknowns import bare_flange
-from ident.least_sizes import WANDER_ZERO
-from ident.result import Machine
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.pose_covariance import PoseCovariance
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward, joint_screws
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.estimator.build_unknowns import bare_flange
+from ballbar.ident.least_sizes import WANDER_ZERO
+from ballbar.ident.result import Machine
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.pose_covariance import PoseCovariance
 
 FLAT = 1e-3  # of the largest singular value, below which joints do not move the flange
 

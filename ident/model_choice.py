@@ -2,8 +2,8 @@
 
 What a robot's file describes stays unless its coefficients are zero as far as the data can tell.
 What few machines need enters only if a fit with it better explains blocks of time that it was not
-made from (ident.estimator.time_blocks): a residual can be white while the model is wrong, and what
-a missing term leaves over passes for support of another.
+made from (ballbar.ident.estimator.time_blocks): a residual can be white while the model is wrong,
+and what a missing term leaves over passes for support of another.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.corrections import CORRECTIONS, ON_EVIDENCE, SUBSTITUTES, belongs_to_machine
-from ident.corrections.base import Correction
-from ident.corrections.gear_ratio import GEAR_RATIO
-from ident.estimator.fit import Fit
-from ident.estimator.left_out import LeftOut, left_out
-from ident.estimator.step_faults import ENCODER_JUMPS
-from ident.estimator.time_blocks import NONE, time_blocks
-from ident.estimator.uncertainty import mean_autocorrelation
-from ident.least_sizes import not_by_chance
+from ballbar.cell.arrays import Array
+from ballbar.ident.corrections import CORRECTIONS, ON_EVIDENCE, SUBSTITUTES, belongs_to_machine
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.gear_ratio import GEAR_RATIO
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.left_out import LeftOut, left_out
+from ballbar.ident.estimator.step_faults import ENCODER_JUMPS
+from ballbar.ident.estimator.time_blocks import NONE, time_blocks
+from ballbar.ident.estimator.uncertainty import mean_autocorrelation
+from ballbar.ident.least_sizes import not_by_chance
 
 # Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
 # bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).

@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cell.arrays import Array
-from cell.poses import PoseTable
-from cell.statistics import correlation_time
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import NormalEquations
-from ident.estimator.priors import TAILS
-from ident.estimator.robust_fit import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.statistics import correlation_time
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import NormalEquations
+from ballbar.ident.estimator.priors import TAILS
+from ballbar.ident.estimator.robust_fit import (
     HUBER,
     determined,
     equations_at,
@@ -34,7 +34,7 @@ from ident.estimator.robust_fit import (
     stacked,
     whitened_lengths,
 )
-from ident.table_steps import LARGEST, Step, first_name, instants
+from ballbar.ident.table_steps import LARGEST, Step, first_name, instants
 
 # Score that a place has to exceed to be looked at. Chance reaches 30 in none of several hundred
 # clean tables, and the best place of a table without a step is of no use to the blocks anyway.

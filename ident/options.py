@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from ident.corrections import CORRECTIONS
+from ballbar.ident.corrections import CORRECTIONS
 
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
 
@@ -29,7 +29,7 @@ class FitOptions:
     # `dh`: the parameters of thesis Table 3.1; `complete`: with corrections; `auto`: complete where
     # the kinematics alone leave something
     model: ModelName = "auto"
-    # of ident.corrections; None: those that data support
+    # of ballbar.ident.corrections; None: those that data support
     corrections: tuple[str, ...] | None = None
     force: ForceSource = "auto"  # where the rod's force comes from; auto: the best logged signal
     rod_sigma: float | None = None  # [m] of a measured rod length (bd3 is then that length)

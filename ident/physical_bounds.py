@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.estimator.fit import Fit
-from ident.estimator.step_faults import MAX_FOUND
-from ident.model_choice import coefficients_of, lasting
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.step_faults import MAX_FOUND
+from ballbar.ident.model_choice import coefficients_of, lasting
 
 FORCE = 2000.0  # [N] of the rod: four times what any scenario reaches; magnetic seats hold less
 FAR = 10.0  # standard deviations of a prior

@@ -5,11 +5,11 @@ smoothing. A row of E whitened residuals with Jacobian J has, by a fit of covari
 
     (E + trace(J C J')) level
 
-as its mean square on average, as in ident.held_out; the level is what the fit leaves in its own
-samples. Where rows have far more, hypotheses compete for them: columns of the encoders or of the
-robot's log are exchanged or reversed, or one channel, or the clock, is off by any amount at each
-row. How that amount goes on tells a channel that stands still, counts backwards or too far from
-one that stepped.
+as its mean square on average, as in ballbar.ident.held_out; the level is what the fit leaves in its
+own samples. Where rows have far more, hypotheses compete for them: columns of the encoders or of
+the robot's log are exchanged or reversed, or one channel, or the clock, is off by any amount at
+each row. How that amount goes on tells a channel that stands still, counts backwards or too far
+from one that stepped.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from typing import TypeVar
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.logs import BallBarLog, LengthLog, RobotLog
-from cell.number_text import significant_text
-from cell.statistics import rms
-from ident.causes.robot_log import angle_kinds, other_angles
-from ident.corrections.base import BAR, GEAR
-from ident.estimator.closure import close_loop, complete_bar_angles
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
-from ident.estimator.samples import Samples, samples_of
-from ident.recording_fit import Logs, RecordingFit
-from ident.signals.smooth_log import interpolating_log
-from ident.signals.steps import without_steps
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.logs import BallBarLog, LengthLog, RobotLog
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.statistics import rms
+from ballbar.ident.causes.robot_log import angle_kinds, other_angles
+from ballbar.ident.corrections.base import BAR, GEAR
+from ballbar.ident.estimator.closure import close_loop, complete_bar_angles
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.recording_fit import Logs, RecordingFit
+from ballbar.ident.signals.smooth_log import interpolating_log
+from ballbar.ident.signals.steps import without_steps
 
 MARGIN = 0.1  # [s] of rows beside a stretch, for the splines through them
 FEWEST, MOST = 10, 200  # rows of a stretch: fewer say nothing, of more some are looked at
@@ -131,7 +131,7 @@ def _samples(cell: Cell, fitted: RecordingFit, logs: Logs, seconds: float) -> Sa
     sensed = robot.q
     if part.ballbar is not None:
         log, sensed = part.ballbar, part.ballbar.angles
-    elif part.length is not None:  # beyond the rod's nominal length, as in ident.recording_fit
+    elif part.length is not None:  # beyond the rod's nominal length, as in recording_fit
         log, sensed = part.length, part.length.length[:, None] - cell.ballbar.length
     if min(robot.t.size, log.t.size) < FEWEST:
         return None

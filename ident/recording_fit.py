@@ -10,25 +10,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.clock import Clock
-from cell.descriptions import Cell, Robot
-from cell.errors import InputError
-from cell.geometry import Geometry, nominal_geometry
-from cell.inverse import UnreachableError
-from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog
-from ident.estimator.build_unknowns import kinematic_unknowns
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.identifiability import Identifiability, candidates, identifiable
-from ident.estimator.model import Model, joints_as_logged
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.priors import declared_names, of_robot, priors, with_tails
-from ident.estimator.sample_times import sample_times
-from ident.estimator.samples import Samples, samples_of
-from ident.estimator.variance_components import rod_deviation
-from ident.loads.rod_tension import TORQUE_NEEDS
-from ident.options import SILENT, FitOptions, ForceSource, Listener
-from ident.signals.smooth_log import SmoothLog, motion_of
-from ident.start.automatic import Hypothesis, Start, StartError, automatic_start
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, nominal_geometry
+from ballbar.cell.inverse import UnreachableError
+from ballbar.cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog
+from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.identifiability import Identifiability, candidates, identifiable
+from ballbar.ident.estimator.model import Model, joints_as_logged
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.priors import declared_names, of_robot, priors, with_tails
+from ballbar.ident.estimator.sample_times import sample_times
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.estimator.variance_components import rod_deviation
+from ballbar.ident.loads.rod_tension import TORQUE_NEEDS
+from ballbar.ident.options import SILENT, FitOptions, ForceSource, Listener
+from ballbar.ident.signals.smooth_log import SmoothLog, motion_of
+from ballbar.ident.start.automatic import Hypothesis, Start, StartError, automatic_start
 
 ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
 
@@ -42,7 +42,7 @@ class Logs:
     force: ForceLog | None = None  # of a sensor at the flange
     name: str = ""
     length: LengthLog | None = None  # of a telescoping bar or a draw-wire, in place of `ballbar`
-    tracker: TrackerLog | None = None  # beside a ball-bar; by itself it is ident.start.followed's
+    tracker: TrackerLog | None = None  # beside a ball-bar; by itself it is start.followed's
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
         """Source of the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.
@@ -192,8 +192,8 @@ def identifiable_parameters(
     """The parameters that a recording determines, at an estimate of geometry and clock.
 
     nominal : catalogue geometry. requested : indices into the table; by default those of the
-    thesis (ident.estimator.identifiability.candidates). Raises UnreachableError when the nominal
-    robot reaches none of the poses.
+    thesis (ballbar.ident.estimator.identifiability.candidates). Raises UnreachableError when the
+    nominal robot reaches none of the poses.
     """
     seen = clock if samples.has_clock else None
     layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))

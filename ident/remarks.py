@@ -6,15 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import parameter_named
-from ident.corrections.joint_harmonics import harmonic_name
-from ident.corrections.link_growth import UNIT
-from ident.estimator.fit import Fit
-from ident.estimator.order_search import JointOrder
-from ident.estimator.samples import Samples
-from ident.evidence import ClosureEvidence, Evidence
-from ident.least_sizes import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import parameter_named
+from ballbar.ident.corrections.joint_harmonics import harmonic_name
+from ballbar.ident.corrections.link_growth import UNIT
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.order_search import JointOrder
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.evidence import ClosureEvidence, Evidence
+from ballbar.ident.least_sizes import (
     LITTLE_LAG,
     LITTLE_RATIO,
     LITTLE_RIPPLE,
@@ -22,11 +22,11 @@ from ident.least_sizes import (
     LITTLE_TURN,
     not_by_chance,
 )
-from ident.loads.payload import PayloadEstimate
-from ident.result import CorrectionEstimate, RecordingEstimate
-from ident.signals.smooth_log import LogOutliers
-from ident.signals.steps import StepFault
-from ident.verdict import PLAUSIBLE
+from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.result import CorrectionEstimate, RecordingEstimate
+from ballbar.ident.signals.smooth_log import LogOutliers
+from ballbar.ident.signals.steps import StepFault
+from ballbar.ident.verdict import PLAUSIBLE
 
 CLEAR = 5.0  # stated deviations of a lag or ratio that is remarked on
 FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750

@@ -13,23 +13,23 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell, Robot
-from cell.geometry import Geometry
-from cell.statistics import rms
-from ident.corrections import as_in_result, correction_of_result
-from ident.estimator.identifiability import DroppedParameter
-from ident.estimator.noise import ExcessNoise, LogNoise
-from ident.loads.payload import PayloadEstimate
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.robot.tool_covariance import ToolCovariance
-from ident.signals.steps import StepFault
-from ident.start.automatic import Start
-from ident.table_estimate import TableEstimate
-from ident.tracker import TrackerCheck
-from ident.verdict import Verdict
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.statistics import rms
+from ballbar.ident.corrections import as_in_result, correction_of_result
+from ballbar.ident.estimator.identifiability import DroppedParameter
+from ballbar.ident.estimator.noise import ExcessNoise, LogNoise
+from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
+from ballbar.ident.robot.tool_covariance import ToolCovariance
+from ballbar.ident.signals.steps import StepFault
+from ballbar.ident.start.automatic import Start
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.tracker import TrackerCheck
+from ballbar.ident.verdict import Verdict
 
 
 @dataclass(frozen=True)

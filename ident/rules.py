@@ -11,22 +11,22 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from cell.clock import UNSEEN_OFFSET
-from cell.number_text import duration_text, significant_text
-from cell.statistics import rms
-from ident.estimator.priors import PULL
-from ident.evidence import FEW_BLOCKS, Evidence
-from ident.least_sizes import LITTLE_SHIFT
-from ident.model_choice import AUTOCORRELATED, AUTOCORRELATED_MISFIT
-from ident.remarks import (
+from ballbar.cell.clock import UNSEEN_OFFSET
+from ballbar.cell.number_text import duration_text, significant_text
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.priors import PULL
+from ballbar.ident.evidence import FEW_BLOCKS, Evidence
+from ballbar.ident.least_sizes import LITTLE_SHIFT
+from ballbar.ident.model_choice import AUTOCORRELATED, AUTOCORRELATED_MISFIT
+from ballbar.ident.remarks import (
     CONTRADICTION,
     contradiction_remark,
     doubted_lengths,
     recording_remarks,
     rod_remark,
 )
-from ident.table_remarks import table_remarks
-from ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_status
+from ballbar.ident.table_remarks import table_remarks
+from ballbar.ident.verdict import FIRST_WORDS, Status, Verdict, implausible, noise_status
 
 # Compliance of all gears over the catalogue's that is no chance of single gears (1.7 between those
 # of a class, 1.2 in the mean of six)

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import parameter_named, parameter_table
-from ident.corrections.base import GEAR
-from ident.estimator.fit import Fit
-from ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
-from ident.result import Machine
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import parameter_named, parameter_table
+from ballbar.ident.corrections.base import GEAR
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.least_sizes import WANDER_LENGTH, WANDER_ZERO
+from ballbar.ident.result import Machine
 
 # [rad], [m] standard deviations of changes: a resolver exchanged or a motor taken off, a tool
 # bolted on anew or bent, a rod or a plate exchanged

@@ -1,30 +1,31 @@
 """Knees of gears that are softer under a small load, found by evidence.
 
-A complete fit is linearised at its estimate (ident.joint_errors.linearised), and every gear's
-column is tried with knees all over its load: a score test whose variance is that of blocks of time.
-The best one joins the model, until none is sure. A knee must be right within a tenth, or the answer
-is not better than without (notes/unknown_machines, 2E): so each fit with the second slope tells how
-far to move the knees, by the derivative of the column with the knee.
+A complete fit is linearised at its estimate (ballbar.ident.joint_errors.linearised), and every
+gear's column is tried with knees all over its load: a score test whose variance is that of blocks
+of time. The best one joins the model, until none is sure. A knee must be right within a tenth, or
+the answer is not better than without (notes/unknown_machines, 2E): so each fit with the second
+slope tells how far to move the knees, by the derivative of the column with the knee.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from ident.complete_fit import needs_loads, refit
-from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
-from ident.estimator.fit import Fit
-from ident.estimator.order_search import LinearModel, left_out, of_few
-from ident.estimator.time_blocks import block_sums
-from ident.joint_errors import linearised, thinning
-from ident.options import Listener
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.complete_fit import needs_loads, refit
+from ballbar.ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.order_search import LinearModel, left_out, of_few
+from ballbar.ident.estimator.time_blocks import block_sums
+from ballbar.ident.joint_errors import linearised, thinning
+from ballbar.ident.options import Listener
 
 KNEES = 16  # tried of each gear
 LOWEST, HIGHEST = 0.02, 0.7  # of the gear's largest load
 # Of the score test, chi-square with one degree of freedom: above twice the logarithm of the number
-# of candidates as in ident.joint_errors, more than unlisted ripple of sound gears brings (up to 14)
+# of candidates as in ballbar.ident.joint_errors, more than unlisted ripple of sound gears brings
+# (up to 14)
 THRESHOLD = 20.0
 MOVES = 3  # of the knees, each with a fit
 MOVED = 0.02  # relative; less is no move
@@ -132,7 +133,7 @@ def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:
     """(C,) squared scores over their variance, that of the scores of blocks of time.
 
     0 where a gear would have to be stiffer below its knee, as none is. Blocks are few, so the
-    variance and the distribution are those of ident.estimator.order_search.
+    variance and the distribution are those of ballbar.ident.estimator.order_search.
     """
     score, information = (
         block_sums(values.reshape(len(rest), *model.residual.shape).sum(axis=1), model.groups)

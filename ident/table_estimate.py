@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.placement import Placement
-from cell.poses import PoseTable
-from cell.statistics import chi_square_quantile
-from ident.cross_validation import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.statistics import chi_square_quantile
+from ballbar.ident.cross_validation import (
     LEVEL,
     CrossValidation,
     at_one_place,
@@ -23,13 +23,13 @@ from ident.cross_validation import (
     position_rows,
     spread_of,
 )
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.order_search import OrderSearch
-from ident.findings import Findings, scale_of
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.pose_covariance import PoseCovariance
-from ident.table_steps import renamed
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.order_search import OrderSearch
+from ballbar.ident.findings import Findings, scale_of
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.pose_covariance import PoseCovariance
+from ballbar.ident.table_steps import renamed
 
 ENOUGH = 3.0  # equations for each unknown of seats and targets: nine points of one tracker
 

@@ -12,34 +12,34 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.geometry import nominal_chain, robot_geometry
-from cell.placement import Placement
-from cell.poses import PoseTable
-from ident.corrections.base import Coefficient, Correction
-from ident.corrections.gear_backlash import backlash_of
-from ident.corrections.gear_ripple import ripple_of
-from ident.corrections.joint_compliance import gear_compliance
-from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
-from ident.corrections.joint_lag import JOINT_LAG, lag_of
-from ident.corrections.unit_weights import unit_weights
-from ident.cross_validation import cross_validated, robust_covariance
-from ident.estimator.build_unknowns import still_unknowns
-from ident.estimator.fit import Fit
-from ident.estimator.model import Model, still_model
-from ident.estimator.observations import rounding_noise
-from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
-from ident.estimator.regions import pose_regions, poses_of
-from ident.estimator.robust_fit import fit_robustly, stacked
-from ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
-from ident.findings import Findings, findings_of
-from ident.moved_seats import MOST, confirms, step_of
-from ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
-from ident.start.placements import retimed, start_of_poses
-from ident.table_estimate import TableEstimate
-from ident.table_steps import Step, refuse_large, refuse_merged, sized, split
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain, robot_geometry
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.corrections.base import Coefficient, Correction
+from ballbar.ident.corrections.gear_backlash import backlash_of
+from ballbar.ident.corrections.gear_ripple import ripple_of
+from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.corrections.joint_harmonics import PRIOR, joint_harmonics
+from ballbar.ident.corrections.joint_lag import JOINT_LAG, lag_of
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.cross_validation import cross_validated, robust_covariance
+from ballbar.ident.estimator.build_unknowns import still_unknowns
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Model, still_model
+from ballbar.ident.estimator.observations import rounding_noise
+from ballbar.ident.estimator.order_search import LinearModel, OrderSearch, search_orders
+from ballbar.ident.estimator.regions import pose_regions, poses_of
+from ballbar.ident.estimator.robust_fit import fit_robustly, stacked
+from ballbar.ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
+from ballbar.ident.findings import Findings, findings_of
+from ballbar.ident.moved_seats import MOST, confirms, step_of
+from ballbar.ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
+from ballbar.ident.start.placements import retimed, start_of_poses
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
 SEEN = 4.0  # standard deviations from which the lag of a joint is seen
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ident.estimator.order_search import JointOrder
-from ident.estimator.priors import FAR, robot_prior
-from ident.estimator.regions import distinct_poses
-from ident.evidence import Evidence
-from ident.findings import Findings
-from ident.table_estimate import TableEstimate
+from ballbar.ident.estimator.order_search import JointOrder
+from ballbar.ident.estimator.priors import FAR, robot_prior
+from ballbar.ident.estimator.regions import distinct_poses
+from ballbar.ident.evidence import Evidence
+from ballbar.ident.findings import Findings
+from ballbar.ident.table_estimate import TableEstimate
 
 NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little of it
 DISTINCT = 0.7  # share of the rows that are poses of their own

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.placement import Placement
-from cell.poses import PoseGroup, PoseTable
-from ident.estimator.fit import Fit
-from ident.estimator.regions import distinct_poses
-from ident.estimator.unknowns import PlacedPoses
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.regions import distinct_poses
+from ballbar.ident.estimator.unknowns import PlacedPoses
 
 LARGEST = 5e-3  # [m] beyond which it is another seat or target by mistake, and no knock
 REPEATED = 3  # rows of equal joint angles that tell whether they measured one thing

@@ -11,7 +11,7 @@ R, o, l and the clock, 11 unknowns, are fitted to the points by least squares (G
 the identified and for the nominal robot each. They absorb what a shift or a turn of the whole robot
 and another place of the LED explain: a calibration that is wrong in these alone is not seen. Points
 that noise, accuracy and the stated uncertainty explain are fitted together with the ball-bar
-(ident.identify); two instruments that contradict each other are not averaged.
+(ballbar.ident.identify); two instruments that contradict each other are not averaged.
 
 The noise is that of the log about a smooth motion, whatever the robot. A tracker is also off by
 what changes slowly with place and time; that is allowed for by its stated accuracy.
@@ -24,21 +24,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.logs import TrackerLog
-from cell.neighbours import Rows
-from cell.poses import PoseGroup
-from cell.rigid_fit import kabsch
-from cell.rotation import matrix_from_rotvec
-from cell.splines import DEGREE
-from cell.statistics import rms
-from ident.estimator.model import Evaluation
-from ident.loads.gear_loads import BEARINGS
-from ident.signals.motion import MotionByLog
-from ident.signals.smooth_log import SmoothLog, motion_of
-from ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows
-from ident.verdict import SUSPECT, Verdict
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.logs import TrackerLog
+from ballbar.cell.neighbours import Rows
+from ballbar.cell.poses import PoseGroup
+from ballbar.cell.rigid_fit import kabsch
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.cell.splines import DEGREE
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.model import Evaluation
+from ballbar.ident.loads.gear_loads import BEARINGS
+from ballbar.ident.signals.motion import MotionByLog
+from ballbar.ident.signals.smooth_log import SmoothLog, motion_of
+from ballbar.ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows
+from ballbar.ident.verdict import SUSPECT, Verdict
 
 CLOSE = 0.75  # row periods of the tracker between a sample of the fit and the row compared
 MIN_OVERLAP = 10.0  # [s] of motion; less validates nothing

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from cell.geometry import Geometry, parameter_named
+from ballbar.cell.geometry import Geometry, parameter_named
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
 SUSPECT = 1.3  # above it something small is left in the residual
@@ -35,7 +35,7 @@ class Status(StrEnum):
         return self in (Status.GOOD, Status.SUSPECT)
 
 
-# Of these, the logs themselves may show the cause (ident.causes).
+# Of these, the logs themselves may show the cause (ballbar.ident.causes).
 UNEXPLAINED = (Status.IMPLAUSIBLE, Status.NOT_CONVERGED, Status.MISFIT, Status.UNCERTAIN)
 FIRST_WORDS = {  # of a sentence, where a rule does not say them itself
     Status.AMBIGUOUS: "Ambiguous: ",

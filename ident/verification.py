@@ -17,9 +17,9 @@ from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.estimator.priors import with_tails
-from ident.single_causes import Cause, Explanation
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.priors import with_tails
+from ballbar.ident.single_causes import Cause, Explanation
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged machine that call it changed
 DRAWS, SEED = 20000, 1  # of the distribution for an unchanged machine

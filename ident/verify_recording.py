@@ -9,9 +9,9 @@ with H the white covariance of the free fit, P the priors, e the error of the st
 stated covariance C) and what an unchanged one is apart by from one recording to the next, n the
 noise of this recording (its autocorrelation-robust covariance), and d what changed since, which
 moves the unknowns along the columns B of a cause. Where the largest evidence of a single cause
-(ident.verification) is beyond what an unchanged machine exceeds in FALSE_ALARMS of the checks, the
-machine changed. The distribution is that of draws of x with the tails of Student's t, as the noise
-is estimated from some tens of blocks of time.
+(ballbar.ident.verification) is beyond what an unchanged machine exceeds in FALSE_ALARMS of the
+checks, the machine changed. The distribution is that of draws of x with the tails of Student's t,
+as the noise is estimated from some tens of blocks of time.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
-from cell.descriptions import Cell, Robot
-from ident.causes import Causes
-from ident.estimator.fit import Fit
-from ident.estimator.smoothed_harmonics import smoothing_covariance
-from ident.estimator.step_faults import step_faults_in_logs
-from ident.estimator.uncertainty import uncertainty
-from ident.held_machine import (
+from ballbar.cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.ident.causes import Causes
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.smoothed_harmonics import smoothing_covariance
+from ballbar.ident.estimator.step_faults import step_faults_in_logs
+from ballbar.ident.estimator.uncertainty import uncertainty
+from ballbar.ident.held_machine import (
     closed_loop,
     freed,
     loop_closure,
     normalised_innovation,
     recording_alone,
 )
-from ident.options import DEFAULTS, SILENT, FitOptions, Listener
-from ident.recording_fit import Logs, RecordingFit
-from ident.result import Machine
-from ident.single_causes import (
+from ballbar.ident.options import DEFAULTS, SILENT, FitOptions, Listener
+from ballbar.ident.recording_fit import Logs, RecordingFit
+from ballbar.ident.result import Machine
+from ballbar.ident.single_causes import (
     Cause,
     Explanation,
     covariance_of_wander,
@@ -47,8 +47,8 @@ from ident.single_causes import (
     single_causes,
     with_exchangeable,
 )
-from ident.verdict import MISFIT
-from ident.verification import RIVAL, SEEN, Score, Verification, followed
+from ballbar.ident.verdict import MISFIT
+from ballbar.ident.verification import RIVAL, SEEN, Score, Verification, followed
 
 # Of the covariance of the free fit that is added to that of the difference: where the recording
 # tells nothing, both fits end within so much of where they began.
@@ -64,7 +64,8 @@ def verify_recording(
     logs : of the same robot, instrument and plate; clock, base pose of the instrument and encoder
         offsets are fitted.
 
-    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
+    Raises StartError when the logs cannot be brought together, with the cause
+    (ballbar.ident.causes).
     """
     cell = machine.robot.cell
     recording = recording_alone(cell, logs, options, listener)

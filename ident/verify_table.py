@@ -8,10 +8,10 @@ is that of chi-square where the stated 95 % region of one pose is; where the reg
 tails are heavier, and the shape is the one that has this quantile (for a single pose, exactly).
 The variance is itself an estimate, which the limit allows for as Fisher's F does.
 
-What changed is sought among single causes (ident.verification): the zero of an axis, with the
-joints that a parallel rod couples to it, a target, the scale, one pose, or another DH parameter.
-The likeliest is named if the rest would pass as unchanged, or nearly so; beside it those that
-explain as much: the zero of the last axis is a turn of the only target about it.
+What changed is sought among single causes (ballbar.ident.verification): the zero of an axis, with
+the joints that a parallel rod couples to it, a target, the scale, one pose, or another DH
+parameter. The likeliest is named if the rest would pass as unchanged, or nearly so; beside it those
+that explain as much: the zero of the last axis is a turn of the only target about it.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import fdtri, gammaincinv
 
-from cell.arrays import Array
-from cell.chain import joint_screws
-from cell.errors import InputError
-from cell.placement import Placement
-from cell.poses import PoseTable
-from cell.statistics import chi_square_quantile
-from ident.cross_validation import LEVEL
-from ident.estimator.fit import Fit
-from ident.estimator.model import Evaluation, still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import known_distance
-from ident.estimator.robust_fit import fit_unweighted
-from ident.held_machine import held_layout
-from ident.robot.identified import IdentifiedRobot, range_sentence
-from ident.single_causes import SCALE, SHIFT, TURN, ZERO, Cause, Explanation
-from ident.start.placements import start_of_poses
-from ident.verification import FALSE_ALARMS, RIVAL, Score, Verification, followed
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import joint_screws
+from ballbar.cell.errors import InputError
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.statistics import chi_square_quantile
+from ballbar.ident.cross_validation import LEVEL
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Evaluation, still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import known_distance
+from ballbar.ident.estimator.robust_fit import fit_unweighted
+from ballbar.ident.held_machine import held_layout
+from ballbar.ident.robot.identified import IdentifiedRobot, range_sentence
+from ballbar.ident.single_causes import SCALE, SHIFT, TURN, ZERO, Cause, Explanation
+from ballbar.ident.start.placements import start_of_poses
+from ballbar.ident.verification import FALSE_ALARMS, RIVAL, Score, Verification, followed
 
 LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be stated
 LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have no more quantile

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import BAR_ROWS
-from planning.request import PlanRequest, tightened
-from sim.path import Lissajous, RodHarmonic
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import BAR_ROWS
+from ballbar.planning.request import PlanRequest, tightened
+from ballbar.sim.path import Lissajous, RodHarmonic
 
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files

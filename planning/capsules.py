@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames
-from planning.stations import PoseSetup, Station
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames
+from ballbar.planning.stations import PoseSetup, Station
 
-# Radii as shares of the chain's length. planning.clearance has 0.14 of the upper arm for the arm of
-# an IRB 2400 and 0.09 for its wrist; the upper arm is 0.31 of the chain.
+# Radii as shares of the chain's length. ballbar.planning.clearance has 0.14 of the upper arm for
+# the arm of an IRB 2400 and 0.09 for its wrist; the upper arm is 0.31 of the chain.
 LINK, LINK_OF_WRIST = 0.045, 0.03
 WRIST_ROWS = 3
 ROD = 0.02  # [m] radius of a rod's tube and of the stem of a target, assumed

@@ -4,7 +4,7 @@ MuJoCo's `mj_geomDistance` measures them. The bodies connect frames of the kinem
 nothing is simulated; MuJoCo only gets their poses, and only of pairs that lower bounds leave in
 question. Radii are assumed shares of the upper arm's length, since neither maker publishes hulls.
 Neighbours touch and are not compared. An arm without parallel axes 2 and 3 and spherical wrist has
-the capsules of planning.capsules along its DH rows.
+the capsules of ballbar.planning.capsules along its DH rows.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.closed_form import has_closed_form
-from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, nominal_chain, robot_frames
-from planning.capsules import ROD, Links, links_of, segment_distance
-from planning.request import PlanCell
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.closed_form import has_closed_form
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_chain, robot_frames
+from ballbar.planning.capsules import ROD, Links, links_of, segment_distance
+from ballbar.planning.request import PlanCell
 
 # Radii as shares of the upper arm's length.
 SHARES = {"column": 0.38, "upper arm": 0.14, "forearm": 0.11, "wrist": 0.09}
@@ -30,7 +30,7 @@ PEDESTAL = 0.0525  # [m] radius, adapter of thesis sec. 4.5
 PLATE_WIDTH, PLATE_THICKNESS, PLATE_OVERHANG = 0.10, 0.045, 0.05
 GIMBAL = 0.10  # [m] between a ball's centre and the beginning of rod or pedestal; assumed
 FAR = 0.5  # [m] beyond which distances are not distinguished
-TIME_STEP = 1.0  # [s] between the poses of a plan; planning.verify takes smaller steps
+TIME_STEP = 1.0  # [s] between the poses of a plan; ballbar.planning.verify takes smaller steps
 
 
 MOVING = (*SHARES, "rod", "pedestal", "plate")

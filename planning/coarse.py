@@ -1,8 +1,9 @@
 """Objectives of many candidates at once, on a coarse grid of time: what a search compares.
 
-The objectives are those of planning.evaluation.objective, with numpy's calls shared by all
-candidates, samples STEP apart and the prediction of planning.coarse_crlb. Between two samples a
-limit is exceeded by little, so a search looks closely at the few candidates that would be its best.
+The objectives are those of ballbar.planning.evaluation.objective, with numpy's calls shared by all
+candidates, samples STEP apart and the prediction of ballbar.planning.coarse_crlb. Between two
+samples a limit is exceeded by little, so a search looks closely at the few candidates that would be
+its best.
 """
 
 from __future__ import annotations
@@ -12,18 +13,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import bar_frames, robot_frames
-from planning import evaluation
-from planning.candidate import rounded
-from planning.clearance import TIME_STEP
-from planning.coarse_crlb import coarse_normals
-from planning.followed_path import predict_followed
-from planning.force import predicted_forces
-from planning.limits import measures
-from planning.screen import UNREACHED, screen
-from planning.trajectory import Trajectory, trajectories_of_many
-from sim.path import Lissajous
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import bar_frames, robot_frames
+from ballbar.planning import evaluation
+from ballbar.planning.candidate import rounded
+from ballbar.planning.clearance import TIME_STEP
+from ballbar.planning.coarse_crlb import coarse_normals
+from ballbar.planning.followed_path import predict_followed
+from ballbar.planning.force import predicted_forces
+from ballbar.planning.limits import measures
+from ballbar.planning.screen import UNREACHED, screen
+from ballbar.planning.trajectory import Trajectory, trajectories_of_many
+from ballbar.sim.path import Lissajous
 
 BATCH, KEPT = 128, 2  # random candidates of a draw, and those of them that may be starts
 FOLLOWED = 60  # samples of a path that an instrument follows

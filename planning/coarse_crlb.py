@@ -1,6 +1,6 @@
 """Cramer-Rao prediction of many trajectories at once, coarse: what a search compares.
 
-The prediction is that of planning.crlb, with less work for each trajectory:
+The prediction is that of ballbar.planning.crlb, with less work for each trajectory:
 
 - fewer samples, those of all trajectories in one pass;
 - linear about the nominal loop, which is closed: the corrections displace nothing;
@@ -8,8 +8,8 @@ The prediction is that of planning.crlb, with less work for each trajectory:
   Jacobian. The knots of its spline are as close as the samples, so it differs from the spline by
   what the spline knows from its neighbours, and the information has no rows for them.
 
-The TCP sigma of 147 random paths of an IRB 2400 is 14 % above that of planning.crlb, and ranks them
-with a correlation of 0.997 (docs/planning.md).
+The TCP sigma of 147 random paths of an IRB 2400 is 14 % above that of ballbar.planning.crlb, and
+ranks them with a correlation of 0.997 (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg.blas import dsyrk
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import BAR_ROWS, bar_frames, nominal_geometry, robot_frames
-from ident.corrections.base import State
-from ident.estimator.build_unknowns import RecordingStart
-from ident.estimator.closure import Closure
-from ident.estimator.model import Evaluation, Model, gearing
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.samples import Samples
-from ident.estimator.unknowns import Unknowns
-from ident.estimator.whitening import covariance, whitening
-from ident.loads.gear_loads import Loads, loads, no_loads
-from planning.crlb import Predictor, before, excess_noise, planned_unknowns, samples_along
-from planning.trajectory import Passage, Trajectory
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import BAR_ROWS, bar_frames, nominal_geometry, robot_frames
+from ballbar.ident.corrections.base import State
+from ballbar.ident.estimator.build_unknowns import RecordingStart
+from ballbar.ident.estimator.closure import Closure
+from ballbar.ident.estimator.model import Evaluation, Model, gearing
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.estimator.whitening import covariance, whitening
+from ballbar.ident.loads.gear_loads import Loads, loads, no_loads
+from ballbar.planning.crlb import Predictor, before, excess_noise, planned_unknowns, samples_along
+from ballbar.planning.trajectory import Passage, Trajectory
 
 SAMPLES = 76
 

@@ -1,6 +1,6 @@
 """Cramer-Rao prediction of a trajectory: standard deviations of all parameters and of the tool.
 
-The bound is that of the complete model that `ballbar identify` fits (ident.complete_fit:
+The bound is that of the complete model that `ballbar identify` fits (ballbar.ident.complete_fit:
 geometry, clock, corrections with their priors, the rod's tension as a spline), at samples of a
 noise-free run. The information of a sample does not depend on how many are computed, so some
 hundreds represent the 1500 that are fitted. Of a length it fits geometry and clock alone, and so
@@ -17,31 +17,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, robot_frames
-from ident.complete_fit import FIRST_EXCESS, needs_loads
-from ident.corrections import correction_named, supported_corrections
-from ident.corrections.base import Correction
-from ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
-from ident.estimator.gauss_newton import inverse
-from ident.estimator.model import Evaluation, Model, gearing
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import normal_equations
-from ident.estimator.sample_times import DWELL_KEPT
-from ident.estimator.samples import Samples
-from ident.estimator.unknowns import Unknowns
-from ident.loads.gear_loads import MassModel, mass_model
-from ident.loads.logged_tension import tension_splines
-from ident.options import DEFAULT_SAMPLES
-from ident.robot.accuracy import position_sigma
-from ident.robot.identified import IdentifiedRobot
-from ident.signals.smooth_log import WIDEST_KNOT_SPACING, interpolating_log
-from planning.known import Known
-from planning.request import PlanSensors, PlanTiming
-from planning.trajectory import Passage
-from planning.workspace import Workspace, workspace_grid
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import BAR_ROWS, Geometry, robot_frames
+from ballbar.ident.complete_fit import FIRST_EXCESS, needs_loads
+from ballbar.ident.corrections import correction_named, supported_corrections
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.ident.estimator.model import Evaluation, Model, gearing
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import normal_equations
+from ballbar.ident.estimator.sample_times import DWELL_KEPT
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.loads.gear_loads import MassModel, mass_model
+from ballbar.ident.loads.logged_tension import tension_splines
+from ballbar.ident.options import DEFAULT_SAMPLES
+from ballbar.ident.robot.accuracy import position_sigma
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING, interpolating_log
+from ballbar.planning.known import Known
+from ballbar.planning.request import PlanSensors, PlanTiming
+from ballbar.planning.trajectory import Passage
+from ballbar.planning.workspace import Workspace, workspace_grid
 
 EXACT = 1e-9  # [m] prior of a length taken as exact
 # Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
@@ -191,7 +191,8 @@ def planned_unknowns(
     """Unknowns of the complete model, and start (P,) [SI]; the scale is exact if `on` says so.
 
     `ba5` is equivalent to the plate's length, ra6: 5 um of each are 28 ppm of scale on any path,
-    which a plan states apart (planning.plan). The `dh` model of a length has no Hayati angles.
+    which a plan states apart (ballbar.planning.plan). The `dh` model of a length has no Hayati
+    angles.
     """
     layout, x = complete_unknowns(
         on.cell,

@@ -13,21 +13,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from cell.arrays import Array
-from cell.closed_form import has_closed_form
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import nominal_chain, nominal_geometry
-from cell.load import load_instrument, load_measured_cell
-from cell.statistics import rms
-from cell.typical_machine import Spread
-from ident.estimator.unknowns import Unknowns
-from ident.robot.accuracy import aligned_columns
-from ident.robot.identified import IdentifiedRobot
-from planning.candidate import PathCandidate, Space, space_of
-from planning.clearance import Clearance, clearance
-from planning.coarse_crlb import CoarsePredictor, coarse_predictor
-from planning.crlb import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import has_closed_form
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain, nominal_geometry
+from ballbar.cell.load import load_instrument, load_measured_cell
+from ballbar.cell.statistics import rms
+from ballbar.cell.typical_machine import Spread
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.robot.accuracy import aligned_columns
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.planning.candidate import PathCandidate, Space, space_of
+from ballbar.planning.clearance import Clearance, clearance
+from ballbar.planning.coarse_crlb import CoarsePredictor, coarse_predictor
+from ballbar.planning.crlb import (
     PathPrediction,
     Predictor,
     before,
@@ -35,8 +35,8 @@ from planning.crlb import (
     predictions,
     predictor,
 )
-from planning.followed_path import followed, predict_followed
-from planning.force import (
+from ballbar.planning.followed_path import followed, predict_followed
+from ballbar.planning.force import (
     ForceModel,
     Forces,
     StrokeModel,
@@ -44,14 +44,14 @@ from planning.force import (
     predicted_forces,
     stroke_model,
 )
-from planning.known import Known
-from planning.limits import Violation, violations
-from planning.request import PlanLimits, PlanRequest, tightened
-from planning.screen import UNREACHED, screen
-from planning.stations import PoseSetup
-from planning.trajectory import Trajectory, trajectories
-from sim.path import LEAST_AXES
-from sim.true_robot import FREE
+from ballbar.planning.known import Known
+from ballbar.planning.limits import Violation, violations
+from ballbar.planning.request import PlanLimits, PlanRequest, tightened
+from ballbar.planning.screen import UNREACHED, screen
+from ballbar.planning.stations import PoseSetup
+from ballbar.planning.trajectory import Trajectory, trajectories
+from ballbar.sim.path import LEAST_AXES
+from ballbar.sim.true_robot import FREE
 
 NEARLY = 0.5  # excess of the motion's limits up to which forces and clearance are computed
 UNEXAMINED = 10.0  # added to the excess otherwise: more than forces and clearance come to
@@ -209,7 +209,7 @@ def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOT
 def evaluate(evaluator: Evaluator, candidate: PathCandidate, *, robots: int = ROBOTS) -> Assessment:
     """Violated limits of a candidate and, if there are none, its predicted uncertainty.
 
-    robots : how many robots of planning.force enter the prediction.
+    robots : how many robots of ballbar.planning.force enter the prediction.
     """
     best = check(evaluator, candidate)
     if best.violations or best.trajectory is None:

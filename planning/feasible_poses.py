@@ -1,9 +1,9 @@
 """Feasible poses: random axis angles, moved to where the instrument can measure, and screened.
 
-Where the robot has to be brought to the instrument (cell.instruments), the target has to stand at
-a drawn distance from the seat, at a drawn height over a plane, or in a socket: damped Gauss-Newton
-steps of least norm from random angles bring it there. Everything else is
-a screen: axis box, distance, aim of seat and target, clearance.
+Where the robot has to be brought to the instrument (ballbar.cell.instruments), the target has to
+stand at a drawn distance from the seat, at a drawn height over a plane, or in a socket: damped
+Gauss-Newton steps of least norm from random angles bring it there. Everything else is a screen:
+axis box, distance, aim of seat and target, clearance.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import Frames, joint_screws
-from cell.errors import InputError
-from cell.number_text import significant_text
-from cell.placement import Placement
-from planning.capsules import smallest_distance
-from planning.stations import Aim, PoseSetup, Station, station_frames
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, joint_screws
+from ballbar.cell.errors import InputError
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.placement import Placement
+from ballbar.planning.capsules import smallest_distance
+from ballbar.planning.stations import Aim, PoseSetup, Station, station_frames
 
 STEPS = 25  # Gauss-Newton steps towards a distance or a socket
 LONGEST_STEP = 0.3  # [rad] of an axis in one of them

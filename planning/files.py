@@ -7,23 +7,23 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.closed_form import has_closed_form
-from cell.extended_yaml import load_extended, portable
-from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
-from cell.geometry import nominal_chain
-from cell.instruments.base import Kind
-from cell.robot_angles import joints_to_axes
-from planning import programs
-from planning.candidate import DECIMALS, PathCandidate
-from planning.crlb import PredictedInformation
-from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
-from planning.plan import PathPlan
-from planning.planned_scenario import PATH, scenario_data
-from planning.pose_plan import PosePlan
-from planning.pose_request import PosePlanRequest
-from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
-from planning.stations import PoseSetup
-from planning.trajectory import Targets, targets_of
+from ballbar.cell.closed_form import has_closed_form
+from ballbar.cell.extended_yaml import load_extended, portable
+from ballbar.cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.instruments.base import Kind
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.planning import programs
+from ballbar.planning.candidate import DECIMALS, PathCandidate
+from ballbar.planning.crlb import PredictedInformation
+from ballbar.planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
+from ballbar.planning.plan import PathPlan
+from ballbar.planning.planned_scenario import PATH, scenario_data
+from ballbar.planning.pose_plan import PosePlan
+from ballbar.planning.pose_request import PosePlanRequest
+from ballbar.planning.request import OF_BALLBARS, REQUESTS, PlanRequest
+from ballbar.planning.stations import PoseSetup
+from ballbar.planning.trajectory import Targets, targets_of
 
 SCENARIO, NUMBERS, TABLE, REQUEST = "scenario.yaml", "plan.yaml", "path.csv", "request.yaml"
 POSE_TABLE, POSES = "poses.csv", "poses.yaml"

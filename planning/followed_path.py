@@ -1,9 +1,9 @@
 """Prediction of a path along which an instrument follows a target on the robot.
 
-Its rows are those of an identification of such a recording (ident.estimator.observations): the
-unknowns of still poses of planning.pose_information, and the instrument's clock. Each of SAMPLES
-instants stands for the rows about it, whose white noise averages, while what the model leaves
-unexplained is common to them.
+Its rows are those of an identification of such a recording (ballbar.ident.estimator.observations):
+the unknowns of still poses of ballbar.planning.pose_information, and the instrument's clock. Each
+of SAMPLES instants stands for the rows about it, whose white noise averages, while what the model
+leaves unexplained is common to them.
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.clock import Clock
-from cell.geometry import geometry_of_chain, parameter_table
-from cell.load import describes_instrument, load_instrument
-from cell.placement import Placement
-from cell.poses import PoseTable
-from cell.robot_angles import joints_to_axes
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.build_unknowns import still_unknowns
-from ident.estimator.model import still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.robust_fit import equations_at
-from ident.estimator.unknowns import PlacedPoses
-from ident.robot.identified import IdentifiedRobot
-from ident.signals.motion import MotionByLog
-from ident.signals.smooth_log import interpolating_log
-from planning.crlb import SAMPLES, PathPrediction
-from planning.pose_information import expected_group, smooth_joint_errors
-from planning.pose_request import POSE_SCHEMA, PosePlanRequest
-from planning.request import PlanRequest
-from planning.stations import PoseSetup, setup_of
-from planning.trajectory import Passage
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import geometry_of_chain, parameter_table
+from ballbar.cell.load import describes_instrument, load_instrument
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.build_unknowns import still_unknowns
+from ballbar.ident.estimator.model import still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.robust_fit import equations_at
+from ballbar.ident.estimator.unknowns import PlacedPoses
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.signals.motion import MotionByLog
+from ballbar.ident.signals.smooth_log import interpolating_log
+from ballbar.planning.crlb import SAMPLES, PathPrediction
+from ballbar.planning.pose_information import expected_group, smooth_joint_errors
+from ballbar.planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from ballbar.planning.request import PlanRequest
+from ballbar.planning.stations import PoseSetup, setup_of
+from ballbar.planning.trajectory import Passage
 
 # [m] of the instrument in the base frame and of the target on the flange; assumed, as in
 # scenarios/plans/irb2400_tracker.yaml. Where the instrument stands hardly matters.

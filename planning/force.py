@@ -7,9 +7,10 @@ that no feed-forward carries (ball-bar, motion, friction),
 
     F (1/k_rod + sum tau_1^2 (1/k_gear + 1/kp)) = g - sum tau_1 (tau_0 / k_gear + tau_b / kp)
 
-The prediction is quasi-static and without backlash; planning.verify simulates the rest. Where the
-robot's file lacks masses, gears or servo, typical ones stand for them (cell.typical_machine), and
-as many robots as MACHINES, drawn from their spread, give the interval of the force.
+The prediction is quasi-static and without backlash; ballbar.planning.verify simulates the rest.
+Where the robot's file lacks masses, gears or servo, typical ones stand for them
+(ballbar.cell.typical_machine), and as many robots as MACHINES, drawn from their spread, give the
+interval of the force.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.bodies import carried_bodies, link_bodies
-from cell.chain import Frames, screw
-from cell.descriptions import Cell, Robot
-from cell.dynamics import joint_torques, torques_of_each
-from cell.geometry import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import carried_bodies, link_bodies
+from ballbar.cell.chain import Frames, screw
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.dynamics import joint_torques, torques_of_each
+from ballbar.cell.geometry import (
     Geometry,
     bar_frames,
     nominal_geometry,
@@ -33,11 +34,11 @@ from cell.geometry import (
     parameter_table,
     robot_frames,
 )
-from cell.typical_machine import Spread, with_typical
-from ident.loads.gear_loads import Loads, MassModel, loads, mass_model, on_ballbar
-from planning.trajectory import Trajectory
-from sim.errors.static_errors import THESIS_3_1
-from sim.plant.effects import servo_gains
+from ballbar.cell.typical_machine import Spread, with_typical
+from ballbar.ident.loads.gear_loads import Loads, MassModel, loads, mass_model, on_ballbar
+from ballbar.planning.trajectory import Trajectory
+from ballbar.sim.errors.static_errors import THESIS_3_1
+from ballbar.sim.plant.effects import servo_gains
 
 CREEP = 1e-3  # [rad/s] speed at which Coulomb friction has most of its size; assumed
 DRAWS = 8  # robots whose force is predicted
@@ -185,7 +186,7 @@ def load_reversals(forces: Forces, width: Array) -> Array:
     """(DRAWS, 6) number of times that each gear's load changes the flank of its backlash.
 
     A load does so where it passes from beyond +width to beyond -width, or back. width : (6,) [N m]
-    (ident.corrections.base.backlash_transition).
+    (ballbar.ident.corrections.base.backlash_transition).
     """
     # (DRAWS, 6, N)
     load = forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import parameter_table
-from ident.corrections import correction_of_result
-from ident.corrections.base import Correction
-from ident.estimator.gauss_newton import inverse
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.priors import priors
-from ident.estimator.unknowns import Unknowns
-from ident.result import Machine
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import parameter_table
+from ballbar.ident.corrections import correction_of_result
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.priors import priors
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.result import Machine
 
 # Of the prior of an unknown that the results took as exact: far below what data could tell.
 EXACT_SHARE = 1e-6

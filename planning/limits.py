@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.closed_form import has_closed_form
-from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_chain, robot_frames
-from cell.numerical_inverse import dexterity, scaled_jacobian
-from cell.robot_angles import joints_to_axes
-from planning.request import Cup, PlanCell, PlanLimits
-from planning.trajectory import Trajectory
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.closed_form import has_closed_form
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_chain, robot_frames
+from ballbar.cell.numerical_inverse import dexterity, scaled_jacobian
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.planning.request import Cup, PlanCell, PlanLimits
+from ballbar.planning.trajectory import Trajectory
 
 GROSS_DEG = 30.0  # a gross violation of an angle; only guides a search
 UNIT_ANGLE = np.radians(GROSS_DEG)
@@ -60,7 +60,8 @@ def violations(
 ) -> list[Violation]:
     """All limits of motion that a trajectory violates, worst first.
 
-    around : states the cups of a telescoping bar. planning.evaluation adds force and clearance.
+    around : states the cups of a telescoping bar. ballbar.planning.evaluation adds force and
+    clearance.
     """
     worst = []
     for measure in measures(cell, limits, trajectory, around):

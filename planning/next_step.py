@@ -1,10 +1,10 @@
 """Next steps that would help most: predicted TCP uncertainty of the recordings with one change.
 
-The prediction is that of planning.crlb along the recorded motions, of the identified robot with the
-corrections and the noise that were identified; recordings together share the machine. Changes are
-those of planning.questions (a fifth encoder, a measured rod), the same path once more, or another
-path of the same ball-bar at the same place. Plate and axis offsets keep their priors, so the scale
-is in it.
+The prediction is that of ballbar.planning.crlb along the recorded motions, of the identified robot
+with the corrections and the noise that were identified; recordings together share the machine.
+Changes are those of ballbar.planning.questions (a fifth encoder, a measured rod), the same path
+once more, or another path of the same ball-bar at the same place. Plate and axis offsets keep their
+priors, so the scale is in it.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.statistics import rms
-from ident.complete_fit import DEVIATION, WANDERING, needs_loads, wanders
-from ident.corrections import correction_of_result
-from ident.estimator.build_unknowns import TENSION_PRIOR
-from ident.estimator.gauss_newton import inverse
-from ident.estimator.noise import ExcessNoise, LogNoise
-from ident.estimator.sample_times import DWELL_KEPT
-from ident.loads.gear_loads import mass_model
-from ident.result import RobotEstimate
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.tcp_uncertainty import TcpUncertainty, tcp_uncertainty
-from planning.candidate import PathCandidate
-from planning.crlb import PathPrediction, Predictor, predict
-from planning.limits import violations
-from planning.questions import ENCODERS
-from planning.request import PlanLimits, PlanSensors, PlanTiming
-from planning.trajectory import Passage, trajectories
-from sim.path import Lissajous
+from ballbar.cell.arrays import Array
+from ballbar.cell.statistics import rms
+from ballbar.ident.complete_fit import DEVIATION, WANDERING, needs_loads, wanders
+from ballbar.ident.corrections import correction_of_result
+from ballbar.ident.estimator.build_unknowns import TENSION_PRIOR
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.ident.estimator.noise import ExcessNoise, LogNoise
+from ballbar.ident.estimator.sample_times import DWELL_KEPT
+from ballbar.ident.loads.gear_loads import mass_model
+from ballbar.ident.result import RobotEstimate
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty, tcp_uncertainty
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.crlb import PathPrediction, Predictor, predict
+from ballbar.planning.limits import violations
+from ballbar.planning.questions import ENCODERS
+from ballbar.planning.request import PlanLimits, PlanSensors, PlanTiming
+from ballbar.planning.trajectory import Passage, trajectories
+from ballbar.sim.path import Lissajous
 
 EVERY_ENCODER = (1, 2, 3, 4, 5)
 ROD_SIGMA = 5e-6  # [m] of a rod that was measured, as well as the plate was
@@ -55,7 +55,7 @@ class RecordedPassage:
 class NextStep:
     """One thing that could be done next, and the predicted uncertainty with it."""
 
-    key: str  # of planning.questions, PATH or REPEAT
+    key: str  # of ballbar.planning.questions, PATH or REPEAT
     value: str  # what of it
     predicted: TcpUncertainty
 

@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.geometry import bar_frames
-from cell.rotation import even_directions
-from cell.strict_yaml import load_model
-from ident.corrections.base import backlash_transition
-from ident.estimator.uncertainty import observability
-from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
-from planning.coarse import BATCH, objectives
-from planning.crlb import PathPrediction
-from planning.evaluation import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import bar_frames
+from ballbar.cell.rotation import even_directions
+from ballbar.cell.strict_yaml import load_model
+from ballbar.ident.corrections.base import backlash_transition
+from ballbar.ident.estimator.uncertainty import observability
+from ballbar.ident.robot.tcp_uncertainty import scale_error
+from ballbar.planning.candidate import PathCandidate, Space, folded, genome_of, rounded, space_of
+from ballbar.planning.coarse import BATCH, objectives
+from ballbar.planning.crlb import PathPrediction
+from ballbar.planning.evaluation import (
     INFEASIBLE,
     SCREENED_OUT,
     Assessment,
@@ -32,12 +32,12 @@ from planning.evaluation import (
     tcp_rms_before,
     tensions_of,
 )
-from planning.force import Forces, Lengths, load_reversals, predicted_lengths
-from planning.known import Known
-from planning.programs import BALLBAR, TELESCOPING, TRACKED
-from planning.request import PlanRequest
-from planning.screen import screen, tally
-from planning.search import (
+from ballbar.planning.force import Forces, Lengths, load_reversals, predicted_lengths
+from ballbar.planning.known import Known
+from ballbar.planning.programs import BALLBAR, TELESCOPING, TRACKED
+from ballbar.planning.request import PlanRequest
+from ballbar.planning.screen import screen, tally
+from ballbar.planning.search import (
     RatedCandidate,
     SearchProgress,
     evaluating_processes,
@@ -46,9 +46,9 @@ from planning.search import (
     ranked,
     search,
 )
-from planning.trajectory import Trajectory
-from sim.path import Lissajous
-from sim.path_files import LissajousFile, lissajous
+from ballbar.planning.trajectory import Trajectory
+from ballbar.sim.path import Lissajous
+from ballbar.sim.path_files import LissajousFile, lissajous
 
 SECONDS = 60.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
@@ -135,7 +135,7 @@ class PathPlan:
     trajectory: Trajectory  # in the configuration of the arm that was chosen
     forces: Forces | None  # None where nothing holds the rod's length
     lengths: Lengths | None  # of a bar that measures its length
-    predictions: tuple[PathPrediction, ...]  # of each robot of planning.force
+    predictions: tuple[PathPrediction, ...]  # of each robot of ballbar.planning.force
     evaluated: int = 0  # candidates of the search
     seconds: float = 0.0  # that the search took
     stopped: bool = False  # by Ctrl-C

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cell.descriptions import Robot
-from cell.typical_machine import KEYS
-from planning.followed_path import RATE
-from planning.force import ERROR, Lengths
-from planning.plan import PathPlan
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.typical_machine import KEYS
+from ballbar.planning.followed_path import RATE
+from ballbar.planning.force import ERROR, Lengths
+from ballbar.planning.plan import PathPlan
 
 PATH = "path.yaml"  # of the plan, beside the scenario
 # All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.

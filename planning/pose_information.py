@@ -1,8 +1,9 @@
 """Information of poses about a robot: whitened rows at the nominal robot, predicted TCP error.
 
-The rows are those of an identification (ident.estimator.model): seats, targets, DH parameters and
-sag with their priors, the instrument's noise, and what the model leaves unexplained. Smooth errors
-of the joints are among the unknowns too. Without them a design gathers its poses at few angles of
+The rows are those of an identification (ballbar.ident.estimator.model): seats, targets, DH
+parameters and sag with their priors, the instrument's noise, and what the model leaves unexplained.
+Smooth errors of the joints are among the unknowns too. Without them a design gathers its poses at
+few angles of
 each joint, where such errors, which are there but not fitted, spoil the result: on simulated robots
 the gain over random poses was lost (docs/planning). With the unknowns in standard deviations of
 their priors, the information of a set of poses is `N = I + sum A_k' A_k`, A_k (E, P) the rows of
@@ -16,27 +17,27 @@ from functools import cached_property
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.geometry import geometry_of_chain, parameter_table
-from cell.instruments.base import TrueStand
-from cell.placement import Placement
-from cell.poses import PoseGroup, PoseTable
-from cell.robot_angles import controller_to_joints
-from ident.corrections.base import Correction
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.build_unknowns import still_unknowns
-from ident.estimator.model import Model, still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.robust_fit import equations_at
-from ident.estimator.unknowns import PlacedPoses, Unknowns
-from ident.robot.accuracy import aligned_columns, position_sigma
-from ident.robot.identified import IdentifiedRobot
-from planning.crlb import PredictedInformation
-from planning.feasible_poses import Candidates
-from planning.stations import PoseSetup, Station, station_frames
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import geometry_of_chain, parameter_table
+from ballbar.cell.instruments.base import TrueStand
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.build_unknowns import still_unknowns
+from ballbar.ident.estimator.model import Model, still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.robust_fit import equations_at
+from ballbar.ident.estimator.unknowns import PlacedPoses, Unknowns
+from ballbar.ident.robot.accuracy import aligned_columns, position_sigma
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.planning.crlb import PredictedInformation
+from ballbar.planning.feasible_poses import Candidates
+from ballbar.planning.stations import PoseSetup, Station, station_frames
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
@@ -75,7 +76,8 @@ class Information:
 
     @cached_property
     def root(self) -> Array:
-        """(P, P) [m] root R of the weights; the base is aligned as in ident.robot.accuracy."""
+        """(P, P) [m] root R of the weights; the base is aligned as in
+        ballbar.ident.robot.accuracy."""
         positions, moves = self.before.tool
         columns = np.zeros((positions.size, self.layout.count))
         columns[:, self.before.moving] = aligned_columns(positions, moves)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from ident.estimator.gauss_newton import inverse
-from planning.crlb import PredictedInformation
-from planning.feasible_poses import Candidates, Screen, feasible, joined, random_candidates
-from planning.pose_information import Information, information_of
-from planning.route import Route, route_of
-from planning.stations import PoseSetup
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.planning.crlb import PredictedInformation
+from ballbar.planning.feasible_poses import Candidates, Screen, feasible, joined, random_candidates
+from ballbar.planning.pose_information import Information, information_of
+from ballbar.planning.route import Route, route_of
+from ballbar.planning.stations import PoseSetup
 
 APART = np.radians(10.0)  # [rad] of at least one axis, between any two poses
 SWEEPS = 1  # of exchanges; further ones gain less than the refinement of the angles

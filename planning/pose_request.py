@@ -9,11 +9,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cell.pose_file import KnownDistances
-from cell.schema import Name, Positive, Strict
-from cell.schema_errors import wrong_key
-from planning.workspace import Axes, AxisMargin, KeepOut, StatedWorkspace
-from sim.settings import Vector3
+from ballbar.cell.pose_file import KnownDistances
+from ballbar.cell.schema import Name, Positive, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.planning.workspace import Axes, AxisMargin, KeepOut, StatedWorkspace
+from ballbar.sim.settings import Vector3
 
 POSE_SCHEMA = "ballbar-pose-plan"
 Cone = Annotated[float, Field(gt=0.0, le=180.0)]

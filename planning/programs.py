@@ -22,12 +22,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import ProgramLanguage, Robot
-from cell.foreign_text import comment
-from cell.poses import Measured
-from planning.pose_plan import PosePlan
-from planning.trajectory import Targets
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import ProgramLanguage, Robot
+from ballbar.cell.foreign_text import comment
+from ballbar.cell.poses import Measured
+from ballbar.planning.pose_plan import PosePlan
+from ballbar.planning.trajectory import Targets
 
 # what holds the tool, or is followed on it
 BALLBAR, TELESCOPING, TRACKED = "ball-bar", "telescoping bar", "tracked target"

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import BallBar, Cell, Link, Plate
-from cell.errors import InputError
-from cell.schema_errors import nearest
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import BallBar, Cell, Link, Plate
+from ballbar.cell.errors import InputError
+from ballbar.cell.schema_errors import nearest
 
 if TYPE_CHECKING:
-    from planning.request import PlanRequest
+    from ballbar.planning.request import PlanRequest
 
 THICKNESS = 0.045  # [m] of the plates in cell/plates (thesis sec. 4.5)
 

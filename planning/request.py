@@ -1,7 +1,7 @@
 """Plan request: cell, region of the ball-bar, encoders, time and limits (`ballbar-plan/1`).
 
 Every limit has a default with its source beside it; assumed ones say so. `load_request` reads
-requests for still poses too (planning.pose_request).
+requests for still poses too (ballbar.planning.pose_request).
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.descriptions import Robot
-from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
-from cell.load import ballbar_names, load_ballbar, load_robot
-from cell.schema import Positive, Strict
-from cell.schema_errors import wrong_key
-from cell.strict_yaml import parse_model
-from cell.typical_machine import arm_length
-from planning.pose_request import POSE_SCHEMA, Cone, PlanName, PosePlanRequest, Seed
-from planning.workspace import AxisMargin, KeepOut, Region, StatedWorkspace
-from sim.errors.sensor_errors import EncoderNumber
-from sim.settings import Vector3
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
+from ballbar.cell.load import ballbar_names, load_ballbar, load_robot
+from ballbar.cell.schema import Positive, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.strict_yaml import parse_model
+from ballbar.cell.typical_machine import arm_length
+from ballbar.planning.pose_request import POSE_SCHEMA, Cone, PlanName, PosePlanRequest, Seed
+from ballbar.planning.workspace import AxisMargin, KeepOut, Region, StatedWorkspace
+from ballbar.sim.errors.sensor_errors import EncoderNumber
+from ballbar.sim.settings import Vector3
 
 
 class Cup(Strict):
@@ -205,16 +205,17 @@ OF_BALLBARS = {
     "limits": ("ballbar_margin_deg", "cable_turns", "force_N"),
 }
 
-# Of the arm's length (cell.typical_machine): rod of the ball-bar, and lower and upper corner of the
-# region of its centre, wider than in the shipped requests, since reach and height of arms differ.
+# Of the arm's length (ballbar.cell.typical_machine): rod of the ball-bar, and lower and upper
+# corner of the region of its centre, wider than in the shipped requests, since reach and height of
+# arms differ.
 ROD_SHARE = 0.32
 REGION_SHARES = ((0.3, -0.2, 0.15), (0.8, 0.2, 0.45))
 # Limit of the force [N] over the length [m] of arms whose servo is not known: that of PlanLimits up
 # to an IRB 2400, and for an NJ 220 that of its request (scenarios/plans).
 FORCE_OF_LENGTH = ((1.7, 2.95), (200.0, 500.0))
 
-# Reserves for the motion under soft servo, measured by planning.verify: added to margins, and
-# factors on rates and force.
+# Reserves for the motion under soft servo, measured by ballbar.planning.verify: added to margins,
+# and factors on rates and force.
 RESERVES = {
     **dict.fromkeys(
         ("axis_margin_deg", "wrist_margin_deg", "elbow_margin_deg", "ballbar_margin_deg"), 1.0

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import Frames
-from planning.capsules import smallest_distance
-from planning.feasible_poses import Candidates
-from planning.stations import PoseSetup, Station, station_frames
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.planning.capsules import smallest_distance
+from ballbar.planning.feasible_poses import Candidates
+from ballbar.planning.stations import PoseSetup, Station, station_frames
 
 STEP = np.radians(5.0)  # [rad] of the fastest axis between the poses of a move that are checked
 UNKNOWN_SPEED = 1.0  # [rad/s] of an axis whose file states none; only compares moves

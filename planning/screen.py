@@ -1,7 +1,7 @@
 """Screening of many candidates at a few phases each, without time.
 
 Reach, ranges of the arm and of axis 5, and singularities are checked. Limits that require turns or
-speeds are left to planning.limits.
+speeds are left to ballbar.planning.limits.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.closed_form import has_closed_form, robot_branches
-from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, nominal_geometry
-from cell.numerical_inverse import best_branches, dexterity, in_range, led
-from cell.robot_angles import joints_to_axes
-from planning.candidate import Space, shape_of
-from planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular, leans
-from planning.request import PlanCell, PlanLimits
-from sim.path import Lissajous, tool_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import has_closed_form, robot_branches
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import BAR_ROWS, Geometry, nominal_geometry
+from ballbar.cell.numerical_inverse import best_branches, dexterity, in_range, led
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.planning.candidate import Space, shape_of
+from ballbar.planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular, leans
+from ballbar.planning.request import PlanCell, PlanLimits
+from ballbar.sim.path import Lissajous, tool_poses
 
-PHASES = 24  # per candidate: enough to reject most of those that planning.limits would
+PHASES = 24  # per candidate: enough to reject most of those that ballbar.planning.limits would
 LED_PHASES, LED = 24, 2  # of an arm without closed form, and its configurations: each takes longer
 # Excess of a candidate that the robot does not reach at all; less, the more of it it reaches.
 UNREACHED = 10.0

@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import BAR_ROWS
-from cell.processes import process_pool
-from planning.candidate import Space, folded, space_of
-from planning.coarse import objectives, sample
-from planning.evaluation import INFEASIBLE, Evaluator, evaluators, objective
-from planning.force import DRAWS as ROBOTS
-from planning.known import Known
-from planning.request import PlanRequest
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import BAR_ROWS
+from ballbar.cell.processes import process_pool
+from ballbar.planning.candidate import Space, folded, space_of
+from ballbar.planning.coarse import objectives, sample
+from ballbar.planning.evaluation import INFEASIBLE, Evaluator, evaluators, objective
+from ballbar.planning.force import DRAWS as ROBOTS
+from ballbar.planning.known import Known
+from ballbar.planning.request import PlanRequest
 
 RANDOM_SHARE = 0.2  # of the time, at most, for random candidates
 DRAWS = 128  # batches of random candidates: enough for the starts of a race
@@ -133,7 +133,7 @@ def search(
 
 
 def ranked(incumbents: list[RatedCandidate], pool: ProcessPoolExecutor) -> list[RatedCandidate]:
-    """The last INCUMBENTS by their objective over all robots of planning.force, best first.
+    """The last INCUMBENTS by their objective over all robots of ballbar.planning.force, best first.
 
     Those that follow one another differ by STEP or more.
     """

@@ -12,19 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, forward
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.geometry import nominal_chain
-from cell.instruments.base import Instrument
-from cell.load import load_instrument, load_robot
-from cell.placement import Placement, target_frames
-from cell.pose_file import known_distances
-from cell.poses import KnownDistance
-from cell.robot_angles import controller_to_joints
-from planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
-from planning.workspace import check_axes, workspace_grid
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.cell.placement import Placement, target_frames
+from ballbar.cell.pose_file import known_distances
+from ballbar.cell.poses import KnownDistance
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
+from ballbar.planning.workspace import check_axes, workspace_grid
 
 TURN = 2.0 * np.pi  # [rad] an axis that turns further is planned over half a turn to either side
 

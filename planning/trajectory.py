@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from cell.arrays import Array
-from cell.closed_form import has_closed_form, robot_branches
-from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, nominal_geometry, robot_frames
-from cell.numerical_inverse import in_range
-from cell.robot_angles import joints_to_axes
-from planning.candidate import PathCandidate, shape_of
-from planning.request import PlanTiming
-from sim.path import Lissajous, branches_along, phase_over_time, tool_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import has_closed_form, robot_branches
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import BAR_ROWS, Geometry, nominal_geometry, robot_frames
+from ballbar.cell.numerical_inverse import in_range
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.planning.candidate import PathCandidate, shape_of
+from ballbar.planning.request import PlanTiming
+from ballbar.sim.path import Lissajous, branches_along, phase_over_time, tool_poses
 
 STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
 ARM_AXES = 3  # of an arm with closed form, whose angles are unique: only its wrist turns as a whole

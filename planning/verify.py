@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import bar_frames, nominal_geometry
-from cell.typical_machine import with_typical
-from planning.candidate import PathCandidate
-from planning.clearance import Clearance
-from planning.limits import CROSSING, LimitedValue, limited, measures
-from planning.request import PlanLimits, PlanRequest
-from planning.trajectory import Trajectory
-from sim.errors.plant_errors import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import bar_frames, nominal_geometry
+from ballbar.cell.typical_machine import with_typical
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.clearance import Clearance
+from ballbar.planning.limits import CROSSING, LimitedValue, limited, measures
+from ballbar.planning.request import PlanLimits, PlanRequest
+from ballbar.planning.trajectory import Trajectory
+from ballbar.sim.errors.plant_errors import (
     BarFriction,
     GearBacklash,
     GearFriction,
@@ -28,14 +28,14 @@ from sim.errors.plant_errors import (
     RodBacklash,
     RodStrain,
 )
-from sim.errors.static_errors import StaticErrors, set_without_strain, true_geometry
-from sim.motion import Motion
-from sim.path import reference_path
-from sim.path_files import PATH_STEP
-from sim.plant.effects import Plant, plant_effects, servo_gains
-from sim.plant.mujoco_plant import run_plant
-from sim.settings import ErrorSettings
-from sim.streams import stream
+from ballbar.sim.errors.static_errors import StaticErrors, set_without_strain, true_geometry
+from ballbar.sim.motion import Motion
+from ballbar.sim.path import reference_path
+from ballbar.sim.path_files import PATH_STEP
+from ballbar.sim.plant.effects import Plant, plant_effects, servo_gains
+from ballbar.sim.plant.mujoco_plant import run_plant
+from ballbar.sim.settings import ErrorSettings
+from ballbar.sim.streams import stream
 
 TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 # [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion

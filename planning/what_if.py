@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import PathCandidate, genome_of
-from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
-from planning.plan import PathPlan, descent
-from planning.questions import Question, changed
-from planning.workspace import Region
+from ballbar.ident.robot.tcp_uncertainty import scale_error
+from ballbar.planning.candidate import PathCandidate, genome_of
+from ballbar.planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
+from ballbar.planning.plan import PathPlan, descent
+from ballbar.planning.questions import Question, changed
+from ballbar.planning.workspace import Region
 
 ROOM = 0.3  # [m] by which the ball-bar may move when a path is adapted
 ADAPTING_SEED = 1  # any; fixed, so that an answer can be repeated

@@ -8,13 +8,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.schema import Strict
-from cell.schema_errors import wrong_key
-from ident.robot.accuracy import accuracy_grid
-from sim.settings import Vector3
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.schema import Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.sim.settings import Vector3
 
 ROUNDING = 1e-9  # [deg] of an end of a range that is given in degrees and kept in radians
 Axes = Annotated[tuple[float, ...], Field(min_length=5, max_length=8)]

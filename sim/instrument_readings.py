@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.instruments.base import Instrument, TrueStand
-from cell.robot_angles import joints_to_axes
-from sim.settings import ErrorSettings
-from sim.streams import stream
-from sim.true_robot import TrueArm
-from sim.truth import SeatMotion, TruePlace
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.instruments.base import Instrument, TrueStand
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.sim.settings import ErrorSettings
+from ballbar.sim.streams import stream
+from ballbar.sim.true_robot import TrueArm
+from ballbar.sim.truth import SeatMotion, TruePlace
 
 
 def seat_motion(errors: ErrorSettings, seed: int) -> SeatMotion:

@@ -3,10 +3,11 @@
 
     reference path -> sampling times -> true mechanism -> logged angles
 
-The ball-bar takes the path's angles and the robot follows exactly, as in sim.plant.kinematic_plant;
-draws come from the streams of a recording with the same seed. Errors that vary along the path have
-no mean in either log, since the thesis counts a mean as a static error (sec. 3.1, steps 1-4).
-Encoder offsets are those of the static errors alone; none are drawn.
+The ball-bar takes the path's angles and the robot follows exactly, as in
+ballbar.sim.plant.kinematic_plant; draws come from the streams of a recording with the same seed.
+Errors that vary along the path have no mean in either log, since the thesis counts a mean as a
+static error (sec. 3.1, steps 1-4). Encoder offsets are those of the static errors alone; none are
+drawn.
 """
 
 from __future__ import annotations
@@ -18,29 +19,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from cell.arrays import Array
-from cell.chain import cross, forward, joint_screws
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import BAR_ROWS, Geometry, bar_frames
-from cell.inverse import refine
-from sim.errors.sample_errors import delay_of
-from sim.errors.sensor_effects import encoder_effects, resolver_effects
-from sim.errors.static_errors import true_geometry
-from sim.logging.encoders import motor_angles
-from sim.path import ReferencePath
-from sim.plant.effects import plant_effects
-from sim.plant.kinematic_plant import refuse_forces
-from sim.settings import SimulationSettings
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import cross, forward, joint_screws
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames
+from ballbar.cell.inverse import refine
+from ballbar.sim.errors.sample_errors import delay_of
+from ballbar.sim.errors.sensor_effects import encoder_effects, resolver_effects
+from ballbar.sim.errors.static_errors import true_geometry
+from ballbar.sim.logging.encoders import motor_angles
+from ballbar.sim.path import ReferencePath
+from ballbar.sim.plant.effects import plant_effects
+from ballbar.sim.plant.kinematic_plant import refuse_forces
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.streams import stream
 
-# [rad/s] joint speed from which the robot counts as moving (ident.estimator.samples)
+# [rad/s] joint speed from which the robot counts as moving (ballbar.ident.estimator.samples)
 MOVING = 1e-3
 STICKING = 1e-3  # [m/s] speed below which friction keeps its sign; assumed
 STRETCH = 2.0  # [s] mean time between two drawn changes of the rod's force; assumed
 SETTLING = 0.2  # [s] around a sample at which the robot stands still, in which it does not move
 CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need five
-CONVERGED = 1e-13  # [rad] of a step (cell.inverse.refine)
+CONVERGED = 1e-13  # [rad] of a step (ballbar.cell.inverse.refine)
 Instants = Literal["all", "standing", "moving", "constant_speed"]
 COUNTED = (
     "signal_noise", "frozen_bits", "amplitude_errors", "slipped_periods", "outliers", "joint_lag",
@@ -173,7 +174,7 @@ def _held_sign(speed: Array) -> Array:
 def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> KinematicSamples:
     """The samples of one run.
 
-    path : sampled with the delay of the settings (sim.errors.sample_errors.delay_of).
+    path : sampled with the delay of the settings (ballbar.sim.errors.sample_errors.delay_of).
 
     Raises ValueError for another delay, InputError for errors that samples do not have (forces,
     counters, stamps), and UnreachableError near a singularity of the robot.

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cell.arrays import Array
-from cell.chain import Frames, cross
-from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 
 # Called with each stretch of the motion once it is simulated: cell, true parameters, times (K,)
 # [s], robot angles (K, 6) and ball-bar angles (K, 5) [rad], or with the extension [m] of a rod that

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cell.arrays import Array
-from cell.closed_form import has_closed_form, robot_branches
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.geometry import BAR_ROWS, Geometry, bar_frames
-from cell.numerical_inverse import best_branches, in_range, led, polished
-from cell.robot_angles import joints_to_axes
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import has_closed_form, robot_branches
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames
+from ballbar.cell.numerical_inverse import best_branches, in_range, led, polished
+from ballbar.cell.robot_angles import joints_to_axes
 
 FOLLOWED = 2  # configurations of an arm without closed form that a path is followed in
 PER_CYCLE, LEAST_PHASES = 24, 96  # phases at which such an arm is led to the path

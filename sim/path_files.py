@@ -16,17 +16,17 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import CubicSpline
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from cell.errors import InputError
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
-from cell.inverse import bar_angles, refine
-from cell.logs import RobotLog
-from cell.robot_angles import controller_to_joints
-from cell.schema import Strict
-from cell.splines import DEGREE, smoothing_spline
-from cell.strict_yaml import load_model
-from sim.path import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from ballbar.cell.inverse import bar_angles, refine
+from ballbar.cell.logs import RobotLog
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.cell.schema import Strict
+from ballbar.cell.splines import DEGREE, smoothing_spline
+from ballbar.cell.strict_yaml import load_model
+from ballbar.sim.path import (
     BRANCH,
     Lissajous,
     ReferencePath,
@@ -35,7 +35,7 @@ from sim.path import (
     check_speeds,
     reference_path,
 )
-from sim.settings import PathSettings, Position
+from ballbar.sim.settings import PathSettings, Position
 
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
 OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)

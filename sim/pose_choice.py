@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.instruments.base import Instrument
-from cell.numerical_inverse import reach_points
-from cell.robot_angles import controller_to_joints
-from sim.settings import PosesSettings
-from sim.true_robot import TrueArm
-from sim.truth import TruePlace
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.numerical_inverse import reach_points
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.sim.settings import PosesSettings
+from ballbar.sim.true_robot import TrueArm
+from ballbar.sim.truth import TruePlace
 
 _BATCH = 400  # poses drawn at a time
 _BATCHES, _HOPELESS = 100, 5  # drawn at most; and if not one pose was found

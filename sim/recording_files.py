@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.dialect import Dialect, load_dialect
-from cell.files import beside, write_whole, write_yaml
-from cell.instruments.base import Instrument
-from sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
-from sim.logging.encoders import motor_angles, read_counts
-from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
-from sim.logging.robot_files import robot_source, write_robot_log
-from sim.settings import SimulationSettings
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.dialect import Dialect, load_dialect
+from ballbar.cell.files import beside, write_whole, write_yaml
+from ballbar.cell.instruments.base import Instrument
+from ballbar.sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
+from ballbar.sim.logging.encoders import motor_angles, read_counts
+from ballbar.sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
+from ballbar.sim.logging.robot_files import robot_source, write_robot_log
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.streams import stream
 
 if TYPE_CHECKING:
-    from sim.simulate import Simulation
-    from sim.still_poses import PoseSimulation
+    from ballbar.sim.simulate import Simulation
+    from ballbar.sim.still_poses import PoseSimulation
 
 _DC_FILETIME = 125_911_584_000_000_000  # [100 ns] from 1601 to 2000
 SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row

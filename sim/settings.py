@@ -12,18 +12,18 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.instruments.base import Instrument
-from cell.schema import NotNegative, Positive, Strict
-from cell.schema_errors import missing_key, wrong_key
-from sim.errors import sensor_errors
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
-from sim.errors.sample_errors import SampleErrors
-from sim.errors.static_errors import CellErrors
-from sim.logging.load_logs import DeviceLogs, OpticalTracker
-from sim.streams import recording_seed
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.schema import NotNegative, Positive, Strict
+from ballbar.cell.schema_errors import missing_key, wrong_key
+from ballbar.sim.errors import sensor_errors
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
+from ballbar.sim.errors.sample_errors import SampleErrors
+from ballbar.sim.errors.static_errors import CellErrors
+from ballbar.sim.logging.load_logs import DeviceLogs, OpticalTracker
+from ballbar.sim.streams import recording_seed
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]

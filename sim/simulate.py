@@ -9,35 +9,43 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.instruments.base import Instrument
-from cell.logs import RobotLog
-from sim.errors.sample_errors import refuse_sample_errors
-from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects
-from sim.errors.static_errors import set_without_strain
-from sim.logging.clocks import LoggedRows, LogTimes, log_times, logged_rows
-from sim.logging.encoders import BarEncoder, joint_lags, with_lags
-from sim.logging.load_logs import drawn_loads, drawn_tracker
-from sim.logging.robot_files import robot_period
-from sim.motion import Motion, MotionCallback
-from sim.path import ReferencePath
-from sim.path_files import scenario_path
-from sim.plant.effects import Plant, servo_gains
-from sim.plant.instrument_plant import run_with_instrument
-from sim.plant.kinematic_plant import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.logs import RobotLog
+from ballbar.sim.errors.sample_errors import refuse_sample_errors
+from ballbar.sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects
+from ballbar.sim.errors.static_errors import set_without_strain
+from ballbar.sim.logging.clocks import LoggedRows, LogTimes, log_times, logged_rows
+from ballbar.sim.logging.encoders import BarEncoder, joint_lags, with_lags
+from ballbar.sim.logging.load_logs import drawn_loads, drawn_tracker
+from ballbar.sim.logging.robot_files import robot_period
+from ballbar.sim.motion import Motion, MotionCallback
+from ballbar.sim.path import ReferencePath
+from ballbar.sim.path_files import scenario_path
+from ballbar.sim.plant.effects import Plant, servo_gains
+from ballbar.sim.plant.instrument_plant import run_with_instrument
+from ballbar.sim.plant.kinematic_plant import (
     check_stroke,
     refuse_forces,
     run_free,
     run_kinematic,
     with_growth,
 )
-from sim.plant.mujoco_plant import run_plant
-from sim.settings import SimulationSettings
-from sim.streams import stream
-from sim.true_robot import TrueMachine, true_machine
-from sim.truth import ClosureError, FirstRows, ForceRange, LogTruth, TrueClock, Truth, plant_truth
+from ballbar.sim.plant.mujoco_plant import run_plant
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.streams import stream
+from ballbar.sim.true_robot import TrueMachine, true_machine
+from ballbar.sim.truth import (
+    ClosureError,
+    FirstRows,
+    ForceRange,
+    LogTruth,
+    TrueClock,
+    Truth,
+    plant_truth,
+)
 
 # [rad/s] joint speed up to which a recording begins in a dwell: ten times what its noise leaves
 # after smoothing

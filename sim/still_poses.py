@@ -12,14 +12,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import KINDS
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.instruments.base import Instrument
-from cell.load import load_instrument, load_robot
-from cell.numerical_inverse import reach_points
-from sim.instrument_readings import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import KINDS
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.cell.numerical_inverse import reach_points
+from ballbar.sim.instrument_readings import (
     logged_axes,
     measured,
     outliers,
@@ -28,12 +28,12 @@ from sim.instrument_readings import (
     stand_of,
     unsettled,
 )
-from sim.plant.held import hold_with_instrument
-from sim.pose_choice import Stand, choose_poses
-from sim.settings import PlacementSettings, PosesSettings, SimulationSettings
-from sim.streams import stream
-from sim.true_robot import TrueArm, true_arm
-from sim.truth import DHRows, PoseTruth, RippleTruth, SeatMotion, TruePlace
+from ballbar.sim.plant.held import hold_with_instrument
+from ballbar.sim.pose_choice import Stand, choose_poses
+from ballbar.sim.settings import PlacementSettings, PosesSettings, SimulationSettings
+from ballbar.sim.streams import stream
+from ballbar.sim.true_robot import TrueArm, true_arm
+from ballbar.sim.truth import DHRows, PoseTruth, RippleTruth, SeatMotion, TruePlace
 
 PlantKind = Literal["mujoco", "kinematic"]
 

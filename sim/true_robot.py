@@ -5,7 +5,7 @@ still is an arm that puts a target somewhere at the angles that it shows (`true_
 
     shown angles -> gears with their harmonic errors -> yielding under their own weight -> DH rows
 
-Nothing of it is shared with the identification but cell.chain.
+Nothing of it is shared with the identification but ballbar.cell.chain.
 """
 
 from __future__ import annotations
@@ -15,21 +15,27 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.bodies import link_bodies
-from cell.chain import KINDS, Chain, Frames, forward
-from cell.descriptions import Cell, Robot
-from cell.dynamics import joint_torques
-from cell.errors import InputError
-from cell.geometry import Geometry, nominal_geometry
-from cell.instruments.base import Instrument
-from cell.load import load_cell, load_instrument, load_plate, load_robot, load_telescoping_bar
-from cell.typical_machine import Spread, motor_turns, with_typical
-from sim.errors.sensor_effects import ResolverEffects, resolver_effects
-from sim.errors.static_errors import true_geometry
-from sim.plant.effects import PlantEffects, Ripple, plant_effects
-from sim.settings import CellSettings, ErrorSettings, SimulationSettings
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import link_bodies
+from ballbar.cell.chain import KINDS, Chain, Frames, forward
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.dynamics import joint_torques
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, nominal_geometry
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.load import (
+    load_cell,
+    load_instrument,
+    load_plate,
+    load_robot,
+    load_telescoping_bar,
+)
+from ballbar.cell.typical_machine import Spread, motor_turns, with_typical
+from ballbar.sim.errors.sensor_effects import ResolverEffects, resolver_effects
+from ballbar.sim.errors.static_errors import true_geometry
+from ballbar.sim.plant.effects import PlantEffects, Ripple, plant_effects
+from ballbar.sim.settings import CellSettings, ErrorSettings, SimulationSettings
+from ballbar.sim.streams import stream
 
 # In whose coordinates the path of a tool is stated that nothing holds; it has no mass and no force.
 FREE = "drawwire_2m"

@@ -12,21 +12,27 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from cell.arrays import Array
-from cell.chain import KINDS, Chain
-from cell.descriptions import Robot
-from cell.files import write_yaml
-from cell.geometry import Geometry, table_of_names
-from cell.rotation import matrix_from_rotvec
-from cell.schema import Strict
-from cell.strict_yaml import check_schema, load_yaml, parse_model
-from sim.errors.plant_errors import ThermalGrowth
-from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
-from sim.errors.sensor_errors import ClockStep, LoggerRestart
-from sim.logging.clocks import RowCounts, WanderCurve
-from sim.logging.load_logs import DrawnLoads, TrackerTruth
-from sim.plant.effects import RIGID_ROD, MassDistribution, PlantEffects, Ripple, stated_masses
-from sim.true_robot import TrueArm, TrueMachine
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import KINDS, Chain
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.files import write_yaml
+from ballbar.cell.geometry import Geometry, table_of_names
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.cell.schema import Strict
+from ballbar.cell.strict_yaml import check_schema, load_yaml, parse_model
+from ballbar.sim.errors.plant_errors import ThermalGrowth
+from ballbar.sim.errors.sensor_effects import EncoderEffects, ResolverEffects
+from ballbar.sim.errors.sensor_errors import ClockStep, LoggerRestart
+from ballbar.sim.logging.clocks import RowCounts, WanderCurve
+from ballbar.sim.logging.load_logs import DrawnLoads, TrackerTruth
+from ballbar.sim.plant.effects import (
+    RIGID_ROD,
+    MassDistribution,
+    PlantEffects,
+    Ripple,
+    stated_masses,
+)
+from ballbar.sim.true_robot import TrueArm, TrueMachine
 
 Vector = tuple[float, ...]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry
-from cell.load import load_cell
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry
+from ballbar.cell.load import load_cell
 from tests.helpers.simulated_recordings import Recorded, record
 
 

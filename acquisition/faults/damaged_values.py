@@ -1,10 +1,10 @@
 """Damaged values: single values and short bursts of a log that their neighbours contradict.
 
-A value with a notable prediction error (cell.neighbours) is judged by a cubic through eight rows
-around it. A second damaged value among the eight would spoil their cubic, so notable values close
-to each other are also judged in pairs. What is left, three and more close to each other, is judged
-as a burst by the rows on both sides. A kink or a step of the motion leaves the rows on no cubic,
-and nothing is concluded.
+A value with a notable prediction error (ballbar.cell.neighbours) is judged by a cubic through eight
+rows around it. A second damaged value among the eight would spoil their cubic, so notable values
+close to each other are also judged in pairs. What is left, three and more close to each other, is
+judged as a burst by the rows on both sides. A kink or a step of the motion leaves the rows on no
+cubic, and nothing is concluded.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from acquisition.flags import RowFlag
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.neighbours import (
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import (
     CLEAR,
     CUBIC,
     DAMAGED,

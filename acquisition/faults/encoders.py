@@ -13,15 +13,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.damaged_values import with_damaged
-from acquisition.faults.jumps import find_jumps
-from acquisition.flags import RowFlag, usable
-from acquisition.sources import Fitted
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.neighbours import Mask
-from cell.recording import EncoderName
+from ballbar.acquisition.faults.damaged_values import with_damaged
+from ballbar.acquisition.faults.jumps import find_jumps
+from ballbar.acquisition.flags import RowFlag, usable
+from ballbar.acquisition.sources import Fitted
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.neighbours import Mask
+from ballbar.cell.recording import EncoderName
 
 Counts = NDArray[np.int64]
 

@@ -26,12 +26,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.flags import RowFlag
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.neighbours import Mask, Rows
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import Mask, Rows
 
-SHORTEST = 5  # rows of a run; shorter ones are damaged values (acquisition.faults.damaged_values)
+SHORTEST = 5  # rows of a run; shorter ones are damaged values (faults.damaged_values)
 OFF = 1e-4  # [rad], [m] from the motion; a joint that strikes in its backlash moves by less
 JUMP = 3.0  # times the third largest step around: beside two other faults
 EDGE = 5  # rows that show the speed on either side

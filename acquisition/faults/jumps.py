@@ -2,7 +2,7 @@
 
 A step that would need more than the mechanism's greatest speed is a jump: back within LONGEST rows
 it was a damaged value, else something happened (a counter was reset). Damage below that speed:
-acquisition.faults.damaged_values.
+ballbar.acquisition.faults.damaged_values.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.neighbours import Mask, Rows
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import Mask, Rows
 
 # (later, earlier) values of the same number of rows -> [rad] their differences
 Difference = Callable[[NDArray[Any], NDArray[Any]], Array]

@@ -13,19 +13,19 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.robot_angles import AngleReading
-from acquisition.faults.table_angles import fits
-from acquisition.measured_values import rotation
-from acquisition.report import Finding
-from acquisition.table.quantities import PoseRows
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.descriptions import Robot
-from cell.errors import LogError
-from cell.file_units import METRES, RADIANS, AngleUnit, LogLengthUnit
-from cell.instruments.base import Instrument
-from cell.pose_file import ValueColumns
-from cell.rigid_fit import nearest_rotation, nominal_frames, rigid_fit
+from ballbar.acquisition.faults.robot_angles import AngleReading
+from ballbar.acquisition.faults.table_angles import fits
+from ballbar.acquisition.measured_values import rotation
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.quantities import PoseRows
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import LogError
+from ballbar.cell.file_units import METRES, RADIANS, AngleUnit, LogLengthUnit
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.pose_file import ValueColumns
+from ballbar.cell.rigid_fit import nearest_rotation, nominal_frames, rigid_fit
 
 FEWEST = 10  # poses: fewer lie on many robots
 MOST_JUDGED = 400  # poses; more show nothing new

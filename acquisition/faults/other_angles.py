@@ -15,16 +15,16 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.damaged_values import with_damaged
-from acquisition.faults.jumps import find_jumps
-from acquisition.faults.robot_angles import AngleReading, RobotAngles, excess, moves
-from acquisition.flags import usable
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import LogError
-from cell.neighbours import Rows
-from cell.robot_angles import joints_to_axes
+from ballbar.acquisition.faults.damaged_values import with_damaged
+from ballbar.acquisition.faults.jumps import find_jumps
+from ballbar.acquisition.faults.robot_angles import AngleReading, RobotAngles, excess, moves
+from ballbar.acquisition.flags import usable
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import LogError
+from ballbar.cell.neighbours import Rows
+from ballbar.cell.robot_angles import joints_to_axes
 
 # Of an axis's range beyond its limits: no calibration offset is as large, a wrong unit is.
 FAR = 0.2

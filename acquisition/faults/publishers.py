@@ -13,12 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition.stamps.order import STAMP, amount
-from acquisition.table.table import Table
-from acquisition.times import Stamps
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.neighbours import Rows
+from ballbar.acquisition.stamps.order import STAMP, amount
+from ballbar.acquisition.table.table import Table
+from ballbar.acquisition.times import Stamps
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.neighbours import Rows
 
 CLOSE = 0.25  # of the distance of a row to the next but one: closer rows are a pair
 FEWEST, SHARE = 20, 0.5  # pairs, and share of the rows that are in pairs

@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from acquisition.flags import RowFlag
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.neighbours import Rows
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import Rows
 
 SHORTEST = 10  # rows that differ from each other; by chance as many never repeat
 AROUND = 10  # rows on either side of where a stretch begins

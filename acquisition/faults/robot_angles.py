@@ -2,7 +2,7 @@
 
 A dialect holds motor angles, the controller's axis angles or the DH model's joint angles, in rad or
 degrees. Kind and unit are never guessed and never converted silently; numbers that contradict the
-robot are refused (acquisition.faults.other_angles).
+robot are refused (ballbar.acquisition.faults.other_angles).
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.flags import RowFlag, usable
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.dialect import AngleKind, Dialect
-from cell.errors import LogError
-from cell.file_units import AngleUnit
-from cell.neighbours import Rows
-from cell.robot_angles import (
+from ballbar.acquisition.flags import RowFlag, usable
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.dialect import AngleKind, Dialect
+from ballbar.cell.errors import LogError
+from ballbar.cell.file_units import AngleUnit
+from ballbar.cell.neighbours import Rows
+from ballbar.cell.robot_angles import (
     controller_to_joints,
     gear_to_axis_torques,
     joints_to_axes,
@@ -82,7 +82,7 @@ def full_weight(robot: Robot) -> float:
 BEYOND = 1.75e-3
 MOVES = 0.1  # [rad] a path for calibration turns some axis by more
 SENTINEL = 8.9e9  # controllers write 9E9 for an axis that is not there
-_BLOCK = 4096  # rows at a time, as in cell.robot_angles
+_BLOCK = 4096  # rows at a time, as in ballbar.cell.robot_angles
 
 
 @dataclass(frozen=True)

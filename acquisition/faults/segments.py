@@ -5,7 +5,7 @@ and after a pause. Two of them can be used as one log if nothing of what joins t
 
 - The clock was set back and the motion goes on: the rows after it are put one period after the
   last. That is off by a late row at most, and identification measures steps of the clock
-  (ident.signals.steps).
+  (ballbar.ident.signals.steps).
 - The clock goes on, forth or after a pause, and so do the counters: nothing to be done. Whether a
   pause was one, or the clock jumped, is seen from the motion, in identification.
 - A counter was reset between two neighbouring rows: the motion on both sides shows by how much, in
@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.flags import usable
-from acquisition.stamps.order import GAP, STAMP, amount
-from acquisition.table.table import Table
-from acquisition.times import Stamps
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.neighbours import Mask, Rows
+from ballbar.acquisition.flags import usable
+from ballbar.acquisition.stamps.order import GAP, STAMP, amount
+from ballbar.acquisition.table.table import Table
+from ballbar.acquisition.times import Stamps
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.neighbours import Mask, Rows
 
 # Whether all counters started again between two rows, each of which may be missing.
 PoweredUp = Callable[[int | None, int | None], bool]

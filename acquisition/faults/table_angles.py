@@ -11,16 +11,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from acquisition.faults.other_angles import FAR
-from acquisition.faults.robot_angles import AngleReading, excess
-from acquisition.report import Finding
-from acquisition.table.quantities import PoseRows
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import LogError
-from cell.file_units import RADIANS, AngleUnit
-from cell.pose_file import JointColumns
-from cell.robot_angles import joints_to_axes
+from ballbar.acquisition.faults.other_angles import FAR
+from ballbar.acquisition.faults.robot_angles import AngleReading, excess
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.quantities import PoseRows
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import LogError
+from ballbar.cell.file_units import RADIANS, AngleUnit
+from ballbar.cell.pose_file import JointColumns
+from ballbar.cell.robot_angles import joints_to_axes
 
 MOST_TURNS = 4.0 * np.pi  # [rad] no axis of a robot turns further
 _BEYOND = np.deg2rad(1.0)  # [rad] beyond a limit: reported

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding
-from acquisition.table.header import Kind, Layout
-from acquisition.table.table import Table
-from cell.errors import LogError
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.header import Kind, Layout
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.errors import LogError
 
 # Of the records; a file that has lost more was not damaged, it holds something else.
 DAMAGED_LIMIT = 0.01

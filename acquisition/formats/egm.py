@@ -1,4 +1,4 @@
-"""ABB EGM feedback: EgmRobot messages decoded from the wire and from files (cell.egm_file).
+"""ABB EGM feedback: EgmRobot messages decoded from the wire and from files (ballbar.cell.egm_file).
 
 EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4.032 ms or a
 multiple. Read are, by field number:
@@ -26,8 +26,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from cell.egm_file import FILE_START, FRAME, LONGEST_MESSAGE
-from cell.errors import LogError
+from ballbar.cell.egm_file import FILE_START, FRAME, LONGEST_MESSAGE
+from ballbar.cell.errors import LogError
 
 # Wire types; 3 and 4 are groups, which EGM never had.
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5

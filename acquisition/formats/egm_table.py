@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.columns import DAMAGED_LIMIT, one_file, wanted_columns
-from acquisition.formats.egm import EgmFeedback, EgmFrames, decode, read_frames
-from acquisition.report import Finding, finding
-from acquisition.table.header import Layout
-from acquisition.table.table import Form, Table
-from acquisition.table.text import read_filled
-from cell.errors import LogError
+from ballbar.acquisition.formats.columns import DAMAGED_LIMIT, one_file, wanted_columns
+from ballbar.acquisition.formats.egm import EgmFeedback, EgmFrames, decode, read_frames
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Form, Table
+from ballbar.acquisition.table.text import read_filled
+from ballbar.cell.errors import LogError
 
 _AXES = tuple(f"J{axis}" for axis in range(1, 7))
 # Messages that a network may hold back; a sequence number further back is a restart.

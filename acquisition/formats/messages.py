@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.table.header import Layout
-from acquisition.table.table import Form, Table, text_table
-from acquisition.table.text import LogText, read_text
-from cell.errors import LogError
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Form, Table, text_table
+from ballbar.acquisition.table.text import LogText, read_text
+from ballbar.cell.errors import LogError
 
 _ELEMENT = re.compile(r"<(\w+)((?:\s+\w+=\"[^\"<>]*\")+)\s*/?>|<(\w+)>([^<>]*)</\3>")
 _ATTRIBUTE = re.compile(r"(\w+)=\"([^\"]*)\"")

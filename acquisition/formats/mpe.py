@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.columns import one_file, wanted_columns
-from acquisition.report import finding
-from acquisition.table.header import Layout
-from acquisition.table.table import Form, Table
-from acquisition.table.text import read_filled
-from cell.arrays import Array
-from cell.errors import LogError
+from ballbar.acquisition.formats.columns import one_file, wanted_columns
+from ballbar.acquisition.report import finding
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Form, Table
+from ballbar.acquisition.table.text import read_filled
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
 
 VERSIONS = range(10_000, 11_000)  # 10011 in 2024; the head has not changed since 10007
 _LONGEST_TEXT = 1000  # bytes; RAPID packs strings of at most 80

@@ -6,16 +6,16 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
-from acquisition.formats.egm_table import read_egm
-from acquisition.formats.messages import read_json_lines, read_rsi
-from acquisition.formats.mpe import VERSIONS, read_mpe
-from acquisition.formats.ros_bag import read_ros_bag
-from acquisition.formats.scope import read_scope
-from acquisition.table.header import Layout
-from acquisition.table.table import Form, Table, read_table
-from cell.dialect import Container, Dialect
-from cell.egm_file import FILE_START
-from cell.errors import DescriptionError
+from ballbar.acquisition.formats.egm_table import read_egm
+from ballbar.acquisition.formats.messages import read_json_lines, read_rsi
+from ballbar.acquisition.formats.mpe import VERSIONS, read_mpe
+from ballbar.acquisition.formats.ros_bag import read_ros_bag
+from ballbar.acquisition.formats.scope import read_scope
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Form, Table, read_table
+from ballbar.cell.dialect import Container, Dialect
+from ballbar.cell.egm_file import FILE_START
+from ballbar.cell.errors import DescriptionError
 
 _Reader = Callable[[Path, str, str, Layout], tuple[Table, Form]]
 # Reader of each container, with the type and unit of the times that it gives.

@@ -15,17 +15,17 @@ from urllib.parse import quote
 
 import numpy as np
 
-from acquisition.formats.columns import one_file, wanted_columns
-from acquisition.report import Finding, finding
-from acquisition.table.header import Layout
-from acquisition.table.table import Form, Table
-from acquisition.table.text import require_file
-from cell.errors import DescriptionError, LogError
+from ballbar.acquisition.formats.columns import one_file, wanted_columns
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Form, Table
+from ballbar.acquisition.table.text import require_file
+from ballbar.cell.errors import DescriptionError, LogError
 
 if TYPE_CHECKING:
     import sqlite3
 
-    from acquisition.formats.ros_messages import JointState
+    from ballbar.acquisition.formats.ros_messages import JointState
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _SQLITE = b"SQLite format 3\0"
@@ -83,7 +83,7 @@ def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[Jo
     Raises LogError if the bag or a message is damaged, or there are none.
     """
     try:
-        from acquisition.formats.ros_messages import decode, mcap_messages  # noqa: PLC0415
+        from ballbar.acquisition.formats.ros_messages import decode, mcap_messages  # noqa: PLC0415
     except ImportError as error:
         raise DescriptionError(
             f"{file}: ROS bags need the package {error.name}, which is not installed. Install the "

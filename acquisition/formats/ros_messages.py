@@ -28,8 +28,8 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
-from acquisition.report import Finding, finding
-from cell.errors import LogError
+from ballbar.acquisition.report import Finding, finding
+from ballbar.cell.errors import LogError
 
 _TYPES = get_typestore(Stores.ROS2_HUMBLE)  # the message is the same in all releases
 _REMEDY = "Copy the bag again, or correct the publisher and record again."

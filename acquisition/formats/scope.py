@@ -31,13 +31,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.columns import DAMAGED_LIMIT, one_file, wanted_columns
-from acquisition.report import Finding, finding
-from acquisition.table.header import Kind, Layout, Remedies
-from acquisition.table.table import Form, Table, text_table
-from acquisition.table.text import LogText, read_text
-from acquisition.times import FILETIME_1970, Stamps, TimeCells, stamps_ns
-from cell.errors import LogError
+from ballbar.acquisition.formats.columns import DAMAGED_LIMIT, one_file, wanted_columns
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.header import Kind, Layout, Remedies
+from ballbar.acquisition.table.table import Form, Table, text_table
+from ballbar.acquisition.table.text import LogText, read_text
+from ballbar.acquisition.times import FILETIME_1970, Stamps, TimeCells, stamps_ns
+from ballbar.cell.errors import LogError
 
 _SEPARATORS = {"\t": "tab", ":": "colon", ";": "semicolon", ",": "comma"}
 _SAMPLE_TIME = "SampleTime[ms]"

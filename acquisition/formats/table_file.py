@@ -21,10 +21,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from acquisition.formats.messages import rsi_text
-from acquisition.formats.registry import container_of
-from acquisition.report import finding
-from acquisition.table.text import (
+from ballbar.acquisition.formats.messages import rsi_text
+from ballbar.acquisition.formats.registry import container_of
+from ballbar.acquisition.report import finding
+from ballbar.acquisition.table.text import (
     SEPARATORS,
     Content,
     LogText,
@@ -35,7 +35,7 @@ from acquisition.table.text import (
     split_fields,
     text_of,
 )
-from cell.errors import InputError, LogError
+from ballbar.cell.errors import InputError, LogError
 
 _ZIP = b"PK\x03\x04"  # a workbook is a zip archive
 

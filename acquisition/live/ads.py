@@ -12,7 +12,7 @@ import pyads
 from pyads.constants import ADSIGRP_SYM_INFOBYNAMEEX
 from pyads.structs import SAdsSymbolEntry
 
-from acquisition.live.source import DeviceSilentError
+from ballbar.acquisition.live.source import DeviceSilentError
 
 # Beyond it the connection counts as lost; a healthy PLC answers within a few cycles.
 TIMEOUT_MS = 1000

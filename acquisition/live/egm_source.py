@@ -1,7 +1,7 @@
 """Feedback of an ABB controller over EGM: each UDP message as it came.
 
 The robot sends, the recorder only listens. It hears the first sender of a segment and counts what
-others send. The form of the file: acquisition.formats.egm.
+others send. The form of the file: ballbar.acquisition.formats.egm.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from itertools import islice
 
 import numpy as np
 
-from acquisition.formats.egm import EgmFeedback, decode
-from acquisition.live.source import Batch, DeviceSilentError, Encoders
-from cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
-from cell.errors import InputError, LogError
-from cell.logs import SourceName
+from ballbar.acquisition.formats.egm import EgmFeedback, decode
+from ballbar.acquisition.live.source import Batch, DeviceSilentError, Encoders
+from ballbar.cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
+from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.logs import SourceName
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 6510  # ABB's for UdpUc devices

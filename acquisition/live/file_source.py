@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.live.source import Batch, DeviceSilentError, Encoders
-from acquisition.sources import LogSource, inside, with_stamps
-from acquisition.stamps.order import STAMP
-from acquisition.table.header import read_header
-from acquisition.table.table import text_table
-from acquisition.table.text import Content, text_of
-from cell.errors import InputError, LogError
-from cell.recording import TrackerFile
+from ballbar.acquisition.live.source import Batch, DeviceSilentError, Encoders
+from ballbar.acquisition.sources import LogSource, inside, with_stamps
+from ballbar.acquisition.stamps.order import STAMP
+from ballbar.acquisition.table.header import read_header
+from ballbar.acquisition.table.table import text_table
+from ballbar.acquisition.table.text import Content, text_of
+from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.recording import TrackerFile
 
 _MOST = 1 << 22  # bytes of a poll: half a minute of the fastest logs
 _HEAD = 1 << 16  # bytes among which the header is looked for

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
-from acquisition.live.source import Encoders, Source
-from cell.errors import InputError
-from cell.files import aside_of, require_writable, write_whole, write_yaml
-from cell.logs import SourceName
-from cell.recording import RecordingFile
+from ballbar.acquisition.live.source import Encoders, Source
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import aside_of, require_writable, write_whole, write_yaml
+from ballbar.cell.logs import SourceName
+from ballbar.cell.recording import RecordingFile
 
 DESCRIPTION = "recording.yaml"
 _MISSING: dict[SourceName, str] = {

@@ -1,9 +1,10 @@
 """The ball-bar's encoders, from the ring buffer of a PLC to lines of the dialect `twincat-plc`.
 
-No sample of the ring (cell.plc_ring) is lost or doubled unnoticed. The slots below `written` are
-complete, and sample n is overwritten from the moment that `written` reaches n + capacity: `written`
-is read again after the samples, and those that may have been overwritten meanwhile are left out and
-counted as lost. If `started` changes, the PLC was restarted and its samples count from 0 again.
+No sample of the ring (ballbar.cell.plc_ring) is lost or doubled unnoticed. The slots below
+`written` are complete, and sample n is overwritten from the moment that `written` reaches n +
+capacity: `written` is read again after the samples, and those that may have been overwritten
+meanwhile are left out and counted as lost. If `started` changes, the PLC was restarted and its
+samples count from 0 again.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.encoders import counts_to_rad, unwrap_counter
-from acquisition.live.source import Batch, DeviceSilentError, Encoders
-from cell.logs import SourceName
-from cell.plc_ring import HEADER, LAYOUT, SAMPLE
+from ballbar.acquisition.faults.encoders import counts_to_rad, unwrap_counter
+from ballbar.acquisition.live.source import Batch, DeviceSilentError, Encoders
+from ballbar.cell.logs import SourceName
+from ballbar.cell.plc_ring import HEADER, LAYOUT, SAMPLE
 
 CAPACITIES = range(16, 1 << 20)  # samples
 SAMPLES_A_READ = 500  # 24 kB; larger ADS reads only keep the PLC's router busy longer

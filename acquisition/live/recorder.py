@@ -20,9 +20,16 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from acquisition.live.folder import RecordingFolder, SegmentFile
-from acquisition.live.source import Batch, DeviceSilentError, Progress, RecorderState, Source, Tally
-from cell.errors import FailureError
+from ballbar.acquisition.live.folder import RecordingFolder, SegmentFile
+from ballbar.acquisition.live.source import (
+    Batch,
+    DeviceSilentError,
+    Progress,
+    RecorderState,
+    Source,
+    Tally,
+)
+from ballbar.cell.errors import FailureError
 
 POLL = 0.1  # [s] between polls: what a crash loses, and half of what may be lost
 RETRY = 0.5  # [s] between attempts to reach a silent device

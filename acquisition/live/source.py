@@ -12,9 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.stamps.order import GAP
-from cell.arrays import Array
-from cell.logs import SourceName
+from ballbar.acquisition.stamps.order import GAP
+from ballbar.cell.arrays import Array
+from ballbar.cell.logs import SourceName
 
 
 class DeviceSilentError(Exception):

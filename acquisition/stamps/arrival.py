@@ -27,12 +27,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma
-from acquisition.stamps.order import STAMP, amount
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.held_values import changed_rows
-from cell.neighbours import Mask, Rows, robust_sigma
+from ballbar.acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma
+from ballbar.acquisition.stamps.order import STAMP, amount
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.held_values import changed_rows
+from ballbar.cell.neighbours import Mask, Rows, robust_sigma
 
 ARRIVAL = "stamps of arrival"  # the finding
 IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.neighbours import Mask, Rows, robust_sigma
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import Mask, Rows, robust_sigma
 
 CHANGES = 3  # ticks by which it may differ from that of the pass before
 EARLY = 0.15  # [ticks] standard deviation of an arrival before its tick

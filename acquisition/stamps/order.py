@@ -13,11 +13,11 @@ from itertools import chain, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.flags import RowFlag
-from acquisition.table.table import Table
-from acquisition.times import Stamps
-from cell.arrays import Array
-from cell.errors import LogError
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.table.table import Table
+from ballbar.acquisition.times import Stamps
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
 
 # Column that holds the stamps, whatever the file calls them; its blank keeps it apart from all
 # headers.
@@ -105,7 +105,7 @@ def in_order(table: Table) -> Table:
     """The rows of one file without damaged and repeated stamps.
 
     Of rows with the same stamp the first remains. Stamps that go back for good remain: a new
-    segment begins there (acquisition.faults.segments).
+    segment begins there (ballbar.acquisition.faults.segments).
     Raises LogError where too many stamps are out of place, or the clock is too coarse.
     """
     table = without_strays(table)

@@ -28,10 +28,10 @@ from itertools import islice, pairwise
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from acquisition.stamps.order import STAMP, amount
-from acquisition.table.table import Table
-from cell.arrays import Array
-from cell.errors import LogError
+from ballbar.acquisition.stamps.order import STAMP, amount
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
 
 ROOM = 1.1  # steps: what a line may leave, a tenth for the jitter of the rows themselves
 # Rows between two gaps, on average; with fewer the rows were not taken evenly.

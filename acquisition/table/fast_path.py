@@ -1,7 +1,7 @@
 """Device tables without any fault, by pyarrow, which reads them as fast as pandas does.
 
 Whatever is not plain (a torn or blank line, quotes, another encoding, a cell that is no number)
-makes this reader give nothing, and acquisition.table.table, which knows
+makes this reader give nothing, and ballbar.acquisition.table.table, which knows
 what to do with it, reads the file from its first byte. So there is one place that repairs and
 refuses, and clean files do not pay for it. pyarrow is as strict with numbers as that place but for
 hexadecimal integers; both round to the nearest float64.
@@ -18,10 +18,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from acquisition.report import Finding
-from acquisition.table.header import PREAMBLE, Header, Layout, read_header
-from acquisition.table.text import LONGEST_LINE, Content, LogText, text_of, unterminated
-from cell.errors import LogError
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.header import PREAMBLE, Header, Layout, read_header
+from ballbar.acquisition.table.text import LONGEST_LINE, Content, LogText, text_of, unterminated
+from ballbar.cell.errors import LogError
 
 FINE = 4e6  # a float64 below it resolves 1e-9
 _TYPES = {"integer": pa.int64(), "text": pa.int64(), "decimal": pa.float64(), "float": pa.float64()}

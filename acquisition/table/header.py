@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from acquisition.report import Finding, finding
-from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
-from cell import selectors
-from cell.errors import LogError
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
+from ballbar.cell import selectors
+from ballbar.cell.errors import LogError
 
 Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float loses digits
 MOST_COLUMNS = 2000
@@ -45,7 +45,7 @@ RECORDING = Remedies()
 
 @dataclass(frozen=True)
 class Layout:
-    """The columns of a log, by selector (cell.selectors)."""
+    """The columns of a log, by selector (ballbar.cell.selectors)."""
 
     separators: tuple[str, ...]  # those the dialect allows
     required: Mapping[str, Kind]

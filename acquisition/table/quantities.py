@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.table_file import FileKind
-from acquisition.report import Finding, finding
-from acquisition.table.header import PREAMBLE, Kind, Layout, Remedies
-from acquisition.table.table import Form, text_table
-from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
-from cell.arrays import Array
-from cell.errors import DescriptionError, LogError
-from cell.file_units import METRES, RADIANS
-from cell.selectors import by_position, checked, find
+from ballbar.acquisition.formats.table_file import FileKind
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.header import PREAMBLE, Kind, Layout, Remedies
+from ballbar.acquisition.table.table import Form, text_table
+from ballbar.acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.file_units import METRES, RADIANS
+from ballbar.cell.selectors import by_position, checked, find
 
 _BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
 _BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S{1,8})\s*")  # `A1 / °`, `A1 in °`
@@ -35,7 +35,7 @@ _SPELLINGS = {  # of units beside their own names: the sign of degrees, and two 
 _TERMS = re.compile(r"(.+?) ([+-]) (.+)")
 _MISSING = {"", "nan", "-nan", "n/a", "na", "#n/a", "null", "none", "-", "--"}
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})*[.,]\d+")
-# A quoted comma among fields that commas separate (acquisition.table.rows).
+# A quoted comma among fields that commas separate (ballbar.acquisition.table.rows).
 _QUOTED_COMMA = re.compile(r"[+-]?\d+(\?\d+)+")
 REMEDIES = Remedies(
     description="poses.yaml",

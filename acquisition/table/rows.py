@@ -16,10 +16,10 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding, finding
-from acquisition.table.header import Header, Layout, Remedies
-from acquisition.table.text import SEPARATORS, LogText, split_fields
-from cell.errors import LogError, UnfinishedLogError
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.header import Header, Layout, Remedies
+from ballbar.acquisition.table.text import SEPARATORS, LogText, split_fields
+from ballbar.cell.errors import LogError, UnfinishedLogError
 
 # Share of the lines: a recorder that loses more is not torn, it writes something else.
 TORN_LIMIT = 0.01

@@ -1,8 +1,8 @@
 """Device tables: text to columns of exact integers and floats, every bad cell with its location.
 
 Integers (counters, time stamps) never pass through float: a float64 resolves today's time stamps to
-128 ns only. Clean files are read at once (acquisition.table.fast_path), others line by line:
-numpy's loadtxt parses strictly (no underscores, no integer from `1e5`).
+128 ns only. Clean files are read at once (ballbar.acquisition.table.fast_path), others line by
+line: numpy's loadtxt parses strictly (no underscores, no integer from `1e5`).
 """
 
 from __future__ import annotations
@@ -17,13 +17,20 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.flags import Flags, RowFlag
-from acquisition.report import Finding, finding
-from acquisition.table.fast_path import FINE, clean_columns
-from acquisition.table.header import Header, Kind, Layout, read_header
-from acquisition.table.rows import PlainRows, plain_rows
-from acquisition.table.text import SEPARATORS, Content, LogText, open_filled, split_fields, text_of
-from cell.errors import LogError, UnfinishedLogError
+from ballbar.acquisition.flags import Flags, RowFlag
+from ballbar.acquisition.report import Finding, finding
+from ballbar.acquisition.table.fast_path import FINE, clean_columns
+from ballbar.acquisition.table.header import Header, Kind, Layout, read_header
+from ballbar.acquisition.table.rows import PlainRows, plain_rows
+from ballbar.acquisition.table.text import (
+    SEPARATORS,
+    Content,
+    LogText,
+    open_filled,
+    split_fields,
+    text_of,
+)
+from ballbar.cell.errors import LogError, UnfinishedLogError
 
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _NUMBER = {"integer": re.compile(r"[+-]?[0-9]+"), "float": _FLOAT, "decimal": _FLOAT}

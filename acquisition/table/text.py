@@ -25,9 +25,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding, finding
-from cell.errors import LogError, UnfinishedLogError
-from cell.foreign_files import open_regular
+from ballbar.acquisition.report import Finding, finding
+from ballbar.cell.errors import LogError, UnfinishedLogError
+from ballbar.cell.foreign_files import open_regular
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank"}
 HEAD = 50  # lines among which the header is looked for

@@ -7,12 +7,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ballbar.cell.errors import InputError
 from ballbar.claims import kinds
 from ballbar.claims.table import ClaimEvidence, apart, numbers, places, selected, unit_of
+from ballbar.ident.thesis.tables import (
+    REMOVED,
+    TABLE_3_2,
+    TABLE_3_3,
+    TABLE_3_4,
+    TABLE_3_5_IDENTIFIED,
+)
 from ballbar.plan.beam import CALCULATIONS
 from ballbar.units import MM, UM, URAD
-from cell.errors import InputError
-from ident.thesis.tables import REMOVED, TABLE_3_2, TABLE_3_3, TABLE_3_4, TABLE_3_5_IDENTIFIED
 
 _PER_SI = {"mm": MM, "um": UM, "urad": URAD}
 

@@ -36,12 +36,12 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from ballbar.cell.schema import Line, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.strict_yaml import YamlDocument, load_yaml, parse_model
 from ballbar.claims.kinds import DISTANCE, OF_RUNS, Check, EqualTable, Measure, Rows
+from ballbar.ident.thesis.names import ParameterSet
 from ballbar.sweep.file import Seeds
-from cell.schema import Line, Strict
-from cell.schema_errors import wrong_key
-from cell.strict_yaml import YamlDocument, load_yaml, parse_model
-from ident.thesis.names import ParameterSet
 
 Word = Literal["holds", "differs"]
 

@@ -9,11 +9,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from ballbar.cell.geometry import ParameterTable
+from ballbar.cell.schema import Strict
+from ballbar.cell.schema_errors import nearest, wrong_key
+from ballbar.ident.estimator.thesis_names import thesis_parameters
 from ballbar.plan.beam import CALCULATIONS
-from cell.geometry import ParameterTable
-from cell.schema import Strict
-from cell.schema_errors import nearest, wrong_key
-from ident.estimator.thesis_names import thesis_parameters
 
 Scalar = str | int | float | bool | None
 Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the selected runs
@@ -155,7 +155,7 @@ class TableDifference(Strict):
 
 
 class EqualTable(Reasoned):
-    """A table of ident.thesis.tables equals ours, apart from the exceptions stated."""
+    """A table of ballbar.ident.thesis.tables equals ours, apart from the exceptions stated."""
 
     kind: Literal["equal_table"]
     table: TableName

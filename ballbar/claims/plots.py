@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
 from ballbar import figure_style
+from ballbar.cell.geometry import table_of_names
 from ballbar.claims.file import (
     AnyPlot,
     CurvesPlot,
@@ -27,10 +28,9 @@ from ballbar.claims.file import (
 )
 from ballbar.claims.kinds import DISTANCE, LARGEST
 from ballbar.claims.table import IDENTIFIED, ClaimEvidence, places, selected
+from ballbar.ident.thesis.names import ParameterSet
+from ballbar.ident.thesis.tables import THESIS_COSTS
 from ballbar.plan.plate_figure import draw_deflection
-from cell.geometry import table_of_names
-from ident.thesis.names import ParameterSet
-from ident.thesis.tables import THESIS_COSTS
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType

@@ -7,20 +7,20 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.extended_yaml import with_changes
+from ballbar.cell.schema_errors import nearest
+from ballbar.cell.strict_yaml import YamlDocument
 from ballbar.claims.checks import CheckOutcome, judge, measured
 from ballbar.claims.file import Claim, ClaimFile, Quick, Word, load_claims
 from ballbar.claims.table import ClaimEvidence, identifiability_evidence, runs_evidence
+from ballbar.ident.thesis.names import ML, ParameterSet
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task
 from ballbar.sweep.file import flattened
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress, Workers, run_sweep
 from ballbar.trial.trial import run_trial
-from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import with_changes
-from cell.schema_errors import nearest
-from cell.strict_yaml import YamlDocument
-from ident.thesis.names import ML, ParameterSet
 
 FOLDER = Path("scenarios/claims")  # claims of the project, relative to its folder
 FAILS = "fails its check"

@@ -10,13 +10,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.cell.files import write_whole
+from ballbar.cell.foreign_text import markdown
 from ballbar.claims.checks import CheckOutcome
 from ballbar.claims.kinds import EqualTable
 from ballbar.claims.plots import plot_svg
 from ballbar.claims.run import FAILS, RESTS_ON, ClaimVerdict, Judged
-from cell.files import write_whole
-from cell.foreign_text import markdown
-from ident.thesis.names import ParameterSet
+from ballbar.ident.thesis.names import ParameterSet
 
 _HEAD = """# Claims: what the thesis says, and what comes out here
 

@@ -11,16 +11,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.schema_errors import nearest
+from ballbar.cell.statistics import rms
 from ballbar.claims.kinds import Measure, Rows, Scalar, Statistic
+from ballbar.ident.thesis.names import ENCODERS_NEEDED
 from ballbar.identifiability import Influences, Study, influences, nominal_loop, study
 from ballbar.scenario import load_scenario
 from ballbar.sweep.chunk import DONE
 from ballbar.sweep.table import failures_of
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.schema_errors import nearest
-from cell.statistics import rms
-from ident.thesis.names import ENCODERS_NEEDED
 
 SIZE = "size"
 ERROR = "error."  # prefix of the columns with the error of each parameter

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import require_writable
 from ballbar.commands.options import (
     AsJson,
     Out,
@@ -23,8 +25,6 @@ from ballbar.commands.options import (
     say_json,
 )
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar, silence
-from cell.errors import InputError
-from cell.files import require_writable
 
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.rehearsal.day import Stage
@@ -55,9 +55,9 @@ def run(
 
     --live : Show the cell in a rerun window while it is simulated, then the replay.
     """
+    from ballbar.cell.processes import second_process
     from ballbar.result.names import REPLAY_MODULES
     from ballbar.scenario import load_scenario
-    from cell.processes import second_process
 
     settings = load_scenario(scenario, overrides=overrides or ())
     folder, moves = out_dir or Path("runs") / settings.name, settings.path is not None
@@ -137,8 +137,8 @@ def simulate(
     from ballbar.commands.bench_json import simulation_data
     from ballbar.run import simulate_scenario
     from ballbar.scenario import load_scenario
+    from ballbar.sim.recording_files import truth_path
     from ballbar.truth.limits import plant_limits
-    from sim.recording_files import truth_path
 
     settings = load_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{settings.name}-recording"

@@ -11,17 +11,17 @@ import numpy as np
 
 if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.claims.run import ClaimVerdict, Judged
+    from ballbar.sim.simulate import Simulation
+    from ballbar.sim.still_poses import PoseSimulation
     from ballbar.sweep.run import SweepOutcome
     from ballbar.truth.limits import Limit
-    from sim.simulate import Simulation
-    from sim.still_poses import PoseSimulation
 
 
 def simulation_data(
     simulation: Simulation | PoseSimulation, limits: Sequence[Limit], folder: Path
 ) -> dict[str, object]:
     """JSON of `simulate`: recording or table, truth file, the simulated plant, its limits."""
-    from sim.recording_files import truth_path
+    from ballbar.sim.recording_files import truth_path
 
     return {
         "recording": str(folder),

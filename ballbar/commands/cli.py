@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from ballbar.cell.errors import FailureError, InputError
 from ballbar.commands.listing import ListedCommands
 from ballbar.terminal import (
     FAULT,
@@ -23,7 +24,6 @@ from ballbar.terminal import (
     reset_terminal,
     say_interrupted,
 )
-from cell.errors import FailureError, InputError
 
 app = typer.Typer(
     cls=ListedCommands,

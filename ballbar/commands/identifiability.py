@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from ballbar.cell.errors import InputError
 from ballbar.commands.options import AsJson, Overrides, ScenarioFile, command, say_json
+from ballbar.ident.thesis.names import COSTS
 from ballbar.terminal import out, progress_bar
-from cell.errors import InputError
-from ident.thesis.names import COSTS
 
 commands = typer.Typer()
 
@@ -77,7 +77,7 @@ def identifiability(
 
 def parse_encoders(text: str) -> tuple[int, ...]:
     """`1,2,4,5` as numbers of ball-bar joints, `none` as no encoder. Raises InputError."""
-    from cell.geometry import BAR_ROWS
+    from ballbar.cell.geometry import BAR_ROWS
 
     if text.strip() == "none":
         return ()

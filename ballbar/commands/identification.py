@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
+from ballbar.cell.errors import InputError
 from ballbar.commands.options import AsJson, Out, command, command_line, say_json
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 from ballbar.terminal import out, progress_bar
-from cell.errors import InputError
-from ident.corrections import CORRECTIONS
-from ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 
 if TYPE_CHECKING:
     from ballbar.identify_settings import IdentifySettings
@@ -72,8 +72,8 @@ def identify(
         (none), or keep those of another result.
     --rerun : Write the replay file run.rrd as well.
     """
+    from ballbar.cell.processes import second_process
     from ballbar.result.names import REPLAY_MODULES
-    from cell.processes import second_process
 
     settings = _settings(
         corrections,
@@ -89,9 +89,9 @@ def identify(
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
+        from ballbar.ident.options import Listener
         from ballbar.report.terminal import say_identification
         from ballbar.result.run_recordings import identify_files
-        from ident.options import Listener
 
         run = identify_files(
             recordings,
@@ -122,9 +122,9 @@ def _say_json(run: RunData, folder: Path) -> None:
 
 def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
     """The folder of the result, held for the files that such recordings leave."""
+    from ballbar.cell.files import claimed_folder
     from ballbar.recordings.followed import gives_poses
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
-    from cell.files import claimed_folder
 
     poses = all(gives_poses(recording) for recording in recordings)
     return claimed_folder(folder, POSE_OUTPUTS if poses else OUTPUTS, "the result")
@@ -132,7 +132,7 @@ def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[Non
 
 def _beside(recording: Path) -> Path:
     """The folder of a result where none is named."""
-    from cell.files import beside
+    from ballbar.cell.files import beside
 
     folder = recording.parent if recording.is_file() else recording
     return beside(folder, "-identified")
@@ -142,8 +142,8 @@ def _settings(corrections: str, **options: object) -> IdentifySettings:
     """The options as settings, checked by the schema of scenarios."""
     from pydantic import ValidationError
 
+    from ballbar.cell.schema_errors import explain
     from ballbar.identify_settings import IdentifySettings
-    from cell.schema_errors import explain
 
     names = [name.strip() for name in corrections.split(",")]
     options["corrections"] = "auto" if corrections == "auto" else names

@@ -15,9 +15,9 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from ballbar.cell.foreign_text import printable
 from ballbar.commands.options import purpose
 from ballbar.terminal import INTERRUPTED, say_interrupted
-from cell.foreign_text import printable
 
 AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"  # panels of --help
 

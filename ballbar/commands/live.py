@@ -119,8 +119,8 @@ def watch(
     --live : Show uncertainty, coverage and alarms in a rerun window.
     --json : Print a line of JSON in SI units for each update.
     """
-    from cell.processes import on_stop_signals
-    from cell.threads import one_thread_each
+    from ballbar.cell.processes import on_stop_signals
+    from ballbar.cell.threads import one_thread_each
 
     with one_thread_each():  # read when the libraries load
         from ballbar.watch.run import watch as watch_folder

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from ballbar.commands.options import AsJson, Out, Overrides, command, say_json
+from ballbar.planning.questions import CHANGES, ENCODERS
 from ballbar.terminal import err, out, silence
-from planning.questions import CHANGES, ENCODERS
 
 WhatIf = Annotated[
     list[str] | None,
@@ -57,7 +57,7 @@ def plan(
     """
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.show import PlanOptions, make_plan, parse_position
-    from planning.request import load_request
+    from ballbar.planning.request import load_request
 
     planned = load_request(request, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{planned.name}-plan"

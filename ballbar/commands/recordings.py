@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from acquisition.times import TIME_FORMS
+from ballbar.acquisition.times import TIME_FORMS
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.logs import SourceName
 from ballbar.commands.options import AsJson, RecordingOrPoses, command, say_json, with_options
 from ballbar.recordings.answers import Answers
 from ballbar.terminal import err, out, progress_bar
-from cell.errors import InputError
-from cell.foreign_text import printable
-from cell.logs import SourceName
 
 if TYPE_CHECKING:
     from ballbar.recordings.check import CheckedPoses, CheckedRecording
@@ -144,16 +144,16 @@ def check(
 
 def _reasons(path: Path, *, poses: bool) -> list[str]:
     """How each file of a recording, or of still poses, will be read and why."""
-    from acquisition.explain import explain_lines
+    from ballbar.acquisition.explain import explain_lines
+    from ballbar.cell.pose_file import load_poses_file, pose_file_path
     from ballbar.recordings.check import explain_poses
-    from cell.pose_file import load_poses_file, pose_file_path
 
     return explain_poses(load_poses_file(pose_file_path(path))) if poses else explain_lines(path)
 
 
 def _checked(path: Path, *, poses: bool) -> CheckedRecording | CheckedPoses:
     """A recording and the coarse offset of its clocks, or still poses."""
-    from acquisition.pose_tables import import_poses
+    from ballbar.acquisition.pose_tables import import_poses
     from ballbar.recordings.check import CheckedPoses, CheckedRecording
     from ballbar.recordings.read_with_causes import aligned, read_with_causes
 

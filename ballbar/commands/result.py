@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import write_new, write_whole
 from ballbar.commands.options import AsJson, ResultFile, command, say_json
 from ballbar.export import Format
 from ballbar.terminal import out, progress_bar
-from cell.errors import InputError
-from cell.files import write_new, write_whole
 
 commands = typer.Typer()
 

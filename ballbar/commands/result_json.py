@@ -13,8 +13,8 @@ from ballbar.result.names import OUTPUTS
 from ballbar.result.run_data import RunData
 
 if TYPE_CHECKING:  # a command imports only what it shows
+    from ballbar.ident.robot.accuracy import TcpError
     from ballbar.result.compare import Comparison
-    from ident.robot.accuracy import TcpError
 
 
 def run_data(run: RunData, folder: Path) -> dict[str, object]:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import typer
 from rich.markup import escape
 
+from ballbar.cell.errors import InputError
 from ballbar.commands.listing import AT_THE_CELL
 from ballbar.commands.options import AsJson, command, say_json
 from ballbar.terminal import out
-from cell.errors import InputError
 
 if TYPE_CHECKING:
     from ballbar.robot_file.new_robot import NewRobot
@@ -84,10 +84,10 @@ def show(name: str, web: bool = False, save: Path | None = None) -> None:
     --web : Serve it to a browser on this machine (loopback only).
     --save FILE : Write the .rrd file instead of opening it.
     """
+    from ballbar.cell.files import write_new
+    from ballbar.cell.load import load_robot
     from ballbar.replay.viewer import open_viewer, serve_web
     from ballbar.robot_file.view import write_view
-    from cell.files import write_new
-    from cell.load import load_robot
 
     described = load_robot(name)
     with tempfile.TemporaryDirectory() as folder:

@@ -66,8 +66,8 @@ def schema(folder: Path = Path("schemas")) -> None:
     """
     import json
 
+    from ballbar.cell.files import claimed_folder, write_whole
     from ballbar.json_schemas import KINDS, json_schema
-    from cell.files import claimed_folder, write_whole
 
     files = {f"{kind}.schema.json": json_schema(kind) for kind in KINDS}
     with claimed_folder(folder, set(files), "the schemas"):

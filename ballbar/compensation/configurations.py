@@ -17,15 +17,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.closed_form import arm_branches
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.numerical_inverse import pose_branches
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.compensation.program_source import ProgramTarget
 from ballbar.compensation.program_text import Number, ProgramError
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.closed_form import arm_branches
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
-from cell.numerical_inverse import pose_branches
-from cell.robot_angles import controller_to_joints, joints_to_axes
 
 QUADRANTS = (0, 3, 5)  # axes that confdata has the quadrant of, from 0
 # [deg] beyond its quadrant that an axis may stand for the rounding of a target's numbers

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.payload import Payload
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.payload import Payload
 
 MM = 1e-3  # [m]
 

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
 from ballbar.compensation.frames import FrameOptions, pose_of_angles
 from ballbar.compensation.program_source import (
     MoveSetup,
@@ -32,7 +33,6 @@ from ballbar.compensation.program_source import (
     numbers_of,
 )
 from ballbar.compensation.program_text import Number, ProgramError, Token, Value, parts
-from cell.arrays import Array
 
 POINTS = ("e6axis", "axis", "e6pos", "pos", "frame")
 AXES, POSE = tuple(f"a{i}" for i in range(1, 7)), ("x", "y", "z", "a", "b", "c")

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from ballbar.cell.foreign_text import one_line
 from ballbar.compensation.frames import FrameOptions
 from ballbar.compensation.program_source import (
     MoveSetup,
@@ -24,7 +25,6 @@ from ballbar.compensation.program_source import (
     positional,
 )
 from ballbar.compensation.program_text import ProgramError, Token, Value
-from cell.foreign_text import one_line
 
 _MOVES = ("move", "movefly")
 _CURVES = ("joint", "linear", "circular")

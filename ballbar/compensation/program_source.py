@@ -14,6 +14,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_text import one_line
+from ballbar.cell.payload import Payload
 from ballbar.compensation.frames import FrameOptions
 from ballbar.compensation.program_text import (
     Number,
@@ -24,10 +28,6 @@ from ballbar.compensation.program_text import (
     read_program_text,
     statements_of,
 )
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.foreign_text import one_line
-from cell.payload import Payload
 
 FAULTS_SHOWN = 10
 

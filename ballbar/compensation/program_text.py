@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from cell.errors import InputError
-from cell.foreign_files import read_regular
-from cell.foreign_text import one_line
-from cell.strict_yaml import MAX_BYTES
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_files import read_regular
+from ballbar.cell.foreign_text import one_line
+from ballbar.cell.strict_yaml import MAX_BYTES
 
 Kind = Literal["word", "number", "string", "symbol", "end"]
 MOST_BYTES = 50 * MAX_BYTES  # ten thousand targets have one

@@ -15,6 +15,18 @@ from typing import TypeVar
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import ProgramLanguage, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import write_new_together
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.inverse import refine_reachable
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.payload import Payload
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.cell.rotation import quat_wxyz
 from ballbar.compensation.configurations import axes_of_pose, configuration_changes
 from ballbar.compensation.frames import (
     FrameOptions,
@@ -29,20 +41,8 @@ from ballbar.compensation.program_text import Number, ProgramError, number_text,
 from ballbar.compensation.rapid import read_rapid
 from ballbar.compensation.targets_file import corrected_joints
 from ballbar.export.result import Result
+from ballbar.ident.robot.inverse_calibration import CorrectedTargets, TargetError
 from ballbar.units import MM, MRAD
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import ProgramLanguage, Robot
-from cell.errors import InputError
-from cell.files import write_new_together
-from cell.foreign_text import printable
-from cell.geometry import nominal_chain
-from cell.inverse import refine_reachable
-from cell.number_text import significant_text
-from cell.payload import Payload
-from cell.robot_angles import controller_to_joints, joints_to_axes
-from cell.rotation import quat_wxyz
-from ident.robot.inverse_calibration import CorrectedTargets, TargetError
 
 T = TypeVar("T")
 WRITTEN = 1e-11  # [rad] last step to the axes that a text stands for

@@ -19,6 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_text import one_line
+from ballbar.cell.payload import Payload
 from ballbar.compensation.frames import FrameOptions, payload_of, pose_of_quaternion
 from ballbar.compensation.program_source import (
     MoveSetup,
@@ -30,10 +34,6 @@ from ballbar.compensation.program_source import (
     positional,
 )
 from ballbar.compensation.program_text import Number, ProgramError, Token, Value, parts
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.foreign_text import one_line
-from cell.payload import Payload
 
 # instruction: arguments that are targets, and the one that is the tool, from 0
 MOVES: dict[str, tuple[tuple[int, ...], int]] = {

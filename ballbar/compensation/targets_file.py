@@ -19,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import write_new
+from ballbar.cell.foreign_text import csv_text
+from ballbar.cell.payload import Payload, with_payload
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.export.result import EFFECTS, Result
+from ballbar.ident.robot.identified import range_sentence
+from ballbar.ident.robot.inverse_calibration import CorrectedTargets, TargetError, corrected_targets
 from ballbar.units import MM, MRAD
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.files import write_new
-from cell.foreign_text import csv_text
-from cell.payload import Payload, with_payload
-from cell.robot_angles import controller_to_joints, joints_to_axes
-from ident.robot.identified import range_sentence
-from ident.robot.inverse_calibration import CorrectedTargets, TargetError, corrected_targets
 
 _FAULTS_SHOWN = 3  # targets that cannot be corrected, in one message
 _LINES_SHOWN = 5  # of targets outside the fitted ranges

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.rotation import roll_pitch_yaw
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
 from ballbar.export.result import Result, numbers
 from ballbar.robot_file.urdf import TURNING, Urdf, UrdfJoint, joint_of, joints_in, linked, xml_tree
 from ballbar.robot_file.urdf_chain import UrdfChain, chain_between
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.rotation import roll_pitch_yaw
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, row_placements
+from ballbar.cell.descriptions import Link, Robot
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.rotation import quat_wxyz, roll_pitch_yaw
 from ballbar.export.result import Result, notes, number, numbers
-from cell.arrays import Array
-from cell.chain import Chain, row_placements
-from cell.descriptions import Link, Robot
-from cell.foreign_text import printable
-from cell.rotation import quat_wxyz, roll_pitch_yaw
 
 _LIMITS = (
     "Joint limits: the range of each DH joint over the box of axis limits; effort or velocity 0: "

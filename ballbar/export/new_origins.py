@@ -17,13 +17,13 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward, row_placements
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.rigid_fit import nearest_rotation
 from ballbar.robot_file.urdf_chain import UrdfChain, inverse_pose
-from cell.arrays import Array
-from cell.chain import Chain, forward, row_placements
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.number_text import significant_text
-from cell.rigid_fit import nearest_rotation
 
 SAME = 2e-5  # [m, rad] between the file's geometry and that of the nominal robot: its digits
 EXACT = 1e-9  # [m] of the new chain against the identified one

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ballbar.cell.robot_angles import joints_to_motors
 from ballbar.export.result import Result, noted_text, number, numbers
 from ballbar.export.rows import hayati_rows, parallel_rows
 from ballbar.units import MM
-from cell.robot_angles import joints_to_motors
 
 _HOW = (
     "HOW TO USE",

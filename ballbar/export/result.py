@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.bodies import carried_bodies, joined_link, link_bodies
+from ballbar.cell.chain import Chain
+from ballbar.cell.descriptions import Cell, Link, Robot
+from ballbar.cell.foreign_text import comment, one_line
+from ballbar.cell.geometry import Parameter, parameter_table
+from ballbar.cell.placement import Placement
 from ballbar.result.calibration import Calibration
 from ballbar.result.machine_entries import ParameterEntry
-from cell.bodies import carried_bodies, joined_link, link_bodies
-from cell.chain import Chain
-from cell.descriptions import Cell, Link, Robot
-from cell.foreign_text import comment, one_line
-from cell.geometry import Parameter, parameter_table
-from cell.placement import Placement
 
 EFFECTS = {
     "joint_compliance": "compliance of the gears under the robot's own weight",

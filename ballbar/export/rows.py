@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.errors import InputError
-from cell.geometry import PARALLEL
-from cell.number_text import significant_text
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import PARALLEL
+from ballbar.cell.number_text import significant_text
 
 _PARALLEL = 1e-6  # [rad] angle of two axes below which their common normal is lost in rounding
 # [m] along an axis from the present origin to the common normal: beyond the reach of any arm, d of

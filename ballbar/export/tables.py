@@ -11,6 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain
+from ballbar.cell.foreign_text import one_line
 from ballbar.export.result import Result, noted_text, numbers
 from ballbar.export.rows import (
     Rows,
@@ -19,9 +22,6 @@ from ballbar.export.rows import (
     product_of_exponentials,
     standard_rows,
 )
-from cell.arrays import Array
-from cell.chain import Chain
-from cell.foreign_text import one_line
 
 _HEADER = "joint,a_m,d_m,alpha_rad,theta_rad,beta_rad"
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballbar.cell.chain import Chain
+from ballbar.cell.errors import InputError
+from ballbar.cell.rotation import roll_pitch_yaw
 from ballbar.export.new_origins import check_new_chain, matched, new_origins
 from ballbar.export.result import Result, noted_text, number
 from ballbar.robot_file.urdf import UrdfJoint
 from ballbar.robot_file.urdf_chain import UrdfChain
-from cell.chain import Chain
-from cell.errors import InputError
-from cell.rotation import roll_pitch_yaw
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 HEAD = (

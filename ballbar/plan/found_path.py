@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from time import monotonic
 
+from ballbar.cell.files import write_yaml
+from ballbar.cell.load import load_robot
 from ballbar.scenario import Scenario, with_absolute_names
-from cell.files import write_yaml
-from cell.load import load_robot
 
 CELL = {"robot", "ballbar", "instrument", "plate", "ballbar_position_m"}
 
@@ -17,15 +17,15 @@ def with_found_path(scenario: Scenario, folder: Path, file: Path) -> Scenario:
 
     folder : of the scenario's file. file : to which the path is written. A ball-bar with fewer than
     two encoders is planned for with four. Raises InputError where no path is found in
-    planning.plan.SECONDS.
+    ballbar.planning.plan.SECONDS.
     """
     path, cell = scenario.path, scenario.cell
     if path is None or path.kind != "lissajous" or path.file:
         return scenario
     # A run whose path is known loads no planner.
-    from planning.files import planned_path_data  # noqa: PLC0415
-    from planning.plan import plans  # noqa: PLC0415
-    from planning.request import PlanRequest, completed  # noqa: PLC0415
+    from ballbar.planning.files import planned_path_data  # noqa: PLC0415
+    from ballbar.planning.plan import plans  # noqa: PLC0415
+    from ballbar.planning.request import PlanRequest, completed  # noqa: PLC0415
 
     named, fitted = with_absolute_names(scenario, folder).cell, scenario.encoders.fitted
     data: dict[str, object] = {

@@ -13,15 +13,15 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.ident.verdict import Status
+from ballbar.planning.known import Known, known_of
+from ballbar.planning.request import PlanRequest
 from ballbar.result.calibration import Calibration
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.recording_entries import RecordingEntry
 from ballbar.result.run_recordings import description_identity
-from cell.arrays import Array
-from cell.errors import InputError
-from ident.verdict import Status
-from planning.known import Known, known_of
-from planning.request import PlanRequest
 
 # Relative difference of the noise of a log, which every fit of a recording states, by rounding.
 SAME_NOISE = 1e-9

@@ -16,15 +16,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
+from ballbar.cell.geometry import bar_frames
+from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.figure_style import FAINT, FRAME, INK, LINES, QUIET, logarithmic, svg_text
 from ballbar.plan.beam import GRAVITY
 from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
+from ballbar.planning.crlb import EXACT
+from ballbar.planning.plan import PathPlan
+from ballbar.planning.what_if import Answer
 from ballbar.units import MM, UM
-from cell.geometry import bar_frames
-from cell.robot_angles import joints_to_axes
-from planning.crlb import EXACT
-from planning.plan import PathPlan
-from planning.what_if import Answer
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType

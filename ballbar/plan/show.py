@@ -16,32 +16,32 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import DESCRIPTIONS, claimed_folder, write_whole
 from ballbar.plan import summary
 from ballbar.plan.known_results import known_from
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.clearance import clearance
+from ballbar.planning.evaluation import evaluators
+from ballbar.planning.files import REQUEST, output_names, write_plan, write_pose_plan, write_request
+from ballbar.planning.known import Known
+from ballbar.planning.plan import PathPlan, assess, known_path, plans
+from ballbar.planning.pose_plan import pose_plan
+from ballbar.planning.pose_request import PosePlanRequest
+from ballbar.planning.programs import without_program
+from ballbar.planning.questions import Question, check_questions, question
+from ballbar.planning.request import PlanRequest
+from ballbar.planning.search import SearchProgress
+from ballbar.planning.stations import setup_of
+from ballbar.planning.verify import Check, checks, run_in_plant, violations_in
+from ballbar.planning.what_if import Answer, answers
 from ballbar.terminal import animated
 from ballbar.units import UM
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.files import DESCRIPTIONS, claimed_folder, write_whole
-from planning.candidate import PathCandidate
-from planning.clearance import clearance
-from planning.evaluation import evaluators
-from planning.files import REQUEST, output_names, write_plan, write_pose_plan, write_request
-from planning.known import Known
-from planning.plan import PathPlan, assess, known_path, plans
-from planning.pose_plan import pose_plan
-from planning.pose_request import PosePlanRequest
-from planning.programs import without_program
-from planning.questions import Question, check_questions, question
-from planning.request import PlanRequest
-from planning.search import SearchProgress
-from planning.stations import setup_of
-from planning.verify import Check, checks, run_in_plant, violations_in
-from planning.what_if import Answer, answers
 
 ATTEMPTS = 4  # trajectories of a search that are run in MuJoCo while limits are violated
-CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a drawn robot
+CHECKED_ROBOTS = (0, 1)  # seeds of ballbar.planning.verify: thesis Table 3.1, and a drawn robot
 _POSITION = (
     "--position belongs to --path. For a search, set cell.ballbar_position_m or "
     "cell.ballbar_region_m of the request, here with --set."

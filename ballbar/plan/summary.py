@@ -10,18 +10,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.typical_machine import arm_length
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slope
+from ballbar.planning.force import MACHINES
+from ballbar.planning.next_step import EVERY_ENCODER, ROD_SIGMA
+from ballbar.planning.plan import COVERED_WITHIN, PathPlan
+from ballbar.planning.pose_plan import PosePlan
+from ballbar.planning.questions import CHANGES, ENCODERS, Question
+from ballbar.planning.verify import Check
+from ballbar.planning.what_if import Answer
 from ballbar.terminal import wide_console
 from ballbar.units import MM, UM, URAD
-from cell.number_text import significant_text
-from cell.typical_machine import arm_length
-from planning.force import MACHINES
-from planning.next_step import EVERY_ENCODER, ROD_SIGMA
-from planning.plan import COVERED_WITHIN, PathPlan
-from planning.pose_plan import PosePlan
-from planning.questions import CHANGES, ENCODERS, Question
-from planning.verify import Check
-from planning.what_if import Answer
 
 WIDTH = 120  # characters of a table in a pipe or file
 # A length has no Hayati angles in its model, and leaves base tilt and clock to the robot's errors.

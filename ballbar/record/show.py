@@ -13,24 +13,24 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 
-from acquisition.live.egm_source import LOOPBACK, EgmSource
-from acquisition.live.file_source import FileSource
-from acquisition.live.folder import CellNames, RecordingFolder
-from acquisition.live.plc_source import Memory, PlcSource
-from acquisition.live.recorder import LiveRecording
-from acquisition.live.source import Source
-from acquisition.sources import log_source
+from ballbar.acquisition.live.egm_source import LOOPBACK, EgmSource
+from ballbar.acquisition.live.file_source import FileSource
+from ballbar.acquisition.live.folder import CellNames, RecordingFolder
+from ballbar.acquisition.live.plc_source import Memory, PlcSource
+from ballbar.acquisition.live.recorder import LiveRecording
+from ballbar.acquisition.live.source import Source
+from ballbar.acquisition.sources import log_source
+from ballbar.cell.errors import InputError
+from ballbar.cell.load import describes_instrument, load_cell, load_robot
+from ballbar.cell.plc_ring import RING
+from ballbar.cell.processes import on_stop_signals
+from ballbar.cell.recording import load_recording_file
 from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import Data, panel
-from cell.errors import InputError
-from cell.load import describes_instrument, load_cell, load_robot
-from cell.plc_ring import RING
-from cell.processes import on_stop_signals
-from cell.recording import load_recording_file
 
 if TYPE_CHECKING:  # pyads is an extra
-    from acquisition.live.ads import AdsMemory
+    from ballbar.acquisition.live.ads import AdsMemory
 
 PLC_PORT = 851  # of the first PLC project of TwinCAT 3
 
@@ -249,7 +249,7 @@ def ads_reader(wanted: str) -> type[AdsMemory]:
     wanted : what needs it, for the message.
     """
     try:
-        from acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
+        from ballbar.acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
     except ImportError:
         raise InputError(
             f"{wanted} needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."

@@ -15,9 +15,9 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.faults.encoders import FAULTS, SYNC_ERROR
-from acquisition.live.recorder import LiveRecording, notes
-from acquisition.live.source import Progress, RecorderState
+from ballbar.acquisition.faults.encoders import FAULTS, SYNC_ERROR
+from ballbar.acquisition.live.recorder import LiveRecording, notes
+from ballbar.acquisition.live.source import Progress, RecorderState
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import line, panel
 

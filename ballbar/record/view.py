@@ -10,11 +10,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from acquisition.faults.encoders import FAULTS
-from acquisition.live.source import Batch, Source
+from ballbar.acquisition.faults.encoders import FAULTS
+from ballbar.acquisition.live.source import Batch, Source
+from ballbar.cell.logs import SourceName
 from ballbar.figure_style import LINES, rgb
 from ballbar.replay.window import blueprint
-from cell.logs import SourceName
 
 ROWS = 10  # rows of a batch that are shown: 100 Hz suffices for the eye and for a slow screen
 TIMELINE = "recording_time"

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.channels import read_channels
-from acquisition.report import Finding, finding_line
-from cell.clock import UNSEEN_OFFSET, Clock
-from cell.errors import InputError
-from cell.logs import ChannelLog, SourceName
-from cell.number_text import clock_offset_text, clock_skew_text, significant_text
-from ident.channel_groups import Group
-from ident.channel_pair import ChannelPair
-from ident.log_alignment import LogAlignment, align_logs
+from ballbar.acquisition.channels import read_channels
+from ballbar.acquisition.report import Finding, finding_line
+from ballbar.cell.clock import UNSEEN_OFFSET, Clock
+from ballbar.cell.errors import InputError
+from ballbar.cell.logs import ChannelLog, SourceName
+from ballbar.cell.number_text import clock_offset_text, clock_skew_text, significant_text
+from ballbar.ident.channel_groups import Group
+from ballbar.ident.channel_pair import ChannelPair
+from ballbar.ident.log_alignment import LogAlignment, align_logs
 
 SHOWN = 12  # pairs of channels that are listed
 NO: Group = ((), ())

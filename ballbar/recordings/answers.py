@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from acquisition.times import TIME_FORMS
-from cell.errors import InputError
-from cell.file_units import LogLengthUnit
+from ballbar.acquisition.times import TIME_FORMS
+from ballbar.cell.errors import InputError
+from ballbar.cell.file_units import LogLengthUnit
 
 Text = str | None
 Number = int | None

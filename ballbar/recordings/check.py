@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.alignment import CoarseAlignment
-from acquisition.dwells import find_dwells
-from acquisition.pose_tables import PoseImport
-from acquisition.recording import Recording
-from acquisition.report import Finding, ImportReport, report_lines
+from ballbar.acquisition.alignment import CoarseAlignment
+from ballbar.acquisition.dwells import find_dwells
+from ballbar.acquisition.pose_tables import PoseImport
+from ballbar.acquisition.recording import Recording
+from ballbar.acquisition.report import Finding, ImportReport, report_lines
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.logs import segment_starts
+from ballbar.cell.pose_file import PosesFile
+from ballbar.cell.poses import PoseGroup
+from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.units import MM, MS
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.logs import segment_starts
-from cell.pose_file import PosesFile
-from cell.poses import PoseGroup
-from cell.robot_angles import joints_to_axes
 
 SEGMENTS_SHOWN = 8  # first segments of a log that are listed
 GROUPS_SHOWN = 40

@@ -13,14 +13,14 @@ from typing import Any, get_args
 
 import numpy as np
 
-from acquisition.times import TIME_FORMS, recognised, two_columns
+from ballbar.acquisition.times import TIME_FORMS, recognised, two_columns
+from ballbar.cell.dialect import AngleKind
+from ballbar.cell.errors import InputError
+from ballbar.cell.logs import SourceName
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.preview import LogPreview, number
 from ballbar.recordings.proposals import ColumnNames, counting, joint_columns
 from ballbar.recordings.questions import Ask, answer, one_of, time_form
-from cell.dialect import AngleKind
-from cell.errors import InputError
-from cell.logs import SourceName
 
 PERIODS = (2.0e-4, 0.1)  # [s] of rows that a robot or ball-bar logger writes without a remark
 DEGREES = 7.0  # a joint angle above it [rad] would be more than a turn

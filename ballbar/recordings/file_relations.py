@@ -23,15 +23,15 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from acquisition.faults.nominal_robot import judged, reach
+from ballbar.acquisition.faults.nominal_robot import judged, reach
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.rigid_fit import nominal_frames, rigid_fit
+from ballbar.ident.start.placements import PoseStartError, start_of_poses
+from ballbar.ident.table_steps import LARGEST
 from ballbar.units import MM
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
-from cell.poses import PoseGroup, PoseTable
-from cell.rigid_fit import nominal_frames, rigid_fit
-from ident.start.placements import PoseStartError, start_of_poses
-from ident.table_steps import LARGEST
 
 # [m] in the target's frame: points that stand for a whole pose, the first one for its position.
 _MARKS = 0.1 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition.pose_tables import PoseImport, import_poses
-from acquisition.report import Finding, finding
+from ballbar.acquisition.pose_tables import PoseImport, import_poses
+from ballbar.acquisition.report import Finding, finding
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.load import load_robot
+from ballbar.cell.pose_file import PosesFile, load_poses_file, pose_file_path
+from ballbar.cell.recording import RecordingFile, load_recording_file
+from ballbar.ident.signals.smooth_log import motion_of
+from ballbar.ident.signals.steps import LogStep
+from ballbar.ident.start.followed import followed_table
 from ballbar.recordings.check import holds_poses
 from ballbar.recordings.read_with_causes import read_with_causes
-from cell.errors import InputError
-from cell.geometry import robot_geometry
-from cell.load import load_robot
-from cell.pose_file import PosesFile, load_poses_file, pose_file_path
-from cell.recording import RecordingFile, load_recording_file
-from ident.signals.smooth_log import motion_of
-from ident.signals.steps import LogStep
-from ident.start.followed import followed_table
 
 
 def gives_poses(path: Path) -> bool:

@@ -13,29 +13,29 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from acquisition.explain import ANGLES
-from acquisition.faults.robot_angles import AngleReading
-from acquisition.sources import layout_of
-from acquisition.table.header import read_header
-from acquisition.table.text import split_fields
-from acquisition.times import TIME_FORMS, recognised, words
+from ballbar.acquisition.explain import ANGLES
+from ballbar.acquisition.faults.robot_angles import AngleReading
+from ballbar.acquisition.sources import layout_of
+from ballbar.acquisition.table.header import read_header
+from ballbar.acquisition.table.text import split_fields
+from ballbar.acquisition.times import TIME_FORMS, recognised, words
+from ballbar.cell import load
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import BallBar
+from ballbar.cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
+from ballbar.cell.errors import InputError
+from ballbar.cell.file_units import METRES, LogLengthUnit
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.logs import SourceName
+from ballbar.cell.recording import SourceFile, TrackerFile
+from ballbar.cell.schema_errors import nearest
+from ballbar.cell.selectors import find
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.dialect_questions import new_dialect
 from ballbar.recordings.preview import LogPreview
 from ballbar.recordings.proposals import length_unit
 from ballbar.recordings.questions import Ask, answer, loaded, one_of, time_form, whole_number
 from ballbar.recordings.tracker_questions import target_columns, target_units
-from cell import load
-from cell.arrays import Array
-from cell.descriptions import BallBar
-from cell.dialect import Dialect, TimeForm, dialect_file, dialect_names, load_dialect
-from cell.errors import InputError
-from cell.file_units import METRES, LogLengthUnit
-from cell.instruments.base import Instrument
-from cell.logs import SourceName
-from cell.recording import SourceFile, TrackerFile
-from cell.schema_errors import nearest
-from cell.selectors import find
 
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
 UNITS = get_args(LogLengthUnit)

@@ -14,8 +14,10 @@ from typing import Any
 
 import yaml
 
-from acquisition.pose_tables import PoseImport, import_poses
-from acquisition.recording import Recording
+from ballbar.acquisition.pose_tables import PoseImport, import_poses
+from ballbar.acquisition.recording import Recording
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import copied_description, new_folder, write_whole, write_yaml
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.log_questions import log_description
 from ballbar.recordings.preview import LogPreview
@@ -23,8 +25,6 @@ from ballbar.recordings.questions import Ask
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.recordings.seat_questions import KEYS, RAW, Name, checked_name, named_places
 from ballbar.recordings.table_questions import table_description
-from cell.errors import InputError
-from cell.files import copied_description, new_folder, write_whole, write_yaml
 
 
 def new_recording(

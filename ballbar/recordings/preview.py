@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.registry import container_of
-from acquisition.table.text import (
+from ballbar.acquisition.formats.registry import container_of
+from ballbar.acquisition.table.text import (
     HEAD,
     LogText,
     column_names,
@@ -19,9 +19,9 @@ from acquisition.table.text import (
     split_fields,
     text_of,
 )
-from cell.arrays import Array
-from cell.dialect import Container
-from cell.selectors import find
+from ballbar.cell.arrays import Array
+from ballbar.cell.dialect import Container
+from ballbar.cell.selectors import find
 
 SHOWN = 2000  # rows, from the first, that are looked at
 

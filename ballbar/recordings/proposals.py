@@ -12,18 +12,18 @@ from itertools import product
 
 import numpy as np
 
-from acquisition.declared_columns import selectors_of
-from acquisition.faults.nominal_robot import judged, spread_of
-from acquisition.formats.table_file import FileKind
-from acquisition.table.header import PREAMBLE
-from acquisition.table.quantities import header_names, quantities, read_rows, split_unit
-from acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import LogError
-from cell.file_units import METRES
-from cell.instruments.base import Kind
-from cell.rigid_fit import nominal_frames
+from ballbar.acquisition.declared_columns import selectors_of
+from ballbar.acquisition.faults.nominal_robot import judged, spread_of
+from ballbar.acquisition.formats.table_file import FileKind
+from ballbar.acquisition.table.header import PREAMBLE
+from ballbar.acquisition.table.quantities import header_names, quantities, read_rows, split_unit
+from ballbar.acquisition.table.text import SEPARATORS, LogText, is_number, split_fields
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import LogError
+from ballbar.cell.file_units import METRES
+from ballbar.cell.instruments.base import Kind
+from ballbar.cell.rigid_fit import nominal_frames
 
 _SUFFIX = re.compile(r"(.+)_(mm|cm|um|deg|rad|m)")
 _JOINT = re.compile(

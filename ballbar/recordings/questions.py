@@ -7,9 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from acquisition.times import TIME_FORMS, forms_by_start
-from cell.arrays import Array
-from cell.errors import InputError
+from ballbar.acquisition.times import TIME_FORMS, forms_by_start
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
 
 Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer
 T = TypeVar("T")

@@ -2,11 +2,12 @@
 
 Where the robot's angles are refused, the error begins with the cause. The reader knows the robot's
 limits and asks what the angles may be. With its plate and its ball-bar the tool moves on a sphere,
-and the encoders hold the rod's direction (ident.causes): a unit, two columns or another robot can
-be named.
+and the encoders hold the rod's direction (ballbar.ident.causes): a unit, two columns or another
+robot can be named.
 
 A length that varies little does not show when the robot moves, so the comparison of rest and motion
-(acquisition.alignment) fails it; trilateration at every offset (ident.start.length_scan) does not.
+(ballbar.acquisition.alignment) fails it; trilateration at every offset
+(ballbar.ident.start.length_scan) does not.
 """
 
 from __future__ import annotations
@@ -15,21 +16,21 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.alignment import CoarseAlignment, coarse_alignment
-from acquisition.faults.other_angles import OtherAnglesError
-from acquisition.faults.robot_angles import RobotAngles
-from acquisition.recording import Recording, read_ballbar, read_recording
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.errors import InputError, LogError
-from cell.geometry import nominal_geometry
-from cell.load import load_cell, load_measured_cell
-from cell.logs import RobotLog
-from cell.recording import load_recording_file
-from ident.causes import Causes, suspects
-from ident.estimator.sample_times import overlap
-from ident.recording_fit import Logs, smoothed
-from ident.start.automatic import length_hypotheses
+from ballbar.acquisition.alignment import CoarseAlignment, coarse_alignment
+from ballbar.acquisition.faults.other_angles import OtherAnglesError
+from ballbar.acquisition.faults.robot_angles import RobotAngles
+from ballbar.acquisition.recording import Recording, read_ballbar, read_recording
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_cell, load_measured_cell
+from ballbar.cell.logs import RobotLog
+from ballbar.cell.recording import load_recording_file
+from ballbar.ident.causes import Causes, suspects
+from ballbar.ident.estimator.sample_times import overlap
+from ballbar.ident.recording_fit import Logs, smoothed
+from ballbar.ident.start.automatic import length_hypotheses
 
 APART = 0.5  # [s] two offsets closer than this are one
 

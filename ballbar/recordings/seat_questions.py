@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import PurePosixPath
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_text import is_printable, one_line
+from ballbar.cell.poses import PoseTable
 from ballbar.recordings.file_relations import MeasuredFile, Relation, relation
 from ballbar.recordings.questions import Ask, answer
-from cell.errors import InputError
-from cell.foreign_text import is_printable, one_line
-from cell.poses import PoseTable
 
 KEYS = ("seat", "target")  # of poses.yaml; names too, of the only one
 RAW = "raw/"  # folder of the copied files

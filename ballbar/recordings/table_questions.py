@@ -12,13 +12,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from acquisition.declared_columns import AXES_OF
-from acquisition.faults.nominal_robot import orientations
-from acquisition.faults.robot_angles import AngleReading
-from acquisition.formats.table_file import FileKind, pose_text
-from acquisition.pose_rows import pose_stamps
-from acquisition.table.quantities import read_rows
-from acquisition.table.text import LogText
+from ballbar.acquisition.declared_columns import AXES_OF
+from ballbar.acquisition.faults.nominal_robot import orientations
+from ballbar.acquisition.faults.robot_angles import AngleReading
+from ballbar.acquisition.formats.table_file import FileKind, pose_text
+from ballbar.acquisition.pose_rows import pose_stamps
+from ballbar.acquisition.table.quantities import read_rows
+from ballbar.acquisition.table.text import LogText
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.file_units import METRES, AngleUnit
+from ballbar.cell.instruments.base import Instrument, Kind
+from ballbar.cell.load import instrument_names, load_instrument, load_robot, robot_names
+from ballbar.cell.pose_file import PoseTime
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.proposals import (
     ColumnNames,
@@ -35,13 +42,6 @@ from ballbar.recordings.proposals import (
 from ballbar.recordings.questions import Ask, answer, loaded, one_of
 from ballbar.recordings.seat_questions import KEYS
 from ballbar.report.numbers import listed
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import InputError, LogError
-from cell.file_units import METRES, AngleUnit
-from cell.instruments.base import Instrument, Kind
-from cell.load import instrument_names, load_instrument, load_robot, robot_names
-from cell.pose_file import PoseTime
 
 T = TypeVar("T")
 Columns = list[int | str]

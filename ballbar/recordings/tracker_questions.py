@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, get_args
 
+from ballbar.cell.file_units import METRES, AngleUnit
+from ballbar.cell.instruments.base import Instrument
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.dialect_questions import named_columns
 from ballbar.recordings.preview import LogPreview
 from ballbar.recordings.proposals import ColumnNames, value_columns
 from ballbar.recordings.questions import Ask, answer, one_of
-from cell.file_units import METRES, AngleUnit
-from cell.instruments.base import Instrument
 
 
 def target_columns(

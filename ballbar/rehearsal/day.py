@@ -13,7 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.statistics import rms
 from ballbar.export.result import load_result
+from ballbar.ident.options import Listener
+from ballbar.ident.result import Identification
 from ballbar.outputs import Progress, write_outputs
 from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
@@ -23,16 +28,11 @@ from ballbar.result.run_recordings import identify_files
 from ballbar.result.verification import verify_folder
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
+from ballbar.sim.simulate import Simulation
+from ballbar.sim.still_poses import PoseSimulation
 from ballbar.truth.compare import against_simulation
 from ballbar.truth.limits import Limit, corrected_limits, tcp_limits
 from ballbar.units import MM
-from cell.arrays import Array
-from cell.number_text import significant_text
-from cell.statistics import rms
-from ident.options import Listener
-from ident.result import Identification
-from sim.simulate import Simulation
-from sim.still_poses import PoseSimulation
 
 SIMULATED, RECORDINGS = "simulated", "recordings"
 FIRST, RESULT = "result1", "result"

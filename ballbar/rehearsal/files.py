@@ -15,6 +15,8 @@ from tempfile import mkdtemp
 
 import numpy as np
 
+from ballbar.cell.files import claimed_folder, write_whole
+from ballbar.cell.foreign_text import printable
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.rehearsal.day import (
     FIRST,
@@ -35,8 +37,6 @@ from ballbar.report.provenance import versions, without_folders
 from ballbar.report.section import template
 from ballbar.report.summary import Tile
 from ballbar.units import MM
-from cell.files import claimed_folder, write_whole
-from cell.foreign_text import printable
 
 CHAIN, PAGE = "rehearsal.json", "rehearsal.html"
 OUTPUTS = {

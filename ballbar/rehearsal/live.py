@@ -18,26 +18,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.live.egm_source import LOOPBACK
-from acquisition.live.recorder import POLL, LiveRecording
+from ballbar.acquisition.live.egm_source import LOOPBACK
+from ballbar.acquisition.live.recorder import POLL, LiveRecording
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.load import load_instrument, load_robot
 from ballbar.record.show import RecordOptions, record
 from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.sim.live.delivery import Device, EgmRobot, GrowingFiles, Pace
+from ballbar.sim.live.device_logs import GrowingRecording
+from ballbar.sim.live.faults import FAULTS, OF_ENCODERS, OF_TRACKER, moving_at
+from ballbar.sim.logging.load_logs import BallbarLogger, DeviceLogs, RobotLogger
+from ballbar.sim.recording_files import truth_path
+from ballbar.sim.truth import Truth, load_truth
 from ballbar.terminal import err
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.show import Data
 from ballbar.watch.state import Alarm
-from cell.clock import Clock
-from cell.errors import FailureError, InputError
-from cell.load import load_instrument, load_robot
-from sim.live.delivery import Device, EgmRobot, GrowingFiles, Pace
-from sim.live.device_logs import GrowingRecording
-from sim.live.faults import FAULTS, OF_ENCODERS, OF_TRACKER, moving_at
-from sim.logging.load_logs import BallbarLogger, DeviceLogs, RobotLogger
-from sim.recording_files import truth_path
-from sim.truth import Truth, load_truth
 
 if TYPE_CHECKING:  # pyads is an extra
-    from sim.live.plc import Plc
+    from ballbar.sim.live.plc import Plc
 
 LOOK = 0.05  # [s] between two looks at what is identified meanwhile
 BEGINS = 60.0  # [s] for the recorder and the process that identifies to begin
@@ -237,7 +237,7 @@ def _devices(
     options = RecordOptions(plc=None, egm=None, egm_torque=False, robot=None, ballbar=None)
     with ExitStack() as stack:
         if cell.instrument is None:
-            from sim.live.plc import Plc, logged_samples, loopback_address  # noqa: PLC0415  an extra
+            from ballbar.sim.live.plc import Plc, logged_samples, loopback_address  # noqa: PLC0415  an extra
 
             robot, ballbar = (growing.logs.pop(name) for name in ("robot", "ballbar"))
             program, joints = logged_samples(ballbar, pace)

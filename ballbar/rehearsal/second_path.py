@@ -5,13 +5,13 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+from ballbar.cell.files import write_yaml
+from ballbar.cell.strict_yaml import load_model, load_yaml
 from ballbar.plan.show import PlanOptions, make_plan
+from ballbar.planning.request import load_request
 from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.sim.path_files import LissajousFile
 from ballbar.terminal import PlainConsole
-from cell.files import write_yaml
-from cell.strict_yaml import load_model, load_yaml
-from planning.request import load_request
-from sim.path_files import LissajousFile
 
 SEARCH = 10.0  # [s] of the search for the second path: the same search as of `plan`, shorter
 REACH = 0.15  # [m] to each side of its first seat within which the ball-bar may be set up again

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.files import write_whole
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.compensation.targets_file import (
     CorrectedTable,
     axis_columns,
@@ -15,15 +19,11 @@ from ballbar.compensation.targets_file import (
     write_corrected,
 )
 from ballbar.export.result import Result
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
 from ballbar.scenario import Scenario
-from cell.arrays import Array
-from cell.files import write_whole
-from cell.geometry import robot_frames
-from cell.robot_angles import joints_to_axes
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.inverse_calibration import TargetError, corrected_targets
-from sim.plant.held import hold_machine, pose_distance
-from sim.true_robot import true_machine
+from ballbar.sim.plant.held import hold_machine, pose_distance
+from ballbar.sim.true_robot import true_machine
 
 TARGETS = 50
 GIVEN, CORRECTED = "targets.csv", "targets-corrected.csv"

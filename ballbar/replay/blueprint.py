@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import rerun.blueprint as rrb
 
+from ballbar.cell.arrays import Array
 from ballbar.replay import entities
 from ballbar.replay.series import Series
 from ballbar.replay.window import blueprint
 from ballbar.report.colours import BACKGROUND
-from cell.arrays import Array
 
 _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right, in front and above; times the reach
 _LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free

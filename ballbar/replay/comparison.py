@@ -16,6 +16,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
 from ballbar import figure_style
+from ballbar.cell.errors import InputError
 from ballbar.replay.blueprint import cell_view, parameter_view, whole_range
 from ballbar.replay.entities import (
     AFTER,
@@ -35,7 +36,6 @@ from ballbar.replay.entities import (
 )
 from ballbar.replay.window import blueprint
 from ballbar.report.colours import on_dark, shades
-from cell.errors import InputError
 
 APPLICATION = "ballbar-compare"  # the viewer keeps one layout per application
 _CURVES = (

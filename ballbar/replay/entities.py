@@ -13,7 +13,7 @@ from typing import Any
 
 import rerun as rr
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 TIMELINE = "robot_time"  # [s] robot's clock, from the first row of its log
 POSE = "pose"  # still poses, counted over all tables

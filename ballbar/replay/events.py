@@ -15,15 +15,15 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from acquisition.flags import EXCLUDED
+from ballbar.acquisition.flags import EXCLUDED
+from ballbar.cell.arrays import Array
+from ballbar.cell.logs import BallBarLog, RobotLog, segment_starts
+from ballbar.cell.neighbours import damaged_bursts
 from ballbar.replay.entities import EVENT_LOG, LANES, Branch, at
 from ballbar.report.colours import Colour
 from ballbar.report.motion import GAP_PERIODS, CellMotion, on_robot_clock
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS
-from cell.arrays import Array
-from cell.logs import BallBarLog, RobotLog, segment_starts
-from cell.neighbours import damaged_bursts
 
 DWELL_SPEED = np.radians(0.05)  # [rad/s] of the fastest joint: shown as a dwell below it
 JOIN = 0.5  # [s] outliers closer than that are one event

@@ -9,6 +9,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
 from ballbar.replay.entities import CELL, TIMELINE, Branch
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
@@ -16,9 +19,6 @@ from ballbar.replay.window import blueprint, live_window
 from ballbar.replay.write import send_replay
 from ballbar.report.motion import moving_cell, thinning
 from ballbar.result.run_data import RunData
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry
 
 APPLICATION = "ballbar-live"
 
@@ -32,7 +32,7 @@ class LiveRun:
         self._moved = False
 
     def moved(self, cell: Cell, geometry: Geometry, t: Array, q: Array, b: Array) -> None:
-        """A stretch of the true motion; arguments as of `sim.motion.MotionCallback`."""
+        """A stretch of the true motion; arguments as of `ballbar.sim.motion.MotionCallback`."""
         # its last row is the first of the next stretch
         rows = np.unique(np.append(np.arange(0, t.size, thinning(t)), t.size - 1))
         motion = moving_cell(geometry, t[rows], q[rows], b[rows])

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from ballbar.cell.geometry import parameter_named, table_of_names
 from ballbar.replay.blueprint import rounded_up
 from ballbar.replay.entities import PARAMETERS
 from ballbar.report.colours import AFTER_COLOUR, BEFORE_COLOUR
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, UM
-from cell.geometry import parameter_named, table_of_names
 
 HALF = 9.0  # [row heights] half the width of each of the two plots
 LEFT, RIGHT = 0.0, 24.0  # their middles

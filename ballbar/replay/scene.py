@@ -10,6 +10,10 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from ballbar import figure_style
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
 from ballbar.replay.entities import (
     BAR_BODIES,
     CELL,
@@ -28,10 +32,6 @@ from ballbar.report.motion import CellMotion
 from ballbar.report.shapes import Body, cell_bodies
 from ballbar.sphere_coverage import PATCHES, coverage
 from ballbar.units import MM, UM
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.descriptions import Cell
-from cell.geometry import Geometry
 
 _SPHERE = (120, 165, 230, 26)  # hardly seen, so that what is behind it is
 _WHOLE_PATH, _RUN_PATH = (120, 128, 142), (245, 200, 80)
@@ -99,7 +99,7 @@ def log_frame(
 def quat_xyzw(rotation: Array) -> Array:
     """(N, 4) unit quaternions of rotation matrices (3, 3, N), scalar part last as rerun wants it.
 
-    `cell.rotation.quat_wxyz` is MuJoCo's, scalar part first.
+    `ballbar.cell.rotation.quat_wxyz` is MuJoCo's, scalar part first.
     """
     return np.asarray(Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat())
 

@@ -14,6 +14,11 @@ import numpy as np
 import rerun as rr
 
 from ballbar import figure_style
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.rigid_fit import kabsch
+from ballbar.ident.result import RecordingEstimate, RobotEstimate
+from ballbar.ident.robot.accuracy import accuracy_grid
 from ballbar.replay import entities
 from ballbar.report.colours import (
     AFTER_COLOUR,
@@ -26,13 +31,8 @@ from ballbar.report.colours import (
 )
 from ballbar.report.motion import CellMotion, mechanism_angles, on_robot_clock, thinning
 from ballbar.result.run_data import FittedRecording
+from ballbar.sim.simulate import Simulation
 from ballbar.units import MS, UM, URAD, US
-from cell.arrays import Array
-from cell.geometry import Geometry, robot_frames
-from cell.rigid_fit import kabsch
-from ident.result import RecordingEstimate, RobotEstimate
-from ident.robot.accuracy import accuracy_grid
-from sim.simulate import Simulation
 
 
 @dataclass(frozen=True, eq=False)

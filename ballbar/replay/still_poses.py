@@ -24,9 +24,9 @@ from ballbar.result.run_data import RunData
 from ballbar.units import MM
 
 if TYPE_CHECKING:  # a replay of recordings does without still poses
-    from cell.poses import PoseGroup
-    from ident.estimator.fit import Fit
-    from ident.estimator.model import Evaluation
+    from ballbar.cell.poses import PoseGroup
+    from ballbar.ident.estimator.fit import Fit
+    from ballbar.ident.estimator.model import Evaluation
 
 ARM, SEATS, ERRORS = f"{CELL}/robot", f"{CELL}/seats", "/error_mm"
 _DRAWN = 0.12  # of the robot's reach: length at which the mean error is drawn

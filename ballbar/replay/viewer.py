@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
-from cell.errors import FailureError, InputError
+from ballbar.cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
 _MAGIC = b"RRF"  # first bytes of a rerun recording, before the version of its format

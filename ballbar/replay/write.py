@@ -19,7 +19,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import yaml
 
-from acquisition.report import report_lines
+from ballbar.acquisition.report import report_lines
 from ballbar.replay.blueprint import Shown, layout
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
 from ballbar.replay.events import log_events, recording_events

@@ -10,13 +10,13 @@ from itertools import groupby
 import numpy as np
 from markupsafe import Markup
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
 from ballbar.figure_style import BEFORE
 from ballbar.report.drawing import WIDTH, figure
 from ballbar.report.motion import cell_motion
 from ballbar.report.shapes import Bar, cell_bodies
 from ballbar.result.run_data import FittedRecording
-from cell.arrays import Array
-from cell.descriptions import Cell
 
 AZIMUTH, ELEVATION = np.radians(-50.0), np.radians(20.0)  # of the eye: from the robot's x axis, up
 LIGHT = np.array([-0.36, 0.58, 0.73])  # towards it: right, up, to the eye

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 from markupsafe import Markup, escape
 
+from ballbar.cell.arrays import Array
 from ballbar.figure_style import GRID, INK, QUIET, rgb
-from cell.arrays import Array
 
 INCH = 72.0  # [pt]
 WIDTH = 4.6 * INCH  # [pt] 442 px: two figures side by side on a page of 1000 px

@@ -15,10 +15,10 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
+from ballbar.cell.arrays import Array
 from ballbar.figure_style import AFTER, BEFORE, QUIET
 from ballbar.report import drawing
 from ballbar.units import MM
-from cell.arrays import Array
 
 COLUMN = 0.5  # [pt] of width of which a curve keeps its least and largest value
 _X_TICKS, _TICK_HEIGHT = 6, 26.0  # ticks along x, at most; [pt] between those along y, at least

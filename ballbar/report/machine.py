@@ -10,6 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.extended_yaml import SHIPPED
+from ballbar.cell.geometry import parameter_named
+from ballbar.ident.estimator.uncertainty import correlated_groups
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.tcp_correction import CorrectionPart, correction_parts
+from ballbar.ident.robot.tcp_uncertainty import MASSES, SCALE, TcpDirection, TcpUncertainty
+from ballbar.ident.verdict import Status
+from ballbar.planning import next_step
+from ballbar.planning.questions import ENCODERS
+from ballbar.planning.trajectory import Passage
 from ballbar.report.maps import correlation_map
 from ballbar.report.motion import bar_angles_at, logged_joints
 from ballbar.report.numbers import fixed, listed, significant
@@ -26,19 +37,8 @@ from ballbar.report.recording import overview
 from ballbar.report.section import MACHINE, Section, machine_row, section
 from ballbar.result.compare import z_rms
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.sim.path_files import load_lissajous
 from ballbar.units import MM
-from cell.arrays import Array
-from cell.extended_yaml import SHIPPED
-from cell.geometry import parameter_named
-from ident.estimator.uncertainty import correlated_groups
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.tcp_correction import CorrectionPart, correction_parts
-from ident.robot.tcp_uncertainty import MASSES, SCALE, TcpDirection, TcpUncertainty
-from ident.verdict import Status
-from planning import next_step
-from planning.questions import ENCODERS
-from planning.trajectory import Passage
-from sim.path_files import load_lissajous
 
 STEP = 0.1  # [s] of a recording's motion, half that of planned ones: it may be faster
 SHOWN = 8  # rows of a table; what follows is added up

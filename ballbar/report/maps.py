@@ -13,7 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.statistics import rms
 from ballbar.figure_style import AFTER, BEFORE, INK
+from ballbar.ident.result import NamedCovariance, Residuals
 from ballbar.report.drawing import (
     BOTTOM,
     INCH,
@@ -38,10 +42,6 @@ from ballbar.report.motion import logged_joints
 from ballbar.report.numbers import length_scale, significant
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import UM, URAD
-from cell.arrays import Array
-from cell.geometry import robot_frames
-from cell.statistics import rms
-from ident.result import NamedCovariance, Residuals
 
 BEFORE_SCALE = ("#fbe3c6", "#f2a65a", BEFORE, "#7f3b08")
 AFTER_SCALE = ("#d6e6f4", "#7fb2dc", AFTER, "#08306b")

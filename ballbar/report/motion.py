@@ -17,22 +17,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dwells import find_dwells
+from ballbar.acquisition.dwells import find_dwells
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from ballbar.cell.logs import BallBarLog
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.closure import complete_bar_angles, pointing_bar
+from ballbar.ident.result import RecordingEstimate
 from ballbar.result.run_data import FittedRecording
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.clock import Clock
-from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
-from cell.logs import BallBarLog
-from cell.statistics import rms
-from ident.estimator.closure import complete_bar_angles, pointing_bar
-from ident.result import RecordingEstimate
 
 # [rad] from the singular pose: the angles beside it are known 1 / sin(5 deg) = eleven times worse
 CLOSE = np.deg2rad(5.0)
 POSE_RATE = 30.0  # [Hz] smooth to the eye; the mechanism moves below 3 Hz
 POSES = 120_000  # of the mechanism, at most: 67 minutes at that rate
-GAP_PERIODS = 3.0  # as ident.signals.smooth_log: a longer stretch without rows is not bridged
+GAP_PERIODS = 3.0  # as signals.smooth_log: a longer stretch without rows is not bridged
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.number_text import significant_text
 from ballbar.units import MM, UM
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.number_text import significant_text
 
 MISSING = "\u2013"
 # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)

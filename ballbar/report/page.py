@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.files import write_whole
+from ballbar.cell.foreign_text import printable
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from ballbar.report.machine import (
@@ -27,8 +29,6 @@ from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
 from ballbar.result.run_data import RunData
 from ballbar.units import MM
-from cell.files import write_whole
-from cell.foreign_text import printable
 
 
 def write_report(path: Path, run: RunData, *, command: str) -> None:

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballbar.report.numbers import MISSING, capitalised, decimals_for, fixed, listed, significant
-from ballbar.result.compare import Comparison
-from ballbar.units import MM, UM
-from cell.geometry import Parameter, parameter_named
-from ident.fitted_robot import MOSTLY_PRIOR
-from ident.result import (
+from ballbar.cell.geometry import Parameter, parameter_named
+from ballbar.ident.fitted_robot import MOSTLY_PRIOR
+from ballbar.ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
     Identification,
     RecordingEstimate,
     RobotEstimate,
 )
+from ballbar.report.numbers import MISSING, capitalised, decimals_for, fixed, listed, significant
+from ballbar.result.compare import Comparison
+from ballbar.units import MM, UM
 
 _UNITS = {
     "rad": (1e6, "µrad"),

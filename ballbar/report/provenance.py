@@ -13,7 +13,7 @@ from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from acquisition.recording import Recording
+from ballbar.acquisition.recording import Recording
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.run_data import RunData
 

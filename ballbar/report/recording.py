@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.statistics import rms
 from ballbar.report import recording_figures as figures
 from ballbar.report.cell_picture import cell_picture
 from ballbar.report.maps import sphere_maps
@@ -22,8 +24,6 @@ from ballbar.report.recording_text import (
 from ballbar.report.section import Section, section
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
-from cell.arrays import Array
-from cell.statistics import rms
 
 
 def recording_sections(run: RunData) -> list[Section]:

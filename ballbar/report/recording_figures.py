@@ -9,17 +9,17 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from acquisition.dwells import find_dwells
+from ballbar.acquisition.dwells import find_dwells
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.cell.logs import RobotLog
+from ballbar.cell.statistics import rms
 from ballbar.figure_style import AFTER, BEFORE, INK, LINES, PURPLE, QUIET
 from ballbar.report.drawing import INCH
 from ballbar.report.line_plot import Curve, Plot, draw
 from ballbar.report.motion import CellMotion, Marks, mechanism_angles, on_robot_clock
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MM, MS, URAD
-from cell.arrays import Array
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.logs import RobotLog
-from cell.statistics import rms
 
 SHIFTS = np.linspace(-0.3, 0.3, 61)  # [s] of the ball-bar's clock, as in thesis Fig. 5.5
 _POINTS = 600  # rows of a log that are drawn, and instants of the shift figure

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ballbar.cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
+from ballbar.cell.number_text import NOT_DETERMINED, duration_text
+from ballbar.ident.result import RecordingEstimate
+from ballbar.ident.start.automatic import Start
 from ballbar.report.numbers import fixed, listed, significant, to_sigma
 from ballbar.result.compare import Comparison
 from ballbar.units import MS, PPM, US
-from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW
-from cell.number_text import NOT_DETERMINED, duration_text
-from ident.result import RecordingEstimate
-from ident.start.automatic import Start
 
 TENSION_SOURCES = {
     "sensor": "from the force sensor",

@@ -12,10 +12,10 @@ from functools import cache
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
+from ballbar.cell.foreign_text import markdown
 from ballbar.report.numbers import capitalised, significant
 from ballbar.report.recording_figures import norms_over_time
 from ballbar.result.run_data import RunData
-from cell.foreign_text import markdown
 
 MACHINE = "Machine"  # row of the navigation
 

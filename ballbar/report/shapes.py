@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_chain
 from ballbar.report.colours import STEEL, Colour
-from cell.arrays import Array
-from cell.chain import Chain
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_chain
 
 PAINT = (236, 106, 32)  # the orange of many industrial robots
 DARK = (62, 65, 70)

@@ -7,6 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import UNSEEN_OFFSET
+from ballbar.cell.number_text import duration_text
+from ballbar.ident.result import Identification
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.verdict import Status
 from ballbar.report.motion import rms_norm
 from ballbar.report.numbers import MISSING, listed, millimetres, significant, with_and_without
 from ballbar.report.parameters import left_at_nominal, parameter_count
@@ -15,12 +21,6 @@ from ballbar.report.tcp_view import TcpView
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD
-from cell.arrays import Array
-from cell.clock import UNSEEN_OFFSET
-from cell.number_text import duration_text
-from ident.result import Identification
-from ident.table_estimate import TableEstimate
-from ident.verdict import Status
 
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css

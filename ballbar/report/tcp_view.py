@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.statistics import rms
 from ballbar.figure_style import AFTER, BEFORE
+from ballbar.ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ballbar.report.drawing import Colours
 from ballbar.report.line_plot import Distribution, cumulative
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, Sphere, workspace_map
@@ -15,9 +18,6 @@ from ballbar.report.numbers import significant
 from ballbar.report.section import Section, machine_row, section
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
-from cell.arrays import Array
-from cell.statistics import rms
-from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 
 SAME_CELLS = "same cells, with a colour scale of its own (mind the unit)."
 

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.cell.geometry import parameter_named
+from ballbar.cell.number_text import clock_offset_text, clock_skew_text
+from ballbar.ident.held_out import HeldOut
+from ballbar.ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 from ballbar.report.numbers import with_and_without
 from ballbar.report.parameters import coefficients_at_prior, parameter_count, parameters_at_prior
 from ballbar.report.recording_text import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, PPM, US
-from cell.geometry import parameter_named
-from cell.number_text import clock_offset_text, clock_skew_text
-from ident.held_out import HeldOut
-from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 
 LISTED = 8  # parameters that differ, printed
 
 if TYPE_CHECKING:  # an identification without tracker does without it
-    from ident.table_estimate import TableEstimate
-    from ident.tracker import TrackerCheck
+    from ballbar.ident.table_estimate import TableEstimate
+    from ballbar.ident.tracker import TrackerCheck
 
 
 def say_identification(out: Console, run: RunData) -> None:

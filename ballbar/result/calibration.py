@@ -14,6 +14,24 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.geometry import Geometry, geometry_of_chain, nominal_chain, parameter_table
+from ballbar.cell.load import load_measured_cell, load_robot
+from ballbar.cell.payload import Payload, with_payload
+from ballbar.cell.placement import Placement
+from ballbar.cell.strict_yaml import YamlDocument, check_schema, load_yaml, parse_model
+from ballbar.ident.corrections import as_in_result
+from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
+from ballbar.ident.estimator.build_unknowns import arm_parameters
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.options import JointErrors
+from ballbar.ident.result import CoefficientEstimate, CorrectionEstimate, Machine, identified_robot
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
+from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.result.calibration_schema import (
     LEARNED_HARMONICS,
     POSE_CORRECTIONS,
@@ -23,24 +41,6 @@ from ballbar.result.calibration_schema import (
 from ballbar.result.machine_entries import RESTORE, CoefficientEntry
 from ballbar.result.names import CALIBRATION
 from ballbar.result.recording_entries import CrossValidationEntry
-from cell.arrays import Array
-from cell.chain import Chain
-from cell.descriptions import Cell, Robot
-from cell.errors import DescriptionError, InputError
-from cell.geometry import Geometry, geometry_of_chain, nominal_chain, parameter_table
-from cell.load import load_measured_cell, load_robot
-from cell.payload import Payload, with_payload
-from cell.placement import Placement
-from cell.strict_yaml import YamlDocument, check_schema, load_yaml, parse_model
-from ident.corrections import as_in_result
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, orders_of
-from ident.estimator.build_unknowns import arm_parameters
-from ident.estimator.noise import ExcessNoise
-from ident.options import JointErrors
-from ident.result import CoefficientEstimate, CorrectionEstimate, Machine, identified_robot
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
-from ident.robot.pose_covariance import PoseCovariance
 
 
 @dataclass(frozen=True, eq=False)

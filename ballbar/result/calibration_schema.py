@@ -21,6 +21,20 @@ from pydantic import (
     model_validator,
 )
 
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named, table_of_names
+from ballbar.cell.payload import TOOL
+from ballbar.cell.schema import Strict
+from ballbar.cell.schema_errors import Loc, missing_key, nearest, wrong_key
+from ballbar.ident.corrections import OF_MACHINE
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.gear_backlash import backlash_of
+from ballbar.ident.corrections.gear_ripple import ripple_of
+from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
+from ballbar.ident.corrections.joint_lag import lag_of
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
 from ballbar.result.machine_entries import (
     RESTORE,
     CoefficientEntry,
@@ -45,20 +59,6 @@ from ballbar.result.recording_entries import (
     RecordingEntry,
     marks_of,
 )
-from cell.descriptions import Robot
-from cell.geometry import Geometry, ParameterTable, parameter_named, table_of_names
-from cell.payload import TOOL
-from cell.schema import Strict
-from cell.schema_errors import Loc, missing_key, nearest, wrong_key
-from ident.corrections import OF_MACHINE
-from ident.corrections.base import Correction
-from ident.corrections.gear_backlash import backlash_of
-from ident.corrections.gear_ripple import ripple_of
-from ident.corrections.joint_compliance import gear_compliance
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
-from ident.corrections.joint_lag import lag_of
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.priors import belongs_to_recording, shared_names
 
 SCHEMA: Final = "ballbar-calibration/2"
 

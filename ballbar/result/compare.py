@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, parameter_named, robot_geometry
-from cell.statistics import rms
-from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
-from ident.result import Identification
-from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.identified import IdentifiedRobot
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, parameter_named, robot_geometry
+from ballbar.cell.statistics import rms
+from ballbar.ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import TcpError, accuracy_grid, position_error
+from ballbar.ident.robot.identified import IdentifiedRobot
 
 if TYPE_CHECKING:  # an identification without a second result reads none
     from ballbar.result.calibration import Calibration

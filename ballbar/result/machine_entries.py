@@ -12,11 +12,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.arrays import Array
-from cell.payload import LinkDeviation, Payload
-from cell.schema import LARGEST_OTHER, Strict
-from cell.schema_errors import wrong_key
-from ident.robot.tool_covariance import ToolCovariance
+from ballbar.cell.arrays import Array
+from ballbar.cell.payload import LinkDeviation, Payload
+from ballbar.cell.schema import LARGEST_OTHER, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.ident.robot.tool_covariance import ToolCovariance
 
 Positive = Annotated[float, Field(gt=0.0)]
 ParameterValue = Annotated[float, Field(ge=-1e3, le=1e3)]  # [m] or [rad]

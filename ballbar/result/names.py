@@ -1,6 +1,6 @@
 """Names of what a run writes into its folder."""
 
-from cell.files import DESCRIPTIONS
+from ballbar.cell.files import DESCRIPTIONS
 
 RECORDING = "recording"  # folder of the simulated recording
 HELD_OUT = "held_out"  # folder of the recording on accept.held_out_file

@@ -13,10 +13,10 @@ from typing import Annotated, Final, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag
 
+from ballbar.cell.placement import Placement
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.cell.schema import Strict
 from ballbar.result.machine_entries import From, ParameterEntry, Positive
-from cell.placement import Placement
-from cell.rotation import matrix_from_rotvec
-from cell.schema import Strict
 
 LOGS: Final = "logs"  # a kind of recordings
 POSES: Final = "poses"

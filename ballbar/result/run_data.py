@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from acquisition.pose_tables import PoseImport
-from acquisition.recording import Recording
+from ballbar.acquisition.pose_tables import PoseImport
+from ballbar.acquisition.recording import Recording
+from ballbar.ident.held_out import HeldOut, PoseHeldOut
+from ballbar.ident.result import Identification, RecordingEstimate
 from ballbar.result.compare import Comparison
-from ident.held_out import HeldOut, PoseHeldOut
-from ident.result import Identification, RecordingEstimate
 
 if TYPE_CHECKING:  # an identification of recordings does without the simulation
     from ballbar.scenario import Scenario
+    from ballbar.sim.simulate import Simulation
+    from ballbar.sim.still_poses import PoseSimulation
     from ballbar.truth.limits import Limit
-    from sim.simulate import Simulation
-    from sim.still_poses import PoseSimulation
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,26 +11,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition.pose_tables import PoseImport
-from acquisition.recording import Recording
+from ballbar.acquisition.pose_tables import PoseImport
+from ballbar.acquisition.recording import Recording
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.load import load_cell, load_measured_cell
+from ballbar.cell.poses import KnownDistance, PoseGroup, PoseTable
+from ballbar.cell.recording import load_recording_file
+from ballbar.ident.estimates import result_at_rest
+from ballbar.ident.held_out import held_out, held_out_poses
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import SILENT, FitOptions, Listener
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.tracker import judged_by_tracker
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.followed import gives_poses, poses_of
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_data import FittedRecording, RunData, Validation
-from cell.errors import InputError
-from cell.foreign_text import printable
-from cell.load import load_cell, load_measured_cell
-from cell.poses import KnownDistance, PoseGroup, PoseTable
-from cell.recording import load_recording_file
-from ident.estimates import result_at_rest
-from ident.held_out import held_out, held_out_poses
-from ident.identify import identify_together
-from ident.options import SILENT, FitOptions, Listener
-from ident.recording_fit import Logs
-from ident.result import Identification
-from ident.start.automatic import StartError
-from ident.table_fit import fit_table
-from ident.tracker import judged_by_tracker
 
 
 def identify_files(

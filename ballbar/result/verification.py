@@ -10,22 +10,22 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from acquisition.report import ImportReport, finding_line
+from ballbar.acquisition.report import ImportReport, finding_line
+from ballbar.cell.errors import InputError
+from ballbar.ident.machine_at_rest import arm_at_rest, table_at_rest
+from ballbar.ident.options import SILENT, Listener
+from ballbar.ident.single_causes import Explanation
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.start.placements import PoseStartError
+from ballbar.ident.verdict import Status
+from ballbar.ident.verification import Verification
+from ballbar.ident.verify_recording import verify_recording
+from ballbar.ident.verify_table import verify
 from ballbar.recordings.followed import description_of, gives_poses, poses_of
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.calibration import Calibration
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
-from cell.errors import InputError
-from ident.machine_at_rest import arm_at_rest, table_at_rest
-from ident.options import SILENT, Listener
-from ident.single_causes import Explanation
-from ident.start.automatic import StartError
-from ident.start.placements import PoseStartError
-from ident.verdict import Status
-from ident.verification import Verification
-from ident.verify_recording import verify_recording
-from ident.verify_table import verify
 
 MEAN_LENGTH = math.sqrt(8.0 / math.pi)  # of a normal error of unit deviation along three axes
 # [K] from which a difference of temperature is named: a length of 1 m of steel grows by 24 um.

@@ -14,6 +14,18 @@ from typing import Any, TypeVar, cast, get_args
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import copied_description, write_yaml
+from ballbar.cell.rotation import rotvec_from_matrix
+from ballbar.cell.schema import Strict
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.build_unknowns import arm_parameters
+from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
+from ballbar.ident.result import RecordingEstimate, RobotEstimate
+from ballbar.ident.table_estimate import PlacementEstimate, TableEstimate
+from ballbar.ident.verdict import Verdict
 from ballbar.result.calibration import load_calibration
 from ballbar.result.calibration_schema import SCHEMA, CalibrationFile
 from ballbar.result.machine_entries import (
@@ -40,18 +52,6 @@ from ballbar.result.recording_entries import (
     ResidualEntry,
 )
 from ballbar.result.run_data import FittedRecording, RunData
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.errors import InputError
-from cell.files import copied_description, write_yaml
-from cell.rotation import rotvec_from_matrix
-from cell.schema import Strict
-from cell.statistics import rms
-from ident.estimator.build_unknowns import arm_parameters
-from ident.estimator.priors import belongs_to_recording, shared_names
-from ident.result import RecordingEstimate, RobotEstimate
-from ident.table_estimate import PlacementEstimate, TableEstimate
-from ident.verdict import Verdict
 
 _UNIT = re.compile(r"_(?:m|rad|s)$")
 E = TypeVar("E", bound=Strict)

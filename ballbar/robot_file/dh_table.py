@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.dh_from_axes import DHForm, dh_from_modified
+from ballbar.cell.errors import InputError
+from ballbar.cell.schema_errors import nearest
+from ballbar.cell.strict_yaml import load_yaml
 from ballbar.robot_file.draft import RobotDraft, check_rows, read_description, rounded
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.dh_from_axes import DHForm, dh_from_modified
-from cell.errors import InputError
-from cell.schema_errors import nearest
-from cell.strict_yaml import load_yaml
 
 CONVENTIONS = ("standard", "modified")
 _DEG, _MM = np.pi / 180.0, 1e-3

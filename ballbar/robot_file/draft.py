@@ -12,19 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array, read_only
+from ballbar.cell.chain import Chain
+from ballbar.cell.description_files import MAX_DH_LENGTH_M, SMALLEST_TWIST_DEG
+from ballbar.cell.descriptions import Link
+from ballbar.cell.dh_from_axes import AxesError, DHForm, dh_from_axes
+from ballbar.cell.errors import InputError
+from ballbar.cell.foreign_files import read_regular
+from ballbar.cell.foreign_text import one_line
+from ballbar.cell.schema import TITLE_LENGTH
 from ballbar.robot_file.urdf import Urdf, parse_urdf, with_round_angles
 from ballbar.robot_file.urdf_chain import UrdfChain, bodies, chain_between
-from cell.arrays import Array, read_only
-from cell.chain import Chain
-from cell.description_files import MAX_DH_LENGTH_M, SMALLEST_TWIST_DEG
-from cell.descriptions import Link
-from cell.dh_from_axes import AxesError, DHForm, dh_from_axes
-from cell.errors import InputError
-from cell.foreign_files import read_regular
-from cell.foreign_text import one_line
-from cell.schema import TITLE_LENGTH
 
-FEWEST_AXES, MOST_AXES = 5, 8  # of cell.description_files.RobotFile
+FEWEST_AXES, MOST_AXES = 5, 8  # of ballbar.cell.description_files.RobotFile
 ASSUMED_RANGE_DEG = 180.0  # written to either side where the source states no limits
 MAX_BYTES = 10_000_000  # of a URDF with every link of a cell; its meshes are other files
 LENGTH_DIGITS, DEGREE_DIGITS, LIMIT_DIGITS = 12, 10, 3  # decimals of what is written

@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.files import write_new
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.cell.rotation import rotvec_from_matrix
 from ballbar.robot_file.draft import RobotDraft
 from ballbar.robot_file.picture import robot_picture
 from ballbar.robot_file.text import description_text
-from cell.chain import forward
-from cell.descriptions import Robot
-from cell.errors import FailureError, InputError
-from cell.files import write_new
-from cell.geometry import nominal_chain
-from cell.load import load_robot
-from cell.robot_angles import controller_to_joints
-from cell.rotation import rotvec_from_matrix
 
 POSES = 100
 LARGEST = 1e-9  # [m, rad] allowed; rounding of the written decimals gives 1e-12

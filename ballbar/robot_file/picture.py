@@ -9,13 +9,13 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.figure_style import BLUE, FRAME, GREEN, INK, QUIET, RED
 from ballbar.units import MM
-from cell.arrays import Array
-from cell.chain import Frames, forward
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
-from cell.robot_angles import controller_to_joints
 
 _FRAME_SIZE = 0.06  # of the width of the cube that is shown
 _MARGIN = 1.15  # of the cube around the robot

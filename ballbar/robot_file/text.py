@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Link
 from ballbar.robot_file.draft import (
     ASSUMED_RANGE_DEG,
     DEGREE_DIGITS,
@@ -15,8 +17,6 @@ from ballbar.robot_file.draft import (
     LIMIT_DIGITS,
     RobotDraft,
 )
-from cell.arrays import Array
-from cell.descriptions import Link
 
 GRAVITY = 9.81  # [m/s^2] standard gravity, rounded
 _WIDTH = 98

@@ -17,9 +17,9 @@ from xml.parsers import expat
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.descriptions import Link
-from cell.errors import DescriptionError
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Link
+from ballbar.cell.errors import DescriptionError
 
 TURNING = ("revolute", "continuous")
 _KINDS = (*TURNING, "prismatic", "fixed", "floating", "planar")

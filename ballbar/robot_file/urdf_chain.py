@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import joined_link
+from ballbar.cell.descriptions import Link
+from ballbar.cell.dh_from_axes import JointAxes
+from ballbar.cell.errors import DescriptionError
 from ballbar.robot_file.urdf import TURNING, Urdf, UrdfJoint, listed
-from cell.arrays import Array
-from cell.bodies import joined_link
-from cell.descriptions import Link
-from cell.dh_from_axes import JointAxes
-from cell.errors import DescriptionError
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
 from ballbar.robot_file.picture import bent_pose, corners, frames_at
-from cell.arrays import Array
-from cell.descriptions import Robot
 
 APPLICATION, TIMELINE = "ballbar robot", "time"
 _STEPS, _STEP = 40, 0.05  # of one axis; [s]

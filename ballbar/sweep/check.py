@@ -15,16 +15,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.extended_yaml import Value, load_extended, location_of, overlap, with_changes
+from ballbar.cell.recording import load_recording_file
+from ballbar.cell.schema_errors import Loc, explain
+from ballbar.cell.strict_yaml import Place, YamlDocument
 from ballbar.code_version import code_version
 from ballbar.scenario import SCENARIOS, Scenario, load_scenario
 from ballbar.sweep.chunk import Files
 from ballbar.sweep.file import Changes, flattened, load_sweep_file
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
-from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import Value, load_extended, location_of, overlap, with_changes
-from cell.recording import load_recording_file
-from cell.schema_errors import Loc, explain
-from cell.strict_yaml import Place, YamlDocument
 
 MAX_ERRORS = 10  # shown at once: about half a terminal
 

@@ -21,13 +21,12 @@ from tempfile import TemporaryDirectory, gettempdir
 
 import numpy as np
 
-from ballbar import PACKAGES
+from ballbar.cell.errors import InputError
+from ballbar.cell.extended_yaml import Value
+from ballbar.cell.threads import ONE_THREAD
 from ballbar.code_version import code_version
 from ballbar.scenario import Scenario
 from ballbar.sweep.plan import Plan, Run, run_of
-from cell.errors import InputError
-from cell.extended_yaml import Value
-from cell.threads import ONE_THREAD
 
 Row = dict[str, Value]  # column -> value
 Files = tuple[tuple[str, bytes], ...]  # (name in the scenario, content), in order of the names
@@ -156,5 +155,5 @@ def _reason(error: Exception, *folders: Path) -> str:
     for folder in folders:
         sentence = sentence.replace(f"{folder}{os.sep}", "")
     sentence = " ".join(_TEMPORARY.sub("", sentence).split())
-    ours = type(error).__module__.partition(".")[0] in PACKAGES
+    ours = type(error).__module__.startswith("ballbar.")
     return sentence if ours else f"{type(error).__name__}: {sentence}"

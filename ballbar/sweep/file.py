@@ -28,10 +28,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from cell.extended_yaml import SHIPPED, ExtendableKind, Value, load_extended, overlap
-from cell.schema import Strict
-from cell.schema_errors import wrong_key
-from cell.strict_yaml import YamlDocument, parse_model
+from ballbar.cell.extended_yaml import SHIPPED, ExtendableKind, Value, load_extended, overlap
+from ballbar.cell.schema import Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.strict_yaml import YamlDocument, parse_model
 
 LABEL = "label"  # name of a row of `together`: a column of the table, no key of the scenario
 SEED = "seed"  # of a run, given under `seeds`

@@ -22,14 +22,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.extended_yaml import Value
+from ballbar.cell.files import claimed_folder, write_whole, write_yaml
+from ballbar.cell.strict_yaml import load_yaml, parse_model
 from ballbar.sweep.chunk import Files, Row, unpack
 from ballbar.sweep.file import flattened
 from ballbar.sweep.plan import Plan, PlanData, plain_text, point_of
 from ballbar.sweep.table import chunk_rows, write_table
-from cell.errors import InputError
-from cell.extended_yaml import Value
-from cell.files import claimed_folder, write_whole, write_yaml
-from cell.strict_yaml import load_yaml, parse_model
 
 _FILES = "files"
 _CHUNKS = "chunks"

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.extended_yaml import Value, with_changes
+from ballbar.cell.schema import Strict
 from ballbar.scenario import Scenario
+from ballbar.sim.streams import stream
 from ballbar.sweep.file import LABEL, SEED, Changes, Draw, Seeds
-from cell.arrays import Array
-from cell.extended_yaml import Value, with_changes
-from cell.schema import Strict
-from sim.streams import stream
 
 # Most runs of a chunk: with 40 ms a run, a worker writes (or loses, at kill -9) one every second.
 CHUNK_RUNS = 25

@@ -18,13 +18,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.processes import on_stop_signals, stop_signals_blocked
+from ballbar.cell.processes import process_pool as processes_of
 from ballbar.code_version import DISTRIBUTION
 from ballbar.sweep.check import LoadedSweep, check_points
 from ballbar.sweep.chunk import Row, Task, Trial, run_chunk, run_chunk_remotely
 from ballbar.sweep.folder import SweepFolder, open_folder
-from cell.errors import FailureError, InputError
-from cell.processes import on_stop_signals, stop_signals_blocked
-from cell.processes import process_pool as processes_of
 
 POLL = 0.2  # [s] between two looks for an interrupt while no chunk returns
 if TYPE_CHECKING:  # an extra, and slow to import

@@ -24,14 +24,14 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.extended_yaml import Value
+from ballbar.cell.files import written_whole
+from ballbar.cell.foreign_text import csv_text
 from ballbar.sweep.chunk import FAILED, Row
 from ballbar.sweep.file import LABEL, Changes
 from ballbar.sweep.plan import Plan, point_of
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.extended_yaml import Value
-from cell.files import written_whole
-from cell.foreign_text import csv_text
 
 # Rows of a row group, held in memory at once: 10 000 runs take the memory of 100.
 GROUP_ROWS = 2_000

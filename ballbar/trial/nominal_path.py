@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.recording import read_recording
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry
-from cell.logs import RobotLog
-from sim.path import ReferencePath
-from sim.path_files import scenario_path
-from sim.settings import CellSettings, PathSettings
-from sim.true_robot import scenario_cell
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry
+from ballbar.cell.logs import RobotLog
+from ballbar.sim.path import ReferencePath
+from ballbar.sim.path_files import scenario_path
+from ballbar.sim.settings import CellSettings, PathSettings
+from ballbar.sim.true_robot import scenario_cell
 
 
 def recorded_log(path: PathSettings, folder: Path) -> RobotLog | None:

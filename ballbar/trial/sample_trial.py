@@ -16,18 +16,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.thesis.cost_fit import fit_cost, identifiable_by
+from ballbar.ident.thesis.cost_shift import ShiftedFit, fit_cost_with_shift
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.names import ENCODERS_NEEDED, CostName, ParameterSet
+from ballbar.ident.thesis.paired_samples import SampleFit, fit_samples
 from ballbar.identify_settings import IdentifySettings
 from ballbar.scenario import Scenario
-from ballbar.trial.nominal_path import nominal_path, spread_rows
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from ident.thesis.cost_fit import fit_cost, identifiable_by
-from ident.thesis.cost_shift import ShiftedFit, fit_cost_with_shift
-from ident.thesis.costs import cost_named
-from ident.thesis.names import ENCODERS_NEEDED, CostName, ParameterSet
-from ident.thesis.paired_samples import SampleFit, fit_samples
-from sim.errors.sample_errors import delay_of
-from sim.kinematic_samples import (
+from ballbar.sim.errors.sample_errors import delay_of
+from ballbar.sim.kinematic_samples import (
     Instants,
     KinematicSamples,
     SampledPath,
@@ -35,14 +34,15 @@ from sim.kinematic_samples import (
     sample_path,
     without_mean,
 )
-from sim.settings import CellSettings, PathSettings
+from ballbar.sim.settings import CellSettings, PathSettings
+from ballbar.trial.nominal_path import nominal_path, spread_rows
 
 # Scenarios whose paths are cached: a sweep runs point after point, and 100 000 samples take 40 MB.
 CACHED = 4
 # Runs whose samples are cached, 0.2 MB each with 1500 samples: a sweep runs all seeds of one cost
 # before the next cost.
 SAMPLES = 16
-SELECTION_SAMPLES = 300  # instants for the choice of parameters (ident.estimator.identifiability)
+SELECTION_SAMPLES = 300  # instants for the choice of parameters (estimator.identifiability)
 
 _nominal_path = lru_cache(CACHED)(nominal_path)
 

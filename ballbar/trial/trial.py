@@ -17,7 +17,20 @@ from weakref import finalize
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 
-from acquisition.recording import Recording
+from ballbar.acquisition.recording import Recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import BAR_ROWS, Geometry
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.thesis_names import ENCODER_OFFSETS
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
+from ballbar.ident.thesis.cost_fit import fit_cost
+from ballbar.ident.thesis.costs import Cost, cost_named
+from ballbar.ident.thesis.names import Smoothing
+from ballbar.ident.thesis.pairing import moving_average, pair_logs
+from ballbar.ident.verdict import Status, noise_status
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.compare import Comparison, compare_geometry, compare_kinematics, z_rms
@@ -25,6 +38,10 @@ from ballbar.result.names import RECORDING
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.sim.errors.sample_errors import delay_of
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
+from ballbar.sim.truth import Truth
 from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import (
     cost_parameters,
@@ -35,23 +52,6 @@ from ballbar.trial.sample_trial import (
 )
 from ballbar.truth.compare import compare_with_truth, identification_against_truth
 from ballbar.units import MM, MRAD, PPM, UM, US
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import BAR_ROWS, Geometry
-from cell.statistics import rms
-from ident.estimator.thesis_names import ENCODER_OFFSETS
-from ident.robot.identified import IdentifiedRobot
-from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
-from ident.thesis.cost_fit import fit_cost
-from ident.thesis.costs import Cost, cost_named
-from ident.thesis.names import Smoothing
-from ident.thesis.pairing import moving_average, pair_logs
-from ident.verdict import Status, noise_status
-from sim.errors.sample_errors import delay_of
-from sim.recording_files import write_recording
-from sim.simulate import simulate
-from sim.truth import Truth
 
 Row = dict[str, float | int | str]
 

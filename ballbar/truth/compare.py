@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
-from cell.arrays import Array
-from cell.chain import Chain
-from cell.descriptions import Cell, Robot
-from cell.errors import InputError
-from cell.geometry import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import (
     Geometry,
     mirrored,
     nominal_chain,
@@ -24,23 +23,24 @@ from cell.geometry import (
     robot_frames,
     robot_geometry,
 )
-from cell.recording import load_recording_file
-from cell.typical_machine import with_typical
-from ident.estimator.build_unknowns import arm_parameters
-from ident.loads.at_rest import backlash_flanks
-from ident.loads.gear_loads import mass_model, own_weight
-from ident.result import Identification
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.identified import IdentifiedRobot
-from ident.table_estimate import TableEstimate
-from sim.settings import CellSettings
-from sim.true_robot import scenario_cell
-from sim.truth import PoseTruth, Truth, load_truth
+from ballbar.cell.recording import load_recording_file
+from ballbar.cell.typical_machine import with_typical
+from ballbar.ident.estimator.build_unknowns import arm_parameters
+from ballbar.ident.loads.at_rest import backlash_flanks
+from ballbar.ident.loads.gear_loads import mass_model, own_weight
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.result.compare import Comparison, poses_within, robot_comparison, target_comparison
+from ballbar.sim.settings import CellSettings
+from ballbar.sim.true_robot import scenario_cell
+from ballbar.sim.truth import PoseTruth, Truth, load_truth
 
 if TYPE_CHECKING:  # a run compares what it has identified: it reads no result, nor simulates here
     from ballbar.result.calibration import Calibration
-    from sim.simulate import Simulation
-    from sim.still_poses import PoseSimulation
+    from ballbar.sim.simulate import Simulation
+    from ballbar.sim.still_poses import PoseSimulation
 
 
 def result_against_truth(model: Calibration, truth_file: Path) -> Comparison:

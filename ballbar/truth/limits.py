@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.number_text import significant_text
+from ballbar.ident.held_out import HeldOut
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import TcpError
+from ballbar.ident.verdict import Status
 from ballbar.result.compare import Comparison
 from ballbar.scenario import AcceptSettings
+from ballbar.sim.truth import PoseTruth, Truth
 from ballbar.units import MM, PPM, UM, US
-from cell.arrays import Array
-from cell.number_text import significant_text
-from ident.held_out import HeldOut
-from ident.result import Identification
-from ident.robot.accuracy import TcpError
-from ident.verdict import Status
-from sim.truth import PoseTruth, Truth
 
 Measured = dict[str, tuple[str, float, str]]  # what, value and unit of each key of `accept`
 

@@ -1,7 +1,8 @@
 """Alarms of a growing recording: findings of the reader, and what the latest rows show.
 
-Other modules decide what is wrong: in the file `acquisition`, from the start `ident.causes`, from
-some row on `ident.prediction`. Here an alarm gets its name, and the time when it was raised.
+Other modules decide what is wrong: in the file `acquisition`, from the start
+`ballbar.ident.causes`, from some row on `ballbar.ident.prediction`. Here an alarm gets its name,
+and the time when it was raised.
 """
 
 from __future__ import annotations
@@ -11,15 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.dwells import find_dwells
-from acquisition.report import ImportReport
+from ballbar.acquisition.dwells import find_dwells
+from ballbar.acquisition.report import ImportReport
+from ballbar.cell.clock import Clock
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.number_text import significant_text
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.step_faults import step_faults_in_logs
+from ballbar.ident.recording_fit import Logs
 from ballbar.watch.state import Alarm
-from cell.clock import Clock
-from cell.foreign_text import printable
-from cell.number_text import significant_text
-from ident.estimator.samples import Samples
-from ident.estimator.step_faults import step_faults_in_logs
-from ident.recording_fit import Logs
 
 # Kinds of findings that call for a hand at the machine. Late rows, outliers and a torn last line do
 # not.

@@ -8,8 +8,8 @@ import sys
 import threading
 from pathlib import Path
 
+from ballbar.cell.threads import one_thread_each
 from ballbar.watch.show import Data
-from cell.threads import one_thread_each
 
 LAST = 120.0  # [s] for the complete fit of the whole recording
 

@@ -9,11 +9,11 @@ import time
 from multiprocessing import get_context
 from pathlib import Path
 
-from acquisition.recording import require_folder
+from ballbar.acquisition.recording import require_folder
+from ballbar.cell.threads import one_thread_each
 from ballbar.watch.show import Show
 from ballbar.watch.state import WatchState
 from ballbar.watch.watch import Watch
-from cell.threads import one_thread_each
 
 PERIOD = 1.0  # [s] between updates
 REST = 1.0  # times as long as an update took: half a core at most

@@ -13,10 +13,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from ballbar.cell.clock import Clock
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.number_text import clock_offset_text, clock_skew_text, significant_text
 from ballbar.units import MM, URAD
-from cell.clock import Clock
-from cell.foreign_text import printable
-from cell.number_text import clock_offset_text, clock_skew_text, significant_text
 
 Data = dict[str, Any]
 Show = Callable[[Data], None]

@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimates import result_at_rest
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification, RecordingEstimate
+from ballbar.ident.table_fit import fit_table
 from ballbar.recordings.followed import poses_of
 from ballbar.sphere_coverage import coverage
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from cell.geometry import robot_frames
-from cell.robot_angles import joints_to_axes
-from cell.statistics import rms
-from ident.estimates import result_at_rest
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs
-from ident.result import Identification, RecordingEstimate
-from ident.table_fit import fit_table
 
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere
 # Exponents with which the parts of the data fall while a path covers ever more. A repeated path

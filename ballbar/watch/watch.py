@@ -4,8 +4,8 @@ Each update reads the recording whole, with the reader of every other command: t
 take a quarter of a second, and whatever the file is, it is read in one way. A half-written last row
 is left out by the reader, and is whole at the next update. Then
 
-1. the latest rows are compared with the fit of the earlier ones (ident.prediction), which they
-   took no part in;
+1. the latest rows are compared with the fit of the earlier ones (ballbar.ident.prediction), which
+   they took no part in;
 2. where they agree, the recording but its last seconds is fitted by kinematics alone, and the logs
    are read as by the fit before, once that was confirmed;
 3. where a residual remains, the complete model is fitted in growing intervals, elsewhere.
@@ -23,7 +23,19 @@ from dataclasses import replace
 from multiprocessing.pool import AsyncResult, Pool
 from pathlib import Path
 
-from acquisition.recording import Recording
+from ballbar.acquisition.recording import Recording
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
+from ballbar.cell.load import load_cell, load_measured_cell, load_robot
+from ballbar.ident.causes import suspects
+from ballbar.ident.identify import kinematic_result
+from ballbar.ident.options import FitOptions
+from ballbar.ident.prediction import Prediction, part_of, predict
+from ballbar.ident.recording_fit import Logs, RecordingFit, fit_recording
+from ballbar.ident.robot.tcp_uncertainty import scale_error
+from ballbar.ident.start.automatic import Hypothesis
+from ballbar.ident.verdict import Status
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_recordings import logs_of
 from ballbar.watch.alarms import (
@@ -44,23 +56,11 @@ from ballbar.watch.state import (
     followed_estimate,
     seconds_of,
 )
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.errors import DescriptionError, FailureError, LogError, UnfinishedLogError
-from cell.load import load_cell, load_measured_cell, load_robot
-from ident.causes import suspects
-from ident.identify import kinematic_result
-from ident.options import FitOptions
-from ident.prediction import Prediction, part_of, predict
-from ident.recording_fit import Logs, RecordingFit, fit_recording
-from ident.robot.tcp_uncertainty import scale_error
-from ident.start.automatic import Hypothesis
-from ident.verdict import Status
 
 HELD_OUT = 2.0  # [s] at the end that take part in no fit, but judge it
 REFIT, REFIT_SHARE = 2.0, 0.02  # [s] of new rows, and of the recording, from which it is fitted
 SHORTEST = 10.0  # [s] of a recording that is fitted; the columns of less cannot be compared
-YOUNG = 30.0  # [s] of a recording that may have been started wrongly (ident.causes says as much)
+YOUNG = 30.0  # [s] of a recording that may have been started wrongly (causes says as much)
 FAILED_GROWTH = 1.5  # times, after a start that failed: it takes seconds
 COMPLETE_FIRST, COMPLETE_GROWTH = 45.0, 1.15  # [s] of the first complete fit; times, of the next
 CERTAIN = 20.0  # residual over what is expected that is no chance; less is seen in two updates

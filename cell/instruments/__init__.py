@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import cast
 
-from cell.instruments.base import Kind
+from ballbar.cell.instruments.base import Kind
 
 _NO_KINDS = {"base"}  # modules of this folder
 

@@ -15,10 +15,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import cross
-from cell.placement import Placement
-from cell.rotation import matrix_from_rotvec
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import cross
+from ballbar.cell.placement import Placement
+from ballbar.cell.rotation import matrix_from_rotvec
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ class Kind(ABC):
         """Where the seat is about, by values (N, M) of known points (N, 3) [m], base frame.
 
         None for kinds that measure the whole position: a linear problem finds their seats
-        (ident.start.placements).
+        (ballbar.ident.start.placements).
         """
         del values, points
         return None
@@ -181,8 +181,8 @@ class Instrument:
         return self.kind.name
 
     def sigma(self, values: Array) -> Array:
-        """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a
-        socket.
+        """(N, M) [m, rad] standard deviation of values as in ballbar.cell.poses.PoseGroup; 3
+        columns of a socket.
         """
         return self.kind.sigma(values, self)
 

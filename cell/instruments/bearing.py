@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.instruments.base import Instrument, Kind, Sight, TrueStand
-from cell.placement import Placement
-from cell.rigid_fit import nearest_rotation
+from ballbar.cell.arrays import Array
+from ballbar.cell.instruments.base import Instrument, Kind, Sight, TrueStand
+from ballbar.cell.placement import Placement
+from ballbar.cell.rigid_fit import nearest_rotation
 
 
 class SensedBearing(Kind):

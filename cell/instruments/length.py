@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.instruments.base import Instrument, Kind, Sight, TrueStand
-from cell.placement import Placement
+from ballbar.cell.arrays import Array
+from ballbar.cell.instruments.base import Instrument, Kind, Sight, TrueStand
+from ballbar.cell.placement import Placement
 
 
 class SensedLength(Kind):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.instruments.base import Instrument, Kind, Sight, TrueStand, across
-from cell.placement import Placement
+from ballbar.cell.arrays import Array
+from ballbar.cell.instruments.base import Instrument, Kind, Sight, TrueStand, across
+from ballbar.cell.placement import Placement
 
 _TILTS = 3  # rounds of tilting the normal, each linear
 _HALF = 0.3  # [m] of the plate's side: a probe that is beyond it is brought back onto it

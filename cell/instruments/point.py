@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.instruments.base import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.instruments.base import (
     Instrument,
     Kind,
     Sight,
@@ -16,7 +16,7 @@ from cell.instruments.base import (
     position_sigma,
     seat_axes,
 )
-from cell.placement import Placement
+from ballbar.cell.placement import Placement
 
 
 class SensedPoint(Kind):

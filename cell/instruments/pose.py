@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.instruments.base import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.instruments.base import (
     Instrument,
     Sight,
     TrueStand,
@@ -15,9 +15,9 @@ from cell.instruments.base import (
     position_sigma,
     turned,
 )
-from cell.instruments.point import SensedPoint
-from cell.placement import Placement
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ballbar.cell.instruments.point import SensedPoint
+from ballbar.cell.placement import Placement
+from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 
 
 class SensedPose(SensedPoint):

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.instruments.base import Instrument, Kind, Sight, TrueStand, seat_axes
-from cell.placement import Placement
+from ballbar.cell.arrays import Array
+from ballbar.cell.instruments.base import Instrument, Kind, Sight, TrueStand, seat_axes
+from ballbar.cell.placement import Placement
 
 
 class SocketSeat(Kind):

@@ -11,8 +11,8 @@ import numpy as np
 from cycler import cycler
 from matplotlib.figure import Figure
 
+from ballbar.cell.arrays import Array
 from ballbar.figure_style import FRAME, svg_text, to_hundredths
-from cell.arrays import Array
 from generators.scenario_reference.plots import POINTS, Plot, Source
 from generators.scenario_reference.runs import ROOT, Changes, View, run
 from generators.scenario_reference.sources import SOURCES

@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from ballbar.cell.load import load_cell
+from ballbar.cell.schema import describe_keys
 from ballbar.scenario import OF_EVERY_RUN, Scenario
-from cell.load import load_cell
-from cell.schema import describe_keys
+from ballbar.sim.settings import OF_BALLBAR, OF_PATH, OF_POSES
 from generators.scenario_reference.keys import (
     field_at,
     first_paragraph,
@@ -24,7 +25,6 @@ from generators.scenario_reference.keys import (
 from generators.scenario_reference.plots import Source
 from generators.scenario_reference.runs import ROOT
 from generators.scenario_reference.sources import GROUPS
-from sim.settings import OF_BALLBAR, OF_PATH, OF_POSES
 
 describe_keys()
 PAGE = ROOT / "docs" / "scenario_reference.md"

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from cell.descriptions import Cell
+from ballbar.cell.descriptions import Cell
 from generators.scenario_reference import signals
 from generators.scenario_reference.runs import Changes, merged
 from generators.scenario_reference.signals import Signal

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
-from sim.errors.sample_errors import SampleErrors, delay_of
-from sim.kinematic_samples import KinematicSamples, kinematic_samples, sample_path_at
-from sim.logging.encoders import BarEncoder, motor_angles, read_counts
-from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from ballbar.sim.errors.sample_errors import SampleErrors, delay_of
+from ballbar.sim.kinematic_samples import KinematicSamples, kinematic_samples, sample_path_at
+from ballbar.sim.logging.encoders import BarEncoder, motor_angles, read_counts
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.simulate import Simulation, simulate
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
+from ballbar.sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 from generators.scenario_reference.runs import View
-from sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
 
 Signal = Callable[[View], Array]
 

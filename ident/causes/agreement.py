@@ -2,7 +2,7 @@
 
 Two numbers, without a fit. The nominal robot's tool moves on a sphere about the ball-bar: rms of
 its distance from the sphere that fits best, radius free. And two encoders of a gimbal hold the
-rod's direction (ident.start.lag_scan): the share of its motion that is left unexplained,
+rod's direction (ballbar.ident.start.lag_scan): the share of its motion that is left unexplained,
 
     left = (residual variance / variance of the direction)^(overlap / (2 longest overlap)),
 
@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from cell.arrays import Array
-from cell.geometry import Geometry, parameter_named, robot_frames
-from cell.statistics import rms
-from ident.start.lag_scan import DIRECTION_SIGMA, Pair, PairScan
-from ident.start.sphere import sphere_candidates
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, parameter_named, robot_frames
+from ballbar.cell.statistics import rms
+from ballbar.ident.start.lag_scan import DIRECTION_SIGMA, Pair, PairScan
+from ballbar.ident.start.sphere import sphere_candidates
 
 # [s] of both logs; longer logs take longer steps, up to those in which the rod turns by 0.1 rad.
 STEP, LONGEST_STEP, ROWS = 0.05, 0.2, 4000
@@ -149,7 +149,7 @@ def _even(t: Array, values: Array, step: float) -> Array:
 class Length:
     """One parameter changed, and how far the tool then is from its sphere."""
 
-    name: str  # as in cell.geometry, such as ra2
+    name: str  # as in ballbar.cell.geometry, such as ra2
     change: float  # [m, rad] to add to the file's
     radius: float  # [m] of the sphere
     rms: float  # [m]

@@ -20,15 +20,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from ident.corrections.base import BAR
-from ident.estimator.build_unknowns import kinematic_unknowns
-from ident.estimator.fit import Fit
-from ident.estimator.gauss_newton import inverse
-from ident.estimator.model import Evaluation, Model, gearing
-from ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
-from ident.recording_fit import RecordingFit, nominal_robot_fit
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.corrections.base import BAR
+from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.gauss_newton import inverse
+from ballbar.ident.estimator.model import Evaluation, Model, gearing
+from ballbar.ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
+from ballbar.ident.recording_fit import RecordingFit, nominal_robot_fit
 
 DECISIVE = 3.0  # times less than without the channel's error
 # Share of a recording's cost that an error explains beside a complete fit: 0.4 and more where a

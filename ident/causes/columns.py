@@ -3,7 +3,8 @@
 Encoders: any order of the columns, and other line counts. The ratio of a line count follows from
 the angle that the robot's pose gives: `turning = arg(x + i y)` and `tilting = acos z` of the
 direction (x, y, z) that a gimbal holds, compared by their speeds at all lags with the gain free.
-Robot: the mistakes of ident.causes.robot_log. All are judged by ident.causes.agreement.
+Robot: the mistakes of ballbar.ident.causes.robot_log. All are judged by
+ballbar.ident.causes.agreement.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from itertools import permutations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.geometry import Geometry
-from ident.causes.agreement import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.causes.agreement import (
     GIMBALS,
     SPHERE_ROWS,
     Gimbal,
@@ -27,8 +28,8 @@ from ident.causes.agreement import (
     left_of,
     tool_path,
 )
-from ident.causes.robot_log import other_angles
-from ident.start.speed_scan import scan_speeds
+from ballbar.ident.causes.robot_log import other_angles
+from ballbar.ident.start.speed_scan import scan_speeds
 
 CANDIDATES = 12  # of the robot's columns that are compared with the encoders
 MUST_OVERLAP = 10.0  # [s] to compare speeds
@@ -176,7 +177,7 @@ def _distance(nominal: Geometry, q: Array) -> float:
 def robot_columns(
     robot: Robot, nominal: Geometry, motion: LoggedMotion, declared: float
 ) -> list[ColumnReading]:
-    """The robot's log with each mistake of ident.causes.robot_log corrected.
+    """The robot's log with each mistake of ballbar.ident.causes.robot_log corrected.
 
     declared : [m] rms distance of the tool from its sphere as logged. Only what does not leave it
     further away is compared with the encoders.

@@ -20,13 +20,13 @@ from functools import partial
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.corrections.base import BAR, GEAR
-from ident.estimator.fit import Fit
-from ident.estimator.model import Evaluation
-from ident.estimator.normal_equations import jacobian
-from ident.estimator.whitening import Whitening
-from ident.loads.gear_loads import stop
+from ballbar.cell.arrays import Array
+from ballbar.ident.corrections.base import BAR, GEAR
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Evaluation
+from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.whitening import Whitening
+from ballbar.ident.loads.gear_loads import stop
 
 STOPS = (0.03, 0.15)  # of a gear's largest load: widths of its stop operators
 TRAVEL = 3e-4  # [rad] over which friction builds up behind a reversal

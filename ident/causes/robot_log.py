@@ -17,8 +17,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Robot
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
 
 PLURAL = {"axis": "axes", "motor": "motors", "joint": "joints"}
 # What a number in the log counts for, once read in the right unit, and the unit that it is in.

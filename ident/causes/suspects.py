@@ -2,10 +2,12 @@
 
 In this order, and only what explains the recording at least three times better than the files do:
 
-1. other columns and line counts (ident.causes.columns), by what they leave of the rod's motion;
+1. other columns and line counts (ballbar.ident.causes.columns), by what they leave of the rod's
+   motion;
 2. encoders and axes that stand still;
-3. one channel that is late or scaled (ident.causes.channels), where a fit can be judged;
-4. the rod's length by the radius of the sphere, or one other length (ident.causes.agreement);
+3. one channel that is late or scaled (ballbar.ident.causes.channels), where a fit can be judged;
+4. the rod's length by the radius of the sphere, or one other length
+   (ballbar.ident.causes.agreement);
 5. too short a log;
 6. a sphere without agreement at any lag: logs of different runs. The ball-bar's log played
    backwards shows how much agreement is chance;
@@ -21,12 +23,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry, parameter_named
-from cell.number_text import significant_text
-from cell.robot_angles import joints_to_axes, joints_to_motors
-from ident.causes.agreement import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry, parameter_named
+from ballbar.cell.number_text import significant_text
+from ballbar.cell.robot_angles import joints_to_axes, joints_to_motors
+from ballbar.ident.causes.agreement import (
     SPHERE_ROWS,
     Length,
     LoggedMotion,
@@ -36,12 +38,22 @@ from ident.causes.agreement import (
     single_lengths,
     tool_path,
 )
-from ident.causes.channels import BESIDE, ChannelError, channel_errors, channel_errors_beside
-from ident.causes.columns import ColumnReading, encoder_orders, encoder_scales, robot_columns
-from ident.causes.effects import effects_beside
-from ident.causes.robot_log import PLURAL
-from ident.estimator.fit import Fit
-from ident.recording_fit import Logs, RecordingFit
+from ballbar.ident.causes.channels import (
+    BESIDE,
+    ChannelError,
+    channel_errors,
+    channel_errors_beside,
+)
+from ballbar.ident.causes.columns import (
+    ColumnReading,
+    encoder_orders,
+    encoder_scales,
+    robot_columns,
+)
+from ballbar.ident.causes.effects import effects_beside
+from ballbar.ident.causes.robot_log import PLURAL
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.recording_fit import Logs, RecordingFit
 
 AGREES = 0.1  # unexplained share of the rod's motion up to which nothing is wrong with the columns
 EXPLAINS = 0.2  # up to which another reading explains the recording
@@ -55,7 +67,7 @@ OFF_SPHERE = 0.010
 # [m] smallest error of the rod that is named, and in standard deviations of the sphere's radius
 ROD_ERROR, ROD_SIGMAS = 5e-4, 2.0
 # [m] rms from the sphere above which single lengths are tried, and [m, rad] what they then must be
-# off by: no robot is built so badly (ident.verdict.PLAUSIBLE is twice that)
+# off by: no robot is built so badly (ballbar.ident.verdict.PLAUSIBLE is twice that)
 LENGTH_RMS, LENGTH_ERROR = 0.003, 0.010
 SHORT = 30.0  # [s] of a log that cannot determine a robot
 
@@ -256,9 +268,9 @@ def _logged_wrongly(error: ChannelError, names: Sequence[str]) -> str:
 def beside_fit(cell: Cell, fit: Fit, names: Sequence[str], *, contested: bool = False) -> str:
     """Sentences about what a complete fit cannot contain and its residual shows; may be empty.
 
-    Errors of single channels, and effects that no model has (ident.causes.effects). The size of a
-    channel's error is not stated: the fit has made up for a part of it. Of a gear it is said how
-    recordings differ, as the model has what they share.
+    Errors of single channels, and effects that no model has (ballbar.ident.causes.effects). The
+    size of a channel's error is not stated: the fit has made up for a part of it. Of a gear it is
+    said how recordings differ, as the model has what they share.
 
     names : of the recordings. contested : whether a change of the machine explains them too.
     """

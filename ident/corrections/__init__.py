@@ -5,25 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from itertools import zip_longest
 
-from cell.descriptions import Cell, Key, Robot
-from cell.errors import InputError
-from ident.corrections.base import Correction, Maker
-from ident.corrections.bearing_tilt import bearing_tilt
-from ident.corrections.encoder_harmonics import encoder_harmonics
-from ident.corrections.gear_backlash import gear_backlash
-from ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio, gears_of
-from ident.corrections.gear_ripple import gear_ripple
-from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
-from ident.corrections.joint_compliance import joint_compliance
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
-from ident.corrections.joint_lag import joint_lag
-from ident.corrections.link_growth import link_growth
-from ident.corrections.plate_bending import plate_bending
-from ident.corrections.remounted_tool import remounted_tool
-from ident.corrections.rod_elongation import ROD_ELONGATION, rod_elongation
-from ident.corrections.rod_strain import rod_strain
-from ident.corrections.typical_gears import typical_backlash, typical_compliance, typical_friction
-from ident.corrections.unit_weights import unit_weights_of_cell
+from ballbar.cell.descriptions import Cell, Key, Robot
+from ballbar.cell.errors import InputError
+from ballbar.ident.corrections.base import Correction, Maker
+from ballbar.ident.corrections.bearing_tilt import bearing_tilt
+from ballbar.ident.corrections.encoder_harmonics import encoder_harmonics
+from ballbar.ident.corrections.gear_backlash import gear_backlash
+from ballbar.ident.corrections.gear_ratio import GEAR_RATIO, gear_ratio, gears_of
+from ballbar.ident.corrections.gear_ripple import gear_ripple
+from ballbar.ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
+from ballbar.ident.corrections.joint_compliance import joint_compliance
+from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
+from ballbar.ident.corrections.joint_lag import joint_lag
+from ballbar.ident.corrections.link_growth import link_growth
+from ballbar.ident.corrections.plate_bending import plate_bending
+from ballbar.ident.corrections.remounted_tool import remounted_tool
+from ballbar.ident.corrections.rod_elongation import ROD_ELONGATION, rod_elongation
+from ballbar.ident.corrections.rod_strain import rod_strain
+from ballbar.ident.corrections.typical_gears import (
+    typical_backlash,
+    typical_compliance,
+    typical_friction,
+)
+from ballbar.ident.corrections.unit_weights import unit_weights_of_cell
 
 CORRECTIONS: dict[str, Maker] = {
     "joint_compliance": joint_compliance,

@@ -16,11 +16,11 @@ from typing import Any, ParamSpec
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from cell.geometry import Parameter
-from cell.typical_machine import with_typical
-from ident.loads.gear_loads import Loads
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.geometry import Parameter
+from ballbar.cell.typical_machine import with_typical
+from ballbar.ident.loads.gear_loads import Loads
 
 # First channel of each kind. Those behind the gears count from the end, since the number of gears
 # is the robot's.
@@ -81,7 +81,7 @@ class State:
 def backlash_transition(robot: Robot) -> Array:
     """(J,) [N m] width of the smooth transition between the flanks of each gear's backlash.
 
-    That of typical gears where the robot's file states none (cell.typical_machine).
+    That of typical gears where the robot's file states none (ballbar.cell.typical_machine).
     """
     gears = with_typical(robot)[0].required("gears")
     return np.asarray(0.5 * gears.lost_motion * gears.stiffness / BACKLASH_SHARE)

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Parameter
-from ident.corrections.base import Coefficient, Correction, State, remade
-from ident.loads.gear_loads import BEARINGS
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Parameter
+from ballbar.ident.corrections.base import Coefficient, Correction, State, remade
+from ballbar.ident.loads.gear_loads import BEARINGS
 
 # [rad/(N m)] moment rigidity of 1e7 N m/rad, a cross-roller bearing of 0.3 m (catalogues of such
 # bearings and of gears with one: 3e6 to 3e7), with the housing twice as soft

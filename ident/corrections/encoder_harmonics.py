@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from ident.corrections.base import BAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.corrections.base import BAR, Coefficient, Correction, State, remade
 
 # [rad] of 1, 2, 3 cycles a turn; the first is that of the mounting, 3.0e-4, and of the graduation,
 # 6.0e-5, together (notes/parameters, encoder_error_model).

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade, sign_slope
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade, sign_slope
 
 SPREAD = 1.0  # of the catalogue's lost motion: it grows with wear, and a new gear may have none
 

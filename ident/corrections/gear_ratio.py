@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 GEAR_RATIO = "gear_ratio"
 SPREAD = 1e-3  # of a ratio that is stated with three digits; assumed

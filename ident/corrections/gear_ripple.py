@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/parameters, resolver)
 WAVES = {"sin": np.sin, "cos": np.cos}

@@ -2,8 +2,8 @@
 
 The stiffness of a reducer's data sheet is a polygon: K1 up to a few percent of the rated torque, K2
 beyond (Nabtesco RV and Harmonic Drive catalogues). Beside the compliance of the first slope beyond
-the knee, so much more holds below it. Knees are found by evidence (ident.softening); the names of
-the coefficients (`soft2_54.2`) hold them.
+the knee, so much more holds below it. Knees are found by evidence (ballbar.ident.softening); the
+names of the coefficients (`soft2_54.2`) hold them.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.errors import InputError
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 GEAR_SOFTENING = "gear_softening"
 SPREAD = 1.0  # of the catalogue compliance: half as stiff

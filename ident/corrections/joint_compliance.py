@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.descriptions import Cell, Robot
-from ident.corrections.base import GEAR, Coefficient, Correction, remade
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, remade
 
 # Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/parameters,
 # irb2400: range of the stiffness), and the links' own compliance adds to it.

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.errors import InputError
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 # [rad] of each amplitude; 2e-4 gives the same (docs/real_robots, orders)
 PRIOR = 3e-4

@@ -7,9 +7,9 @@ every gear.
 
 from __future__ import annotations
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 JOINT_LAG = "joint_lag"
 LAG = 3e-3  # [s] a filter of 50 Hz; assumed

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import nominal_geometry, parameter_table
-from ident.corrections.base import Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import nominal_geometry, parameter_table
+from ballbar.ident.corrections.base import Coefficient, Correction, State, remade
 
 SPREAD = 4e-5  # [m] of each coefficient: 0.7 m of aluminium that warms by 2.5 K
 LONG = 0.3  # [m] a link from which its growth counts

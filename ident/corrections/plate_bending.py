@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cell.descriptions import Cell
-from ident.corrections.base import PLATE, Coefficient, Correction, remade
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.corrections.base import PLATE, Coefficient, Correction, remade
 
 SPREAD = 1.0  # of the catalogue compliance, which leaves out the bolted joint
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import parameter_named
-from ident.corrections.base import Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import parameter_named
+from ballbar.ident.corrections.base import Coefficient, Correction, State, remade
 
 # clearance holes and a face that was wiped (notes/unknown_machines); a dowel pin leaves a fifth
 SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.descriptions import Cell
-from ident.corrections.base import ROD, Coefficient, Correction, remade
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.corrections.base import ROD, Coefficient, Correction, remade
 
 ROD_ELONGATION = "rod_elongation"
 HELD = 1e-3  # of the compliance

@@ -9,8 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.descriptions import Cell
-from ident.corrections.base import ROD, TENSION_WIDTH, Coefficient, Correction, remade, sign_slope
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.corrections.base import (
+    ROD,
+    TENSION_WIDTH,
+    Coefficient,
+    Correction,
+    remade,
+    sign_slope,
+)
 
 SPREAD = 0.7  # of the catalogue compliance: a base as stiff as 5e7 N/m adds half of it
 

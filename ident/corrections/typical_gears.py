@@ -4,18 +4,18 @@ Loads are those of typical masses, of the ball-bar and of the rod's tension. Wha
 masses load differently, `unit_weights` has, which stands beside these: compliance times any weight
 of the arm is in it. Gears of a small arm are soft enough to yield to the friction of the ball-bar's
 joints, too. The priors are what is typical of a robot of this size, and how far published robots
-are from it (cell.typical_machine).
+are from it (ballbar.cell.typical_machine).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from cell.descriptions import Cell
-from cell.typical_machine import with_typical
-from ident.corrections.base import GEAR, Coefficient, Correction, remade
-from ident.corrections.gear_backlash import gear_backlash
-from ident.corrections.joint_compliance import gear_compliance
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.typical_machine import with_typical
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, remade
+from ballbar.ident.corrections.gear_backlash import gear_backlash
+from ballbar.ident.corrections.joint_compliance import gear_compliance
 
 # Of the typical compliance: stiffness and mass of published robots vary by a factor of 1.8, one
 # standard deviation. A wider prior leaves the scale of the tension open, and with it the flank of

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames, cross, forward
-from cell.descriptions import Cell, Robot
-from cell.geometry import nominal_chain
-from ident.corrections.base import GEAR, Coefficient, Correction, State, remade
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross, forward
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 # [rad/m] of a coefficient; still poses have Student tails about it (docs/studies/sag_prior.csv)
 PRIOR = 3e-3

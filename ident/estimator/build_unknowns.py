@@ -11,12 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell, Robot
-from cell.geometry import Geometry, Parameter, ParameterTable, parameter_table, robot_geometry
-from ident.corrections.base import Correction
-from ident.estimator.priors import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.geometry import (
+    Geometry,
+    Parameter,
+    ParameterTable,
+    parameter_table,
+    robot_geometry,
+)
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.estimator.priors import (
     BASE_POSE,
     belongs_to_recording,
     fixed_names,
@@ -25,7 +31,7 @@ from ident.estimator.priors import (
     robot_prior,
     shared_names,
 )
-from ident.estimator.unknowns import NOWHERE, Own, Placed, PlacedPoses, Unknowns
+from ballbar.ident.estimator.unknowns import NOWHERE, Own, Placed, PlacedPoses, Unknowns
 
 POSITION_PRIOR = 1.0  # [m] of the ball-bar's base: the start has found it; keeps the steps finite
 TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (notes/parameters, base: 1 mrad)

@@ -25,8 +25,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.rigid_fit import kabsch
+from ballbar.cell.arrays import Array
+from ballbar.cell.rigid_fit import kabsch
 
 EXACT = 1e-9  # of the size of the values: residual of exact ones
 FIRST_STEPS, STEPS = 12, 2  # of a map from its closed form, and at each step of the clock

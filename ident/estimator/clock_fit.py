@@ -1,7 +1,7 @@
 """Least squares of the clock between two logs of one motion, from a start.
 
 Each group of channels of log A follows one of log B through a constant map
-(ident.estimator.channel_map), at the instants
+(ballbar.ident.estimator.channel_map), at the instants
 
     t_a = offset + (1 + skew) t_b.
 
@@ -23,12 +23,12 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import uniform_filter1d
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.estimator import channel_map as maps
-from ident.estimator.channel_map import ChannelMap, Trace
-from ident.estimator.sample_times import MARGIN
-from ident.signals.smooth_log import SmoothLog
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.estimator import channel_map as maps
+from ballbar.ident.estimator.channel_map import ChannelMap, Trace
+from ballbar.ident.estimator.sample_times import MARGIN
+from ballbar.ident.signals.smooth_log import SmoothLog
 
 SHORTEST = 2.5  # [s] of overlap that is fitted
 FIRST_WINDOW, GROWTH = 60.0, 4.0  # [s] of the first refinement, and the factor to the next one

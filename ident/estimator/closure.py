@@ -15,13 +15,20 @@ from itertools import groupby
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames, cross, joint_screws, screw
-from cell.geometry import BAR_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
-from cell.inverse import UnreachableError, bar_angles, bar_roll
-from cell.rotation import inverse_left_jacobian, rotvec_from_matrix
-from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
-from ident.estimator.target_closure import TargetClosure, error_of_robot_motion
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross, joint_screws, screw
+from ballbar.cell.geometry import (
+    BAR_ROWS,
+    Geometry,
+    Parameter,
+    bar_frames,
+    parameter_screw,
+    robot_frames,
+)
+from ballbar.cell.inverse import UnreachableError, bar_angles, bar_roll
+from ballbar.cell.rotation import inverse_left_jacobian, rotvec_from_matrix
+from ballbar.ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
+from ballbar.ident.estimator.target_closure import TargetClosure, error_of_robot_motion
 
 CLOSING_STEPS, CLOSED = 20, 1e-12  # [m, rad] of an error that is zero but for rounding
 
@@ -76,7 +83,7 @@ class Closure:
 def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
     """Loop-closure error at robot angles q (N, J) and ball-bar angles b (N, 5) [rad].
 
-    Of a bar whose rod is sensed b is (N, 6), as in cell.geometry.bar_frames.
+    Of a bar whose rod is sensed b is (N, 6), as in ballbar.cell.geometry.bar_frames.
 
     The encoder offsets are parameters of the geometry (`btheta`), so b is what the encoders read.
     """

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import Geometry, ParameterTable, parameter_named
-from ident.estimator.thesis_names import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named
+from ballbar.ident.estimator.thesis_names import (
     extra_parameters,
     joined_names,
     order_of_the_thesis,

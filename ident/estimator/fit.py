@@ -13,15 +13,15 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import Geometry
-from ident.estimator.build_unknowns import kinematic_unknowns
-from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
-from ident.estimator.left_out import LeftOut
-from ident.estimator.model import Evaluation, Model, joints_as_logged
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
+from ballbar.ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
+from ballbar.ident.estimator.left_out import LeftOut
+from ballbar.ident.estimator.model import Evaluation, Model, joints_as_logged
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import (
     NormalEquations,
     Trial,
     add_normal,
@@ -32,9 +32,9 @@ from ident.estimator.normal_equations import (
     trial,
     whole_jacobian,
 )
-from ident.estimator.samples import Samples
-from ident.estimator.whitening import Whitening
-from ident.signals.steps import StepFault
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.whitening import Whitening
+from ballbar.ident.signals.steps import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
 # Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves

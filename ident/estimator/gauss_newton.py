@@ -19,8 +19,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from cell.arrays import Array
-from cell.errors import FailureError
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import FailureError
 
 # Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing
 # determines at rounding level instead of failing.

@@ -18,14 +18,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import BAR_ROWS, Geometry, ParameterTable, bar_frames
-from cell.inverse import UnreachableError, refine_reachable
-from ident.estimator.closure import close_loop, closed_angles, parameter_jacobian
-from ident.estimator.dependencies import STRUCTURAL, orthogonalised
-from ident.estimator.model import Evaluation
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.whitening import covariance, whitening
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import BAR_ROWS, Geometry, ParameterTable, bar_frames
+from ballbar.cell.inverse import UnreachableError, refine_reachable
+from ballbar.ident.estimator.closure import close_loop, closed_angles, parameter_jacobian
+from ballbar.ident.estimator.dependencies import STRUCTURAL, orthogonalised
+from ballbar.ident.estimator.model import Evaluation
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.whitening import covariance, whitening
 
 # [m, rad] standard deviation above which the data say less than the largest error that a robot is
 # expected to have (thesis sec. 5.4: 2 mm or mrad)

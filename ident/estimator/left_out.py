@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 # y of joint 2 and its like: parallel to the gear of the joint before, whose compliance holds it
 TILT, COMPLIANCE = "tilt", "compliance"

@@ -1,7 +1,7 @@
 """The parametric model of one or several recordings, evaluated at one value of the unknowns.
 
 Corrections displace error channels of the mechanism: gears, ball-bar joints, rod, plate. Each
-coefficient multiplies a regressor, a known function of time (ident.corrections). Without
+coefficient multiplies a regressor, a known function of time (ballbar.ident.corrections). Without
 corrections this is the kinematic model of thesis sec. 2, and the channels of the robot are its
 joints as logged; with them they are the gears, which parallel rod and wrist couple to the joints.
 """
@@ -14,12 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Robot
-from cell.geometry import BAR_ROWS, Geometry, Parameter
-from cell.poses import KnownDistance, PoseGroup, PoseTable
-from ident.corrections.base import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import BAR_ROWS, Geometry, Parameter
+from ballbar.cell.poses import KnownDistance, PoseGroup, PoseTable
+from ballbar.ident.corrections.base import (
     BAR,
     BEHIND_GEARS,
     GEAR,
@@ -29,14 +29,14 @@ from ident.corrections.base import (
     State,
     backlash_transition,
 )
-from ident.estimator.closure import Closure, parameter_jacobian
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.observations import Observations, StillPoses, observed
-from ident.estimator.samples import ArmMotion, Samples
-from ident.estimator.target_closure import TargetClosure
-from ident.estimator.unknowns import Unknowns
-from ident.estimator.whitening import Whitening, covariance, whitening
-from ident.loads.gear_loads import Loads, MassModel, link_masses, loads, no_loads, rubbed
+from ballbar.ident.estimator.closure import Closure, parameter_jacobian
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.observations import Observations, StillPoses, observed
+from ballbar.ident.estimator.samples import ArmMotion, Samples
+from ballbar.ident.estimator.target_closure import TargetClosure
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.estimator.whitening import Whitening, covariance, whitening
+from ballbar.ident.loads.gear_loads import Loads, MassModel, link_masses, loads, no_loads, rubbed
 
 # A smaller change of the geometry [m, rad] or of the clock [s] moves the loads by less than a
 # thousandth of a percent, so those of the previous evaluation are reused.

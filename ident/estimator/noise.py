@@ -1,16 +1,16 @@
 """Noise levels: of the logs from their smoothing residual, of the rest from the loop-closure error.
 
-Encoder and robot noise come from the residual of each log's spline (ident.signals). What the logs
-do not show row by row is estimated from the loop-closure error as variance components, by maximum
-likelihood: sub-divisional error, which repeats ten times a degree and passes for encoder noise;
-what the model of the gears leaves over; the deviation of the rod from a constant length.
+Encoder and robot noise come from the residual of each log's spline (ballbar.ident.signals). What
+the logs do not show row by row is estimated from the loop-closure error as variance components, by
+maximum likelihood: sub-divisional error, which repeats ten times a degree and passes for encoder
+noise; what the model of the gears leaves over; the deviation of the rod from a constant length.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
-from cell.arrays import Array
-from cell.geometry import Parameter
-from cell.poses import KnownDistance
-from ident.estimator.model import Evaluation, Model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
-from ident.estimator.whitening import Whitening
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Parameter
+from ballbar.cell.poses import KnownDistance
+from ballbar.ident.estimator.model import Evaluation, Model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.whitening import Whitening
 
 BLOCK_SAMPLES = 1500
 

@@ -3,7 +3,7 @@
 A still pose is a sample whose speed is zero, whose clock is absent and whose joint noise is the
 rounding of its angles. Poses that an instrument followed have the angles, speed and noise of the
 robot's log at the instants of its rows, and a clock. A recording of a ball-bar
-(ident.estimator.samples) answers to the same methods.
+(ballbar.ident.estimator.samples) answers to the same methods.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.clock import Clock
-from cell.geometry import BAR_ROWS, Geometry
-from cell.placement import target_frames
-from cell.poses import JointMotion, PoseGroup
-from cell.robot_angles import by_axis
-from ident.corrections.base import BAR, GEAR, State
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
-from ident.estimator.target_closure import TargetClosure, close_on_target
-from ident.estimator.unknowns import Unknowns
-from ident.loads.at_rest import state_at_rest, state_in_motion
-from ident.loads.gear_loads import MassModel
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import BAR_ROWS, Geometry
+from ballbar.cell.placement import target_frames
+from ballbar.cell.poses import JointMotion, PoseGroup
+from ballbar.cell.robot_angles import by_axis
+from ballbar.ident.corrections.base import BAR, GEAR, State
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.target_closure import TargetClosure, close_on_target
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.loads.at_rest import state_at_rest, state_in_motion
+from ballbar.ident.loads.gear_loads import MassModel
 
 if TYPE_CHECKING:
-    from ident.estimator.model import Evaluation
-    from ident.estimator.whitening import Whitening
+    from ballbar.ident.estimator.model import Evaluation
+    from ballbar.ident.estimator.whitening import Whitening
 
 GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their angles
 

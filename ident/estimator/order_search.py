@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dgemm
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 ORDERS = 40  # highest order of the candidates
 # Of the score test, above twice the logarithm of the number of candidates: no order in 140 tables
@@ -32,8 +32,8 @@ TRIED = 24  # candidates cross-validated in each step; with 4 some searches end 
 GAIN = 0.005  # of the cross-validated sum of squares; less is no evidence
 LARGEST = 60  # pairs; real robots needed 40
 SLOPE = 0  # order of a wrong ratio
-# [rad] at a prior of the amplitudes: a slope of 1e-3 (ident.corrections.gear_ratio) is as likely as
-# an amplitude of 3e-4 rad
+# [rad] at a prior of the amplitudes: a slope of 1e-3 (ballbar.ident.corrections.gear_ratio) is as
+# likely as an amplitude of 3e-4 rad
 _SLOPES = 1e-3 / 3e-4
 HIGHEST = 150.0  # order of the peaks that are looked for: a reducer's teeth
 _PEAKS = 3  # of each joint

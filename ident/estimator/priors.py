@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Parameter, ParameterTable, parameter_named, parameter_table
-from ident.estimator.unknowns import Unknowns
-from ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Parameter, ParameterTable, parameter_named, parameter_table
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
 
 # Of a robot's parameter about its catalogue value, for recordings and still poses. With 0.3 mm and
 # 1 mrad a robot as in thesis Table 3.1 is found worse (draw-wire: 0.297 for 0.259 mm), with 5 mm

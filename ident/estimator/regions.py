@@ -12,8 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cell.arrays import Array
-from cell.poses import PoseTable
+from ballbar.cell.arrays import Array
+from ballbar.cell.poses import PoseTable
 
 SAME_POSE = 5e-4  # [rad] between the angles of a pose that is measured again: servos' jitter
 REGIONS = 8  # 16 take twice the time and are hardly better (docs/real_robots)

@@ -18,14 +18,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from ident.estimator.fit import Fit, WhitenedLoopClosure, fit
-from ident.estimator.gauss_newton import Stop, inverse, minimise
-from ident.estimator.model import Model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import NormalEquations, normal_equations
-from ident.estimator.priors import with_tails
-from ident.estimator.unknowns import Unknowns
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.fit import Fit, WhitenedLoopClosure, fit
+from ballbar.ident.estimator.gauss_newton import Stop, inverse, minimise
+from ballbar.ident.estimator.model import Model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import NormalEquations, normal_equations
+from ballbar.ident.estimator.priors import with_tails
+from ballbar.ident.estimator.unknowns import Unknowns
 
 HUBER = 3.0  # Huber's threshold, in root mean squares of a pose's whitened residual
 GROSS = 10.0  # in the same: a pose further off is left out (docs/real_robots)

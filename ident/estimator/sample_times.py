@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.estimator.samples import Samples
-from ident.signals.smooth_log import SmoothLog, smoothing
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.signals.smooth_log import SmoothLog, smoothing
 
 MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during the fit
 # [s] of the dwell at either end: where the motion starts and stops tells the clock

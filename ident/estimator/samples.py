@@ -15,25 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import BAR_ROWS, Geometry
-from cell.robot_angles import by_axis
-from ident.corrections.base import BAR, GEAR, PLATE, ROD
-from ident.estimator.closure import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import BAR_ROWS, Geometry
+from ballbar.cell.robot_angles import by_axis
+from ballbar.ident.corrections.base import BAR, GEAR, PLATE, ROD
+from ballbar.ident.estimator.closure import (
     Closure,
     beside_rod,
     close_loop,
     complete_bar_angles,
     pointing_bar,
 )
-from ident.estimator.noise import ExcessNoise, LogNoise
-from ident.estimator.unknowns import Unknowns
-from ident.signals.smooth_log import SmoothLog, smoothing
+from ballbar.ident.estimator.noise import ExcessNoise, LogNoise
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.signals.smooth_log import SmoothLog, smoothing
 
 if TYPE_CHECKING:
-    from ident.estimator.model import Evaluation
-    from ident.estimator.whitening import Whitening
+    from ballbar.ident.estimator.model import Evaluation
+    from ballbar.ident.estimator.whitening import Whitening
 
 
 @dataclass(frozen=True, eq=False)

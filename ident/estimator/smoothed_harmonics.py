@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.splines import DEGREE
-from ident.corrections.gear_ripple import WAVES, harmonic_orders
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import gradient_of, jacobian
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.splines import DEGREE
+from ballbar.ident.corrections.gear_ripple import WAVES, harmonic_orders
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import gradient_of, jacobian
 
 _ALIASES = np.arange(-20, 21)[:, None]  # of the knots' frequency, so many on either side
 

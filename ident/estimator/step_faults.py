@@ -1,12 +1,12 @@
 """Step faults: an encoder that slips, a clock that is set. Found, located, repaired.
 
-Most show between two rows of a log (ident.signals.steps); they are taken out of it at once, and
-what the log could not tell of their size is a step parameter of the complete model. The others, too
-slow, too small, or while everything stood still, are found in that model's residual. A step at time
-tau adds a step to its error channel: encoder angle or time. For every possible tau the decrease of
-the cost that a step there would bring, everything else refitted, follows from sums over the samples
-behind it, so all instants of all channels cost little more than one fit. The largest decrease above
-the threshold becomes a step parameter; then again.
+Most show between two rows of a log (ballbar.ident.signals.steps); they are taken out of it at once,
+and what the log could not tell of their size is a step parameter of the complete model. The others,
+too slow, too small, or while everything stood still, are found in that model's residual. A step at
+time tau adds a step to its error channel: encoder angle or time. For every possible tau the
+decrease of the cost that a step there would bring, everything else refitted, follows from sums over
+the samples behind it, so all instants of all channels cost little more than one fit. The largest
+decrease above the threshold becomes a step parameter; then again.
 
 Constants: chosen on the recordings of benchmarks/robustness.py; a threshold of 250 is met by no
 fault-free recording of benchmarks/everything_on.py.
@@ -21,14 +21,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.corrections.base import BAR, ROD, Coefficient, Correction, State
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import jacobian
-from ident.estimator.samples import Samples
-from ident.signals.smooth_log import SmoothLog
-from ident.signals.steps import StepFault
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.corrections.base import BAR, ROD, Coefficient, Correction, State
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.signals.smooth_log import SmoothLog
+from ballbar.ident.signals.steps import StepFault
 
 THRESHOLD = 250.0  # decrease of the cost, in units of chi-square per degree of freedom, of a fault
 MARGIN = 15  # samples at either end, where a step is little more than a different start

@@ -1,11 +1,12 @@
 """Loop closure at a target: its position by an instrument against its position by the robot.
 
 The target on the flange is reached through the robot, R(q), and through the instrument from its
-seat. As for the double ball-bar (ident.estimator.closure) the residual is what the instrument
-measures minus what the robot predicts, six signed numbers in base coordinates, and directions in
-which the instrument does not measure are eliminated afterwards by `ident.estimator.whitening`.
-Components that are not sensed take the predicted value: the loop is closed as far as it can be. No
-direction becomes singular, as that of joints in their place would (cell.instruments.base).
+seat. As for the double ball-bar (ballbar.ident.estimator.closure) the residual is what the
+instrument measures minus what the robot predicts, six signed numbers in base coordinates, and
+directions in which the instrument does not measure are eliminated afterwards by
+`ballbar.ident.estimator.whitening`. Components that are not sensed take the predicted value: the
+loop is closed as far as it can be. No direction becomes singular, as that of joints in their place
+would (ballbar.cell.instruments.base).
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames, cross, joint_screws, screw
-from cell.geometry import Parameter
-from cell.instruments.base import Kind, Sight
-from cell.placement import Placement
-from cell.rotation import inverse_left_jacobian, rotvec_from_matrix
-from ident.corrections.base import BAR, BEHIND_GEARS, GEAR
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross, joint_screws, screw
+from ballbar.cell.geometry import Parameter
+from ballbar.cell.instruments.base import Kind, Sight
+from ballbar.cell.placement import Placement
+from ballbar.cell.rotation import inverse_left_jacobian, rotvec_from_matrix
+from ballbar.ident.corrections.base import BAR, BEHIND_GEARS, GEAR
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,7 @@ def close_on_target(kind: Kind, values: Array, seat: Placement, robot: Frames) -
     """Loop closure of N samples.
 
     values : (N, M) [m, rad] as the kind of instrument gives them. robot : its frames, the last one
-    that of the target (`cell.placement.target_frames`).
+    that of the target (`ballbar.cell.placement.target_frames`).
     """
     sight = kind.sight(values, seat, robot.tip)
     error = np.zeros((6, robot.tip.shape[1]))

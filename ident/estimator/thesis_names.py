@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 
-from cell.geometry import BAR_ROWS, ParameterTable
+from ballbar.cell.geometry import BAR_ROWS, ParameterTable
 
 ENCODER_OFFSETS = tuple(f"btheta{row + 1}" for row in range(BAR_ROWS))
 BAR_PARAMETERS = tuple(

@@ -15,11 +15,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from ident.estimator.fit import Fit
-from ident.estimator.normal_equations import add_normal, gradient_of, jacobian
-from ident.estimator.observations import FollowedPoses
-from ident.estimator.samples import Samples
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import add_normal, gradient_of, jacobian
+from ballbar.ident.estimator.observations import FollowedPoses
+from ballbar.ident.estimator.samples import Samples
 
 BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
 LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/unknown_machines)

@@ -50,20 +50,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import parameter_named
-from ident.estimator.fit import Fit
-from ident.estimator.left_out import held_tilts
-from ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
-from ident.estimator.priors import beyond_priors, robot_unknowns
-from ident.estimator.time_blocks import BLOCK, each_block
-from ident.estimator.unknowns import Unknowns
-from ident.loads.gear_loads import mass_model
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import parameter_named
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.left_out import held_tilts
+from ballbar.ident.estimator.normal_equations import gradient_of, jacobian, normal_equations
+from ballbar.ident.estimator.priors import beyond_priors, robot_unknowns
+from ballbar.ident.estimator.time_blocks import BLOCK, each_block
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
-DOUBT = 0.5  # as of masses (ident.fitted_robot.MASSES_IN_DOUBT)
+DOUBT = 0.5  # as of masses (ballbar.ident.fitted_robot.MASSES_IN_DOUBT)
 ALONE = 0.9  # of its prior variance taken away by the data: they tell this length by itself
 SEEN = 0.1  # the same for a combination: without the data nothing contradicts it
 MISSTATED = 1e-4  # [m] error of a known length beyond which it is no explanation
@@ -314,7 +314,7 @@ def considered_shifts(fit: Fit, deviated: Sequence[Cell]) -> Array:
     """(P, K) shifts x_m of the estimate.
 
     deviated : K cells whose masses deviate by one standard deviation, in independent directions
-    (ident.loads.mass_uncertainty).
+    (ballbar.ident.loads.mass_uncertainty).
     """
     shape = (fit.model.unknowns.count, len(deviated))
     if fit.model.masses is None or not deviated:

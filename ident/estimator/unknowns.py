@@ -3,9 +3,9 @@
 Shared by all that was measured are the geometry of robot and ball-bar, the coefficients of the
 corrections and the gain of a measured rod force. Each recording has its own encoder offsets, base
 pose of the ball-bar, clock, and where nothing measures the rod's tension its spline. Then come the
-seats of other instruments and the targets that they measured, which start where `ident.start` found
-them; of those whose orientation nothing measures only the position is unknown. An infinite prior
-sigma means no prior.
+seats of other instruments and the targets that they measured, which start where
+`ballbar.ident.start` found them; of those whose orientation nothing measures only the position is
+unknown. An infinite prior sigma means no prior.
 
 The gauge of the robot's parameters stays fixed: of the IRB 2400 `rd1`, `rtheta1`, `rd3`. The plate
 is the known length (thesis Table 3.2, `ra6`): fixed in a fit without priors, else an unknown under
@@ -20,12 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import Geometry, Parameter
-from cell.placement import Placement
-from cell.poses import PoseTable
-from ident.corrections.base import Coefficient
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry, Parameter
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.corrections.base import Coefficient
 
 MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
 MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of notes/log_formats

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
-from cell.arrays import Array
-from ident.estimator.fit import Fit
-from ident.estimator.model import Evaluation
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.whitening import cholesky, covariance, solve_lower
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Evaluation
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.whitening import cholesky, covariance, solve_lower
 
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
 LITTLE = 1e-7  # [rad, m] start of a second search where a step of the first was too long

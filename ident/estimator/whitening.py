@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import Parameter
-from cell.rotation import inverse_left_jacobian
-from ident.estimator.closure import Closure, runs_of_one_side
-from ident.estimator.target_closure import TargetClosure
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Parameter
+from ballbar.cell.rotation import inverse_left_jacobian
+from ballbar.ident.estimator.closure import Closure, runs_of_one_side
+from ballbar.ident.estimator.target_closure import TargetClosure
 
 # [m, rad] rounding of counts and times; keeps C positive definite where noise leaves a direction
 # free

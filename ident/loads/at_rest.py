@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from cell.geometry import BAR_ROWS, Geometry, robot_geometry
-from cell.poses import PoseGroup
-from cell.robot_angles import by_axis
-from ident.corrections.base import Channel, Correction, State, backlash_transition
-from ident.loads.gear_loads import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.geometry import BAR_ROWS, Geometry, robot_geometry
+from ballbar.cell.poses import PoseGroup
+from ballbar.cell.robot_angles import by_axis
+from ballbar.ident.corrections.base import Channel, Correction, State, backlash_transition
+from ballbar.ident.loads.gear_loads import (
     BEARINGS,
     MassModel,
     link_masses,

@@ -16,13 +16,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.bodies import bar_bodies, carried_bodies, link_bodies
-from cell.chain import Frames, cross, joint_screws, screw
-from cell.descriptions import Cell, Link, Robot
-from cell.dynamics import joint_moments, joint_torques
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.typical_machine import with_typical
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import bar_bodies, carried_bodies, link_bodies
+from ballbar.cell.chain import Frames, cross, joint_screws, screw
+from ballbar.cell.descriptions import Cell, Link, Robot
+from ballbar.cell.dynamics import joint_moments, joint_torques
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.cell.typical_machine import with_typical
 
 TRAVEL = 1e-4  # [rad] over which friction of a ball-bar's joint builds up after a reversal; assumed
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
@@ -73,7 +73,8 @@ class MassModel:
 def mass_model(cell: Cell) -> MassModel:
     """The cell files' masses.
 
-    A robot without stated masses has those that are typical of its size (cell.typical_machine).
+    A robot without stated masses has those that are typical of its size
+    (ballbar.cell.typical_machine).
     """
     return MassModel(
         carried_bodies(replace(cell, robot=with_typical(cell.robot)[0])),

@@ -13,15 +13,15 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 from scipy.sparse import block_diag, csr_array
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry
-from cell.logs import ForceLog, RobotLog
-from ident.estimator.samples import Samples
-from ident.loads.gear_loads import Loads, loads, mass_model
-from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque, on_flange
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import ForceLog, RobotLog
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.loads.gear_loads import Loads, loads, mass_model
+from ballbar.ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque, on_flange
 
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
 LEAST_KNOTS = 8

@@ -3,22 +3,22 @@
 A vector of deviations holds the tool's mass [kg] and first moment [kg m] in the flange's frame,
 then of each link its relative mass and its centre [m] (cell.payload.with_deviations). Files state
 links to a few percent and millimetres, tools less well; a torque log says more
-(ident.loads.payload). Of the many deviations only those matter that change a gear's load, a third
-or so of them.
+(ballbar.ident.loads.payload). Of the many deviations only those matter that change a gear's load, a
+third or so of them.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.bodies import carried_bodies, flange_on_last_link, link_rotations
-from cell.chain import Frames, forward
-from cell.descriptions import Cell, Link
-from cell.dynamics import torques_of_each
-from cell.geometry import nominal_chain
-from cell.payload import TOOL, with_deviations
-from cell.robot_angles import controller_to_joints
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import carried_bodies, flange_on_last_link, link_rotations
+from ballbar.cell.chain import Frames, forward
+from ballbar.cell.descriptions import Cell, Link
+from ballbar.cell.dynamics import torques_of_each
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.payload import TOOL, with_deviations
+from ballbar.cell.robot_angles import controller_to_joints
 
 LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of a link's mass; [m] of its centre; assumed
 # The same of the tool, with the hoses, cables and adapters that no file states

@@ -5,8 +5,8 @@
 holds at every gear and instant, linear in everything unknown: what the tool weighs more than its
 file says (m) and its first moment (m c) in the flange's frame, the arm's excess s, what each link
 deviates beside it, friction (Coulomb, viscous, Stribeck's rise towards rest), offsets, gains g,
-rotor inertias. The tension F is eliminated sample by sample (ident.loads.rod_tension). Gains
-multiply the modelled load: on the logged torque they and s would run away together to where
+rotor inertias. The tension F is eliminated sample by sample (ballbar.ident.loads.rod_tension).
+Gains multiply the modelled load: on the logged torque they and s would run away together to where
 everything is zero (notes/unknown_machines). Links taken as exact but for s draw the tool's mass by
 many times its sigma.
 """
@@ -19,15 +19,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry, robot_frames
-from cell.payload import TOOL, Masses, payload_of
-from ident.estimator.priors import PULL
-from ident.estimator.time_blocks import block_numbers, block_sums
-from ident.loads.logged_tension import LoggedTorque
-from ident.loads.mass_uncertainty import ARM, mass_columns, stated_covariance
-from ident.loads.rod_tension import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.payload import TOOL, Masses, payload_of
+from ballbar.ident.estimator.priors import PULL
+from ballbar.ident.estimator.time_blocks import block_numbers, block_sums
+from ballbar.ident.loads.logged_tension import LoggedTorque
+from ballbar.ident.loads.mass_uncertainty import ARM, mass_columns, stated_covariance
+from ballbar.ident.loads.rod_tension import (
     ROTOR_PRIOR,
     STRIBECK_PRIOR,
     TORQUE_GAIN,
@@ -38,7 +38,7 @@ from ident.loads.rod_tension import (
     torque_sigma,
     without_tension,
 )
-from ident.loads.undeclared import undeclared_columns, undeclared_load
+from ballbar.ident.loads.undeclared import undeclared_columns, undeclared_load
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
@@ -60,7 +60,7 @@ class PayloadEstimate:
     arm_sigma: float
     added_load: Array  # (J,) [N m] rms that the found masses add at each gear
     significant: bool  # whether tool or arm are beside their files, as no file's tolerance explains
-    covariance: Array  # (4 + 4 J, 4 + 4 J) of the masses (ident.loads.mass_uncertainty)
+    covariance: Array  # (4 + 4 J, 4 + 4 J) of the masses (ballbar.ident.loads.mass_uncertainty)
     each: tuple[float, ...] = ()  # [kg] tool of each recording, where they are not one tool
     undeclared: str = ""  # what else than masses loads the gears, as a sentence
     offsets: dict[int, float] = field(default_factory=dict)  # [N m] of gears, from 1, far from none

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import cross
-from cell.descriptions import Cell, Key
-from cell.geometry import Geometry, bar_frames, robot_frames
-from ident.loads.gear_loads import Loads, mass_model, on_ballbar
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import cross
+from ballbar.cell.descriptions import Cell, Key
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.ident.loads.gear_loads import Loads, mass_model, on_ballbar
 
 # [N m] of every gear. What a law of friction leaves is as large in the wrist as in the main axes,
 # and no noise: with the 0.3 N m that a wrist's log shows, tensions were found up to 9 % too small,

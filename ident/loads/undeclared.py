@@ -3,8 +3,8 @@
 Loads are linear in the vector of gravity, and in a force at the tool, as of a hose or a cable. That
 force may be constant: what changes in proportion to the tool's place on its sphere is along the
 rod, and passes for tension. Each is tried in the regression of
-ident.loads.payload with masses as the files state them. One is the cause where it takes away much
-of what the declared loads leave, and far more than other masses and the other one do.
+ballbar.ident.loads.payload with masses as the files state them. One is the cause where it takes
+away much of what the declared loads leave, and far more than other masses and the other one do.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames, cross
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from ident.loads.gear_loads import loads, mass_model
-from ident.loads.logged_tension import LoggedTorque
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.loads.gear_loads import loads, mass_model
+from ballbar.ident.loads.logged_tension import LoggedTorque
 
 # Of the cost that declared masses leave. Sound robots have 0.001, with a wrong gain or late torques
 # 0.006, on a floor that slopes by 0.7 degrees 0.14

@@ -14,11 +14,11 @@ from operator import xor
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array, read_only
-from cell.chain import screw
-from cell.descriptions import Robot
-from cell.geometry import Geometry, robot_frames
-from cell.robot_angles import controller_to_joints
+from ballbar.cell.arrays import Array, read_only
+from ballbar.cell.chain import screw
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.robot_angles import controller_to_joints
 
 GRID_POSES = 800
 _GRID_SEED = 2400  # the grid is part of the metric: the same poses for everyone

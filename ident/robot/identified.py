@@ -4,7 +4,7 @@ Joint angles q are those that the controller shows, as angles of the DH model. G
 under the weight of what they carry, backlash on the flank that the weight presses it to,
 transmission error and joint errors lie between them and the pose. Whatever measured the robot, its
 position is what compares calibrations; how uncertain it is comes from a covariance of recordings
-(ident.robot.tool_covariance) or of still poses (ident.robot.pose_covariance).
+(ballbar.ident.robot.tool_covariance) or of still poses (ballbar.ident.robot.pose_covariance).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, cross, forward, joint_screws, screw
-from cell.descriptions import Cell, Robot
-from cell.errors import InputError
-from cell.geometry import Geometry, Parameter
-from cell.placement import Placement, target_frames
-from cell.rotation import matrix_from_rotvec
-from cell.statistics import chi_square_quantile
-from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, Correction
-from ident.cross_validation import LEVEL
-from ident.loads.at_rest import regressors_at_rest
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, cross, forward, joint_screws, screw
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, Parameter
+from ballbar.cell.placement import Placement, target_frames
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.cell.statistics import chi_square_quantile
+from ballbar.ident.corrections.base import BAR, BEHIND_GEARS, GEAR, Correction
+from ballbar.ident.cross_validation import LEVEL
+from ballbar.ident.loads.at_rest import regressors_at_rest
 
 WORKSPACE = 800  # poses, as many as the accuracy grid of a moving robot
 _WORKSPACE_SEED = 2400  # the poses are part of the metric

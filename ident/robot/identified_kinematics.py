@@ -16,20 +16,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cell.arrays import Array, finite_rows, rigid_poses
-from cell.chain import Chain, cross, forward, joint_screws
-from cell.closed_form import arm_branches, has_arm_branches
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.geometry import nominal_chain
-from cell.numerical_inverse import damped_step, dexterity, in_range, pose_branches, turned_near
-from cell.payload import Payload, with_payload
-from cell.placement import Placement
-from cell.robot_angles import joints_to_axes
-from cell.rotation import rotvec_from_matrix
-from ident.robot.identified import IdentifiedRobot, PositionUncertainty, moved_poses, range_sentence
-from ident.robot.inverse_calibration import CorrectedTargets, corrected_targets
-from ident.robot.tool_covariance import ToolCovariance, with_exact_tool
+from ballbar.cell.arrays import Array, finite_rows, rigid_poses
+from ballbar.cell.chain import Chain, cross, forward, joint_screws
+from ballbar.cell.closed_form import arm_branches, has_arm_branches
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.numerical_inverse import (
+    damped_step,
+    dexterity,
+    in_range,
+    pose_branches,
+    turned_near,
+)
+from ballbar.cell.payload import Payload, with_payload
+from ballbar.cell.placement import Placement
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.cell.rotation import rotvec_from_matrix
+from ballbar.ident.robot.identified import (
+    IdentifiedRobot,
+    PositionUncertainty,
+    moved_poses,
+    range_sentence,
+)
+from ballbar.ident.robot.inverse_calibration import CorrectedTargets, corrected_targets
+from ballbar.ident.robot.tool_covariance import ToolCovariance, with_exact_tool
 
 Index = tuple[NDArray[np.intp], NDArray[np.intp]]  # rows and samples
 # joint angles (S, N, J) [rad] to start from, of wanted poses (N, 4, 4) and previous angles (N, J)
@@ -55,7 +66,7 @@ class JointSolutions:
     angle_left: Array  # (S, N) [rad]
     reached: NDArray[np.bool_]  # (S, N) whether both are below REACHED
     within: NDArray[np.bool_]  # (S, N) whether every axis is within its range
-    dexterity: Array  # (S, N) [-] 0 at a singular posture (cell.numerical_inverse.dexterity)
+    dexterity: Array  # (S, N) [-] 0 at a singular posture (numerical_inverse.dexterity)
 
     @property
     def singular(self) -> NDArray[np.bool_]:

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, forward, joint_screws
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.inverse import pose_error, refine_reachable
-from cell.robot_angles import joints_to_axes
-from ident.robot.identified import IdentifiedRobot, moved_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, forward, joint_screws
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.inverse import pose_error, refine_reachable
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.ident.robot.identified import IdentifiedRobot, moved_poses
 
 # [rad] thirty times what geometry needs away from singularities; more is a sign of one
 LARGEST_CORRECTION = 0.1

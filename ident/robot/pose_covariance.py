@@ -1,8 +1,8 @@
 """Stated uncertainty of a robot that was identified from still poses.
 
-The region that holds 95 % of poses comes from cross-validation (ident.cross_validation), not
-from the instrument's sigma alone. Outside the range over which an axis was fitted nothing is known
-of the error, so the stated uncertainty there is infinite.
+The region that holds 95 % of poses comes from cross-validation (ballbar.ident.cross_validation),
+not from the instrument's sigma alone. Outside the range over which an axis was fitted nothing is
+known of the error, so the stated uncertainty there is infinite.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import joint_screws
-from cell.placement import Placement
-from ident.robot.identified import IdentifiedRobot, PositionUncertainty
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import joint_screws
+from ballbar.cell.placement import Placement
+from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.result import RobotEstimate
-from ident.robot.accuracy import aligned_columns
-from ident.robot.identified import IdentifiedRobot
+from ballbar.cell.arrays import Array
+from ballbar.ident.result import RobotEstimate
+from ballbar.ident.robot.accuracy import aligned_columns
+from ballbar.ident.robot.identified import IdentifiedRobot
 
 _FAMILY = re.compile(r"[a-z]+\d*")  # `ripple1` of `ripple1_40_sin`
 

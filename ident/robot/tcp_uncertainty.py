@@ -20,12 +20,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import nominal_geometry, robot_frames
-from cell.statistics import rms
-from ident.estimator.priors import scale_sigma
-from ident.robot.accuracy import TcpError, accuracy_grid, aligned_columns
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import nominal_geometry, robot_frames
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.priors import scale_sigma
+from ballbar.ident.robot.accuracy import TcpError, accuracy_grid, aligned_columns
 
 SCALE = "scale"  # name of the direction
 MASSES = "masses"  # name of directions of masses that a fit took as given

@@ -4,8 +4,8 @@ The unknowns are kinematic parameters, coefficients of corrections and masses th
 given, with one covariance. The position error of the tool is linear in them, e(q) = A(q) x. No
 recording shows where the robot's base stands, so the rigid motion that fits e best over the
 accuracy grid is removed from it at every pose, as in the stated TCP uncertainty
-(ident.robot.accuracy). With the best common factor on all positions removed too, what remains is
-the uncertainty without scale: the scale is what plate, rod or sensor were measured to.
+(ballbar.ident.robot.accuracy). With the best common factor on all positions removed too, what
+remains is the uncertainty without scale: the scale is what plate, rod or sensor were measured to.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.payload import TOOL, with_deviations
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.identified import IdentifiedRobot, PositionUncertainty
+from ballbar.cell.arrays import Array
+from ballbar.cell.payload import TOOL, with_deviations
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.signals.smooth_log import SmoothLog
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.signals.smooth_log import SmoothLog
 
 
 @dataclass(frozen=True, eq=False)
 class MotionByLog:
     """Angles, speeds and noise by a robot's log, and the clock of what followed it.
 
-    It is a cell.poses.JointMotion.
+    It is a ballbar.cell.poses.JointMotion.
     """
 
     name: str  # of the recording

@@ -8,10 +8,10 @@ noise level itself without a dwell.
 The knot spacing is the widest one whose residual is white: a coarser one would bend the motion, a
 finer one keep noise.
 
-Before that the log is made continuous (ident.signals.steps). Damaged values are left out by the
-reader (acquisition.faults.damaged_values); of a log that comes without its flags they are left out
-here. Then values that stand out of the spline's residual are left out, until no more do. What was
-left out is kept with the result, to be reported.
+Before that the log is made continuous (ballbar.ident.signals.steps). Damaged values are left out by
+the reader (ballbar.acquisition.faults.damaged_values); of a log that comes without its flags they
+are left out here. Then values that stand out of the spline's residual are left out, until no more
+do. What was left out is kept with the result, to be reported.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from cell.arrays import Array
-from cell.logs import BallBarLog, LengthLog, RobotLog, TrackerLog, segment_starts
-from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
-from cell.splines import DEGREE, smoothing_spline
-from ident.signals.stamp_noise import stamp_noise
-from ident.signals.steps import LogStep, find_steps, without_steps
+from ballbar.cell.arrays import Array
+from ballbar.cell.logs import BallBarLog, LengthLog, RobotLog, TrackerLog, segment_starts
+from ballbar.cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
+from ballbar.cell.splines import DEGREE, smoothing_spline
+from ballbar.ident.signals.stamp_noise import stamp_noise
+from ballbar.ident.signals.steps import LogStep, find_steps, without_steps
 
 # Lag-one autocorrelation of the residual above which motion is left in it; smoothing makes it
 # negative.
@@ -166,7 +166,7 @@ def smooth_log(
     """Spline of one log without its steps and outliers.
 
     t : (N,) [s]. values : (N, channels) [rad].
-    starts : rows at which a segment begins (cell.logs.segment_starts).
+    starts : rows at which a segment begins (ballbar.cell.logs.segment_starts).
     checked : whether damaged values have been left out already, as from a log that has flags: only
         a
         reader sets them.

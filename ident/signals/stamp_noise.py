@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.neighbours import robust_sigma
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import robust_sigma
 
 SIGNIFICANT = 10.0  # standard errors
 # Of the mean variance of the channels' own noise: less hardly matters, and stays with the channels

@@ -2,8 +2,9 @@
 
 They are found in the log alone, so that alignment and fits start from a continuous one. A clock
 that was set leaves an irregular stamp, and the motion goes on smoothly only if time is set back. A
-channel that stepped leaves the rows before and behind (cell.neighbours) on one cubic and a step.
-What is too slow or too small for that is left to the complete model (ident.estimator.step_faults).
+channel that stepped leaves the rows before and behind (ballbar.cell.neighbours) on one cubic and a
+step. What is too slow or too small for that is left to the complete model
+(ballbar.ident.estimator.step_faults).
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.neighbours import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.neighbours import (
     CUBIC,
     LONGEST_BURST,
     NORMAL_MEDIAN,

@@ -2,11 +2,11 @@
 
 Unknown are the encoder offsets (over the full turn), the encoder directions, the configuration of
 the ball-bar, its base position and the clock offset, whatever its size. The nominal robot gives the
-sphere on which the tool moves (ident.start.sphere); two encoders of a gimbal against the rod's
-direction give clock offset, encoder direction and offsets in one scan of all lags
-(ident.start.lag_scan). Several lags and branches are kept as hypotheses to the end, each is fitted,
-and what the fits explain decides: a first peak, or a first small residual, can be an alias of the
-motion. Algorithm, traps and the study behind the constants: notes/start (500 draws).
+sphere on which the tool moves (ballbar.ident.start.sphere); two encoders of a gimbal against the
+rod's direction give clock offset, encoder direction and offsets in one scan of all lags
+(ballbar.ident.start.lag_scan). Several lags and branches are kept as hypotheses to the end, each is
+fitted, and what the fits explain decides: a first peak, or a first small residual, can be an alias
+of the motion. Algorithm, traps and the study behind the constants: notes/start (500 draws).
 
 The directions of b2 and b4 are unobservable (one gauge with the configuration) and stay as
 declared; those of b1, b3 and b5 are found, and a disagreement with the declared ones is reported.
@@ -21,22 +21,22 @@ from itertools import islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import screw
-from cell.clock import Clock
-from cell.errors import FailureError
-from cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
-from cell.inverse import bar_roll
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.gauss_newton import SingularError
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.priors import fixed_names
-from ident.estimator.sample_times import overlap, sample_times
-from ident.estimator.samples import samples_of
-from ident.signals.smooth_log import SmoothLog
-from ident.start.lag_scan import Pair, PairScan, best_lags, scan_lags, subsample
-from ident.start.length_scan import best_lengths
-from ident.start.sphere import FittedSphere, sphere_candidates
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import screw
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import FailureError
+from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
+from ballbar.cell.inverse import bar_roll
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.gauss_newton import SingularError
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.priors import fixed_names
+from ballbar.ident.estimator.sample_times import overlap, sample_times
+from ballbar.ident.estimator.samples import samples_of
+from ballbar.ident.signals.smooth_log import SmoothLog
+from ballbar.ident.start.lag_scan import Pair, PairScan, best_lags, scan_lags, subsample
+from ballbar.ident.start.length_scan import best_lengths
+from ballbar.ident.start.sphere import FittedSphere, sphere_candidates
 
 SCAN_STEP = 0.02  # [s] of the lags; more where a log is so long that its grid has SCAN_ROWS
 SCAN_ROWS = 200_000  # 67 minutes

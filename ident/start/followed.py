@@ -10,20 +10,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.clock import Clock
-from cell.descriptions import Robot
-from cell.geometry import Geometry
-from cell.logs import TrackerLog
-from cell.poses import PoseGroup, PoseTable
-from cell.statistics import rms
-from ident.signals.motion import MotionByLog
-from ident.signals.smooth_log import SmoothLog, motion_of
-from ident.start.automatic import StartError
-from ident.start.lag_scan import best_lags, subsample
-from ident.start.placements import PoseStartError, placed_fit
-from ident.start.speed_scan import scan_speeds
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import TrackerLog
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.statistics import rms
+from ballbar.ident.signals.motion import MotionByLog
+from ballbar.ident.signals.smooth_log import SmoothLog, motion_of
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.start.lag_scan import best_lags, subsample
+from ballbar.ident.start.placements import PoseStartError, placed_fit
+from ballbar.ident.start.speed_scan import scan_speeds
 
 SCAN_STEP = 0.02  # [s] of the lags
 MIN_OVERLAP = 5.0  # [s] of motion; points of less cannot tell one motion from another

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 # [rad] error of a direction that an uncalibrated robot gives; the floor of all variances below
 DIRECTION_SIGMA = 3e-3

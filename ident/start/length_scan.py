@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from ident.start.lag_scan import MIN_OVERLAP, LagScan, best_lags, lag_sums
+from ballbar.cell.arrays import Array
+from ballbar.ident.start.lag_scan import MIN_OVERLAP, LagScan, best_lags, lag_sums
 
 # [m] error of a tool's point by an uncalibrated robot, and by one whose parameters are free
 POINT_SIGMA, FREE_SIGMA = 3e-3, 3e-4

@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.errors import FailureError
-from cell.geometry import Geometry
-from cell.placement import Placement
-from cell.poses import PoseGroup, PoseTable
-from cell.rigid_fit import nearest_rotation
-from ident.estimator.build_unknowns import bare_flange, still_unknowns
-from ident.estimator.fit import Fit
-from ident.estimator.model import still_model
-from ident.estimator.observations import rounding_noise
-from ident.estimator.robust_fit import fit_robustly
-from ident.estimator.unknowns import PlacedPoses
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.errors import FailureError
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.rigid_fit import nearest_rotation
+from ballbar.ident.estimator.build_unknowns import bare_flange, still_unknowns
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import still_model
+from ballbar.ident.estimator.observations import rounding_noise
+from ballbar.ident.estimator.robust_fit import fit_robustly
+from ballbar.ident.estimator.unknowns import PlacedPoses
 
 _ROUNDS = 5  # of leaving poses out
 _FAR = 6.0  # medians of the distance beyond which a pose is left out

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from ident.start.lag_scan import LagScan, lag_sums
+from ballbar.cell.arrays import Array
+from ballbar.ident.start.lag_scan import LagScan, lag_sums
 
 Columns = int | tuple[int, ...]  # of one channel, or of a vector
 

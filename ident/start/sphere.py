@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 # [m] the rod against its catalogue length; centres of candidates only, refined later
 RADIUS_SIGMA = 0.010

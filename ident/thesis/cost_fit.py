@@ -1,10 +1,10 @@
 """One of the thesis's cost functions, minimised over samples that are already on one clock.
 
-The loop is that of the maximum-likelihood fit (ident.estimator.gauss_newton). The vector forms are
-stopped like that one, by what the undamped step still predicts; they take a handful of iterations.
-The printed scalars (eqs. 2.2 to 2.4) vanish quadratically at the solution, so each step only halves
-the error, however good the solver; they are stopped as a user of a library's Levenberg-Marquardt
-would stop them, by relative decrease of cost and of step.
+The loop is that of the maximum-likelihood fit (ballbar.ident.estimator.gauss_newton). The vector
+forms are stopped like that one, by what the undamped step still predicts; they take a handful of
+iterations. The printed scalars (eqs. 2.2 to 2.4) vanish quadratically at the solution, so each step
+only halves the error, however good the solver; they are stopped as a user of a library's
+Levenberg-Marquardt would stop them, by relative decrease of cost and of step.
 
 Where the sign of the rod's force is known, its compliance is one more unknown (thesis ch. 6): the
 rod is `bd3 + sign * deviation` long, so its column is that of bd3 times the sign, and the residual
@@ -19,17 +19,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.geometry import Geometry, bar_frames, parameter_named, robot_frames
-from ident.estimator.closure import Closure
-from ident.estimator.dependencies import select
-from ident.estimator.gauss_newton import Marquardt, Stop, minimise
-from ident.estimator.thesis_names import BAR_PARAMETERS, thesis_parameters
-from ident.thesis.costs import ROD, Cost
-from ident.thesis.names import PRINTED_STOP, CostName, ParameterSet
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, bar_frames, parameter_named, robot_frames
+from ballbar.ident.estimator.closure import Closure
+from ballbar.ident.estimator.dependencies import select
+from ballbar.ident.estimator.gauss_newton import Marquardt, Stop, minimise
+from ballbar.ident.estimator.thesis_names import BAR_PARAMETERS, thesis_parameters
+from ballbar.ident.thesis.costs import ROD, Cost
+from ballbar.ident.thesis.names import PRINTED_STOP, CostName, ParameterSet
 
-# The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
-# or with a step of a thousandth of a nanometre.
+# The vector forms end a hundredth of a standard deviation from the minimum
+# (ballbar.ident.estimator.fit), or with a step of a thousandth of a nanometre.
 VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
 MAX_ITERATIONS = 500  # the thesis's limit (thesis sec. 5.3)
 
@@ -139,11 +139,11 @@ def fit_cost(
     """Minimise one cost over some parameters.
 
     q : (N, 6) [rad] logged robot angles. b : (N, 5) [rad] ball-bar angles as the encoders read. At
-    joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as
-    long as the rows behind them have no lengths. parameters : (P,) indices into the table; the
-    others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation
-    from bd3 is then an unknown too. Of vector forms only. relative_stop : decrease of a printed
-    scalar's cost, or size of a step, against their own size at which it ends.
+    joints that the cost does not need (ballbar.ident.thesis.costs.ENCODERS_NEEDED) any value
+    serves, as long as the rows behind them have no lengths. parameters : (P,) indices into the
+    table; the others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its
+    deviation from bd3 is then an unknown too. Of vector forms only. relative_stop : decrease of a
+    printed scalar's cost, or size of a step, against their own size at which it ends.
 
     Raises ValueError when an angle is not finite, and for the sign of a printed scalar.
     """

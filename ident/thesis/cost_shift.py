@@ -4,7 +4,8 @@ The thesis takes the nominal robot, matches the encoder offsets at a few points 
 inverse kinematics, moves the log to the least cost within 200 ms, and does so again (`nominal`).
 What the geometry is wrong by decides where that minimum lies. Identifying and shifting in turns
 (`identified`) converges, but the unknown that both share goes down only by a constant factor a
-round. As a parameter of the same fit (ident.estimator.unknowns) the clock has no such limit.
+round. As a parameter of the same fit (ballbar.ident.estimator.unknowns) the clock has no such
+limit.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import minimize_scalar
 
-from cell.arrays import Array
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.inverse import bar_angles
-from ident.estimator.closure import Closure
-from ident.thesis.cost_fit import CostFit, fit_cost
-from ident.thesis.costs import Cost
-from ident.thesis.names import ENCODERS_NEEDED, PRINTED_STOP, ShiftAt
-from ident.thesis.paired_samples import through_samples
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.cell.inverse import bar_angles
+from ballbar.ident.estimator.closure import Closure
+from ballbar.ident.thesis.cost_fit import CostFit, fit_cost
+from ballbar.ident.thesis.costs import Cost
+from ballbar.ident.thesis.names import ENCODERS_NEEDED, PRINTED_STOP, ShiftAt
+from ballbar.ident.thesis.paired_samples import through_samples
 
 # [s] "changing the synchronization more than 200 ms might not give good results" (thesis sec. 5.2)
 REACH = 0.2
@@ -56,7 +57,8 @@ def fit_cost_with_shift(
 ) -> ShiftedFit:
     """Move the ball-bar's log to the least cost, `rounds` times; then identify.
 
-    t : (N,) [s] even; q (N, 6), b (N, 5) [rad] as in ident.thesis.cost_fit. Samples closer than
+    t : (N,) [s] even; q (N, 6), b (N, 5) [rad] as in ballbar.ident.thesis.cost_fit. Samples closer
+    than
         REACH to either end are left out, so that a shifted log still has values.
     at : geometry of each move: identified before it, or `start` with matched encoder offsets.
     """

@@ -12,7 +12,7 @@ its Jacobian `2 sum e de` vanishes at the solution.
 
 R is the tool frame by the robot, B by the ball-bar, _P its origin; b4, b5 are ball-bar angles with
 their zeros, b4hat, b5hat what the ball-bar's inverse kinematics makes of R
-(ident.thesis.universal_joint). A metre weighs as much as a radian, as printed.
+(ballbar.ident.thesis.universal_joint). A metre weighs as much as a radian, as printed.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import cross, screw
-from cell.geometry import Parameter, parameter_screw
-from ident.estimator.closure import Closure
-from ident.thesis.names import ENCODERS_NEEDED, CostName
-from ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import cross, screw
+from ballbar.cell.geometry import Parameter, parameter_screw
+from ballbar.ident.estimator.closure import Closure
+from ballbar.ident.thesis.names import ENCODERS_NEEDED, CostName
+from ballbar.ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
 
 Form = Literal["vector", "thesis"]
 

@@ -22,6 +22,7 @@ ShiftAt = Literal["identified", "nominal"]  # geometry at which a log is moved (
 Smoothing = Literal["none", "moving_average", "spline"]  # of the logs of a cost
 Pairing = Literal["fit", "logs"]  # clock and start of a cost on logs
 Instants = Literal["all", "standing", "moving", "constant_speed"]  # samples of a cost
-# not one of the thesis: the whole residual, weighed by its noise (ident.estimator.whitening)
+# not one of the thesis: the whole residual, weighed by its noise
+# (ballbar.ident.estimator.whitening)
 ML = "ml"
 COSTS = (ML, *ENCODERS_NEEDED)

@@ -14,16 +14,16 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import Geometry
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.sample_times import MARGIN
-from ident.estimator.samples import samples_of
-from ident.estimator.variance_components import rod_deviation
-from ident.recording_fit import ROD_SIGMA_START, identifiable_parameters
-from ident.signals.smooth_log import SmoothLog, interpolating_log
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.sample_times import MARGIN
+from ballbar.ident.estimator.samples import samples_of
+from ballbar.ident.estimator.variance_components import rod_deviation
+from ballbar.ident.recording_fit import ROD_SIGMA_START, identifiable_parameters
+from ballbar.ident.signals.smooth_log import SmoothLog, interpolating_log
 
 DIFFERENCES = 6
 NOISE_FLOOR = 1e-9  # [rad] so that exact samples have a weight at all
@@ -57,7 +57,7 @@ def fit_samples(
     t : (N,) [s] even; q : (N, J) [rad] robot angles; b : (N, 5) [rad] ball-bar angles, of which
     those of the fitted `encoders` are used. start : nominal geometry with the ball-bar where it is
     believed to be. parameters : indices into the table of what to identify; by default what the
-    samples determine (ident.estimator.identifiability).
+    samples determine (ballbar.ident.estimator.identifiability).
     """
     robot = through_samples(t, q)
     ballbar = through_samples(t, b[:, [j - 1 for j in encoders]]) if encoders else None

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import correlate
 
-from cell.arrays import Array
-from cell.geometry import BAR_ROWS, Geometry
-from cell.logs import BallBarLog, RobotLog
-from ident.estimator.closure import close_loop
-from ident.thesis.cost_shift import REACH, best_shift, with_matched_offsets
-from ident.thesis.costs import Cost, cost_named
-from ident.thesis.names import ENCODERS_NEEDED
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import BAR_ROWS, Geometry
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.ident.estimator.closure import close_loop
+from ballbar.ident.thesis.cost_shift import REACH, best_shift, with_matched_offsets
+from ballbar.ident.thesis.costs import Cost, cost_named
+from ballbar.ident.thesis.names import ENCODERS_NEEDED
 
 PERIOD = 0.1  # [s] of the moving average of each log (thesis sec. 5.2)
 STANDING = 1e-4  # [rad/s] of every joint of a log (thesis sec. 5.2)

@@ -1,13 +1,13 @@
 """Identifiability as the thesis prints it: Brand & Nilsson 2016, Tables 3.2 to 3.5, sec. 3.3.
 
 Costs by this project's names (eqs. 2.1-2.4), parameters and groups in the notation of
-ident.estimator.dependencies. Table 3.1, the errors that were introduced, is
-sim.errors.static_errors.THESIS_3_1.
+ballbar.ident.estimator.dependencies. Table 3.1, the errors that were introduced, is
+ballbar.sim.errors.static_errors.THESIS_3_1.
 """
 
 from __future__ import annotations
 
-from ident.estimator.thesis_names import BAR_PARAMETERS, ENCODER_OFFSETS
+from ballbar.ident.estimator.thesis_names import BAR_PARAMETERS, ENCODER_OFFSETS
 
 THESIS_COSTS = {
     "length": "C_l",

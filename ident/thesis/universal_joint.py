@@ -4,8 +4,8 @@ Inverse kinematics of the ball-bar, from the robot's tool frame R alone. The rob
 of the universal joint at `c = R_P - ba5 x_R - bd5 z_R`. The gimbal (base, rows 1 and 2) turns by
 b1hat and b2hat until the axis w of the rod passes through c, however long the rod is then. In R
 that axis is v = R^T w, and the angles of an ideal universal joint between the two are `-v_x + i v_y
-= -sin(b4hat) exp(i b5hat)`, `v_z = cos(b4hat)` (cell.inverse). Measured are only the sides of zero
-on which b2 and b4 lie, the configuration of thesis sec. 5.2.
+= -sin(b4hat) exp(i b5hat)`, `v_z = cos(b4hat)` (ballbar.cell.inverse). Measured are only the sides
+of zero on which b2 and b4 lie, the configuration of thesis sec. 5.2.
 
 The thesis speaks of four-quadrant arctangents and a matrix inverse and prints neither. These steps
 have its zero Jacobians (Table 3.3: balpha3-5, btheta3) and its dependencies (Table 3.2: bd2 and
@@ -19,11 +19,11 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, cross, forward
-from cell.geometry import ROD_ROW, Parameter, parameter_screw
-from cell.inverse import UnreachableError
-from ident.estimator.closure import Closure
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, cross, forward
+from ballbar.cell.geometry import ROD_ROW, Parameter, parameter_screw
+from ballbar.cell.inverse import UnreachableError
+from ballbar.ident.estimator.closure import Closure
 
 GIMBAL_ROWS = 2  # b1 and b2 turn the rod; b3 turns about it
 JOINT_ROWS = (3, 4)  # from 0: b4 and b5
@@ -100,7 +100,7 @@ def universal_joint_columns(
     """(2, N) change of the error per unit of a parameter.
 
     motion : (6, N) of the ball-bar's tool frame against the robot's, that of
-    cell.geometry.parameter_screw with its sign.
+    ballbar.cell.geometry.parameter_screw with its sign.
     """
     closure = angles.closure
     if parameter.side == "robot":

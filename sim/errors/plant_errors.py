@@ -1,7 +1,7 @@
 """Error sources of the plant: their keys in a scenario.
 
-What they mean for one machine stands in sim.plant.effects. Sizes are those of the description files
-of robot, ball-bar and plate times `scale`.
+What they mean for one machine stands in ballbar.sim.plant.effects. Sizes are those of the
+description files of robot, ball-bar and plate times `scale`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cell.schema import NotNegative, Positive, Strict
+from ballbar.cell.schema import NotNegative, Positive, Strict
 
 Axes = tuple[Annotated[int, Field(ge=1, le=6)], ...]
 

@@ -1,7 +1,7 @@
 """Error sources of still poses: their keys in a scenario.
 
-What they mean for one robot stands in sim.true_robot, what they do to readings and logged angles in
-sim.instrument_readings.
+What they mean for one robot stands in ballbar.sim.true_robot, what they do to readings and logged
+angles in ballbar.sim.instrument_readings.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cell.schema import NotNegative, Strict
-from sim.errors.sensor_errors import Share
+from ballbar.cell.schema import NotNegative, Strict
+from ballbar.sim.errors.sensor_errors import Share
 
 Axis = Annotated[int, Field(ge=1, le=8)]
 

@@ -1,7 +1,7 @@
 """Error sources of the thesis's simulations (secs. 2.3, 3.1) that act on paired samples only.
 
-They apply to the samples of the kinematic plant (sim.kinematic_samples). In device logs the clocks,
-the compliance of the rod and the counters of the encoders take their place.
+They apply to the samples of the kinematic plant (ballbar.sim.kinematic_samples). In device logs the
+clocks, the compliance of the rod and the counters of the encoders take their place.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cell.errors import InputError
-from cell.schema import Strict
+from ballbar.cell.errors import InputError
+from ballbar.cell.schema import Strict
 
 RodPulled = Literal["rising", "counterclockwise", "drawn"]
 

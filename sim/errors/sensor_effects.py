@@ -6,7 +6,7 @@ Ball-bar encoder, from the joint's angle b to the angle that is counted:
     scale = shaft + sum_k A_k sin(k shaft + phi_k), k = 1..3  graduation off centre, elliptic disc
     read  = scale + A_s sin(lines scale + phi_s)              imperfect sine and cosine signals
 
-White noise, quantisation, slipped periods and frozen bits follow (sim.logging.encoders).
+White noise, quantisation, slipped periods and frozen bits follow (ballbar.sim.logging.encoders).
 Motor resolver: `read = m + sum_k A_k sin(k m + phi_k), k = 1, 2`, then rounding by the converter.
 """
 
@@ -15,16 +15,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.schema import Strict
-from sim.errors.sensor_errors import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.schema import Strict
+from ballbar.sim.errors.sensor_errors import (
     AmplitudeError,
     CouplingSlip,
     ResolverError,
     SensorErrors,
     SlippedPeriods,
 )
-from sim.streams import stream
+from ballbar.sim.streams import stream
 
 # Signal frequency [Hz] from which an EL5021 freezes low bits, by interpolation bits; +-15 %
 # (notes/log_formats sec. A.3).

@@ -1,6 +1,6 @@
 """Error sources of encoders and resolvers: their keys in a scenario.
 
-What they mean for one sensor stands in sim.errors.sensor_effects. Sizes: notes/parameters,
+What they mean for one sensor stands in ballbar.sim.errors.sensor_effects. Sizes: notes/parameters,
 encoder_error_model and motor_position_sensor; shapes: Renishaw, The accuracy of rotary encoders.
 """
 
@@ -12,10 +12,10 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.arrays import Array
-from cell.schema import NotNegative, Positive, Strict
-from cell.schema_errors import wrong_key
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.schema import NotNegative, Positive, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.sim.streams import stream
 
 LEAD = 0.5  # [s] of the path before the first row of the later log, and after the last of both
 

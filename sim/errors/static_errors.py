@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
-from cell.schema import NotNegative, Strict
-from cell.schema_errors import wrong_key
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
+from ballbar.cell.schema import NotNegative, Strict
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.sim.streams import stream
 
 # Thesis Table 3.1, in mm and mrad. Only parameters that every cost function can identify deviate.
 THESIS_3_1 = {

@@ -10,11 +10,11 @@ from typing import Self
 
 import numpy as np
 
-from cell.descriptions import Robot
-from cell.dialect import load_dialect
-from sim.live.device_logs import GrowingRecording, TextLog
-from sim.logging.containers import egm_message
-from sim.logging.robot_files import logged_angles, logged_torques
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.dialect import load_dialect
+from ballbar.sim.live.device_logs import GrowingRecording, TextLog
+from ballbar.sim.logging.containers import egm_message
+from ballbar.sim.logging.robot_files import logged_angles, logged_torques
 
 REAL_TIME = 1.0
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.dialect import load_dialect
-from cell.errors import InputError
-from cell.files import DESCRIPTIONS
-from cell.load import load_robot
-from cell.recording import RecordingFile, load_recording_file
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.dialect import load_dialect
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import DESCRIPTIONS
+from ballbar.cell.load import load_robot
+from ballbar.cell.recording import RecordingFile, load_recording_file
 
 WORD = 2**32  # of a counter
 EXACT = Clock(0.0, 0.0)

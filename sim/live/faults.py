@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.live.device_logs import WORD, Logs, TextLog
+from ballbar.sim.live.device_logs import WORD, Logs, TextLog
 
 Rng = np.random.Generator
 Fault = Callable[[Logs, float, Rng], float]

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from pyads.constants import ADST_VOID
 from pyads.testserver import AdsTestServer, AdvancedHandler, PLCVariable
 
-from cell.arrays import Array
-from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
-from sim.live.delivery import Device, Pace
-from sim.live.device_logs import WORD, TextLog
+from ballbar.cell.arrays import Array
+from ballbar.cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
+from ballbar.sim.live.delivery import Device, Pace
+from ballbar.sim.live.device_logs import WORD, TextLog
 
 GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
 STARTED = 848_000_000_000_000_000  # [ns] DC time of the first cycle, in November 2026

@@ -1,9 +1,9 @@
 """Rows of both loggers: when they are taken, how they are stamped, and which files they stand in.
 
-The robot's clock runs true but for its wander. With the clock's map of cell.clock, the ball-bar's
-clock runs slow by 1 + skew and its log begins `offset` seconds after the robot's. The later of the
-two logs begins LEAD seconds into the run; the rows that the other one has before that are of the
-first dwell.
+The robot's clock runs true but for its wander. With the clock's map of ballbar.cell.clock, the
+ball-bar's clock runs slow by 1 + skew and its log begins `offset` seconds after the robot's. The
+later of the two logs begins LEAD seconds into the run; the rows that the other one has before that
+are of the first dwell.
 
 The ball-bar's logger is the thesis's (sec. 4.6): a task of 5 ms writes a line and waits for the
 file, which takes 10 ms per row, or 15 ms when the write takes one cycle more. Its stamps are
@@ -23,14 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.dialect import ABB_PERIOD
-from cell.schema import Strict
-from sim.errors.sensor_errors import LEAD, ClockWander
-from sim.logging.load_logs import BallbarLogger
-from sim.settings import ClockSettings
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.dialect import ABB_PERIOD
+from ballbar.cell.schema import Strict
+from ballbar.sim.errors.sensor_errors import LEAD, ClockWander
+from ballbar.sim.logging.load_logs import BallbarLogger
+from ballbar.sim.settings import ClockSettings
+from ballbar.sim.streams import stream
 
 SAMPLE_TASKS = 2  # cycles per row: one writes the line, the next waits for the file
 BAR_EPOCH_NS = 830_000_000_000_000_000  # [ns] a day in April 2026 in time since 2000

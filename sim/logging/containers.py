@@ -2,7 +2,7 @@
 
 Each takes the names of the columns, time first, and times (N,) and angles (N, J) in the units of
 the dialect, followed by test signals where the container has them, and gives the content of a file.
-Formats: the readers of the same name in acquisition.formats.
+Formats: the readers of the same name in ballbar.acquisition.formats.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.dialect import Container
-from cell.egm_file import FILE_START, frame
+from ballbar.cell.arrays import Array
+from ballbar.cell.dialect import Container
+from ballbar.cell.egm_file import FILE_START, frame
 
 Encoder = Callable[[Sequence[str], Array, Array], bytes]
 
@@ -71,7 +71,7 @@ def egm(_names: Sequence[str], times: Array, values: Array) -> bytes:
 def egm_message(
     seqno: int, time_ns: int, joints: Sequence[float], signals: Sequence[float] = ()
 ) -> bytes:
-    """One EgmRobot message (acquisition.formats.egm); joints [deg], test signals."""
+    """One EgmRobot message (ballbar.acquisition.formats.egm); joints [deg], test signals."""
     positions = b"".join(double(1, angle) for angle in joints)
     clock = number(1, time_ns // 10**9) + number(2, time_ns % 10**9 // 1000)
     header = number(1, seqno) + number(2, time_ns // 10**6 % 2**32)

@@ -2,7 +2,7 @@
 
 An incremental encoder has `lines` periods per turn, interpolated with `bits`, in a uint32 counter
 that wraps. The counter reads 0 at power-up, so that `b = direction * 2 pi counts / (lines 2^bits) +
-offset`. The errors of a sensor stand in sim.errors.sensor_effects.
+offset`. The errors of a sensor stand in ballbar.sim.errors.sensor_effects.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.robot_angles import joints_to_motors
-from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
-from sim.errors.sensor_errors import JointLag, SignalNoise
-from sim.motion import Motion
-from sim.settings import ErrorSettings
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.robot_angles import joints_to_motors
+from ballbar.sim.errors.sensor_effects import EncoderEffects, ResolverEffects
+from ballbar.sim.errors.sensor_errors import JointLag, SignalNoise
+from ballbar.sim.motion import Motion
+from ballbar.sim.settings import ErrorSettings
+from ballbar.sim.streams import stream
 
 # Bits of a signal period that never freeze: of 12 bits set, 6 are left at the highest speed
 # (notes/log_formats sec. A.3).

@@ -15,17 +15,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Robot
-from cell.dialect import load_dialect
-from cell.errors import DescriptionError
-from cell.instruments.base import Instrument, TrueStand
-from cell.logs import SourceName
-from cell.rotation import matrix_from_rotvec
-from cell.schema import NotNegative, Strict
-from sim.motion import Motion
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.dialect import load_dialect
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.instruments.base import Instrument, TrueStand
+from ballbar.cell.logs import SourceName
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.cell.schema import NotNegative, Strict
+from ballbar.sim.motion import Motion
+from ballbar.sim.streams import stream
 
 LedCoordinate = Annotated[float, Field(ge=-1.0, le=1.0)]
 SENSOR_EPOCH = 17.0  # [s] up-time of the sensor's logger at its first row

@@ -1,7 +1,7 @@
 """A robot's log as its controller writes it, in any dialect that is read, by the dialect's file.
 
-Columns, units and separators are those of the dialect (cell.dialect); a container that is no table
-of text has an encoder (sim.logging.containers).
+Columns, units and separators are those of the dialect (ballbar.cell.dialect); a container that is
+no table of text has an encoder (ballbar.sim.logging.containers).
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.dialect import Dialect, load_dialect
-from cell.errors import InputError
-from cell.files import write_whole
-from cell.robot_angles import gear_to_axis_torques, joints_to_axes, motors_to_joints
-from sim.logging.containers import ENCODERS, SUFFIXES
-from sim.logging.load_logs import DeviceLogs
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.dialect import Dialect, load_dialect
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import write_whole
+from ballbar.cell.robot_angles import gear_to_axis_torques, joints_to_axes, motors_to_joints
+from ballbar.sim.logging.containers import ENCODERS, SUFFIXES
+from ballbar.sim.logging.load_logs import DeviceLogs
 
 _TICKS = {"s": 1, "ms": 10**3, "us": 10**6, "100ns": 10**7, "ns": 10**9}  # a second
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Link, Robot, ServoGains
-from cell.errors import InputError
-from cell.geometry import Geometry
-from sim.errors.plant_errors import PlantErrors, ThermalGrowth
-from sim.streams import stream
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Link, Robot, ServoGains
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry
+from ballbar.sim.errors.plant_errors import PlantErrors, ThermalGrowth
+from ballbar.sim.streams import stream
 
 RIGID_ROD = (
     1e10  # [N/m] without rod_strain: 0.01 um at 100 N, so that the rod still shows its force

@@ -19,24 +19,24 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from cell.arrays import Array
-from cell.bodies import link_bodies
-from cell.chain import Frames, row_placements
-from cell.errors import FailureError
-from cell.geometry import robot_frames
-from cell.instruments.base import Instrument
-from cell.inverse import pose_error
-from cell.robot_angles import joints_to_motors, motors_to_joints
-from sim.errors.sensor_effects import ResolverEffects
-from sim.plant.effects import Plant, servo_gains
-from sim.plant.instrument_plant import add_instrument, is_wire, rod_position
-from sim.plant.mjcf import ROBOT_JOINTS, ROTORS, unloaded_robot_spec
-from sim.plant.mjcf_parts import add_gear_tendon, add_links, compiled, empty_spec
-from sim.plant.mujoco_plant import PHYSICS, PlantError, full_state
-from sim.plant.statics import gravity_torque
-from sim.settings import RodAndWire
-from sim.true_robot import TrueArm, TrueMachine
-from sim.truth import TruePlace
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import link_bodies
+from ballbar.cell.chain import Frames, row_placements
+from ballbar.cell.errors import FailureError
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.inverse import pose_error
+from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
+from ballbar.sim.errors.sensor_effects import ResolverEffects
+from ballbar.sim.plant.effects import Plant, servo_gains
+from ballbar.sim.plant.instrument_plant import add_instrument, is_wire, rod_position
+from ballbar.sim.plant.mjcf import ROBOT_JOINTS, ROTORS, unloaded_robot_spec
+from ballbar.sim.plant.mjcf_parts import add_gear_tendon, add_links, compiled, empty_spec
+from ballbar.sim.plant.mujoco_plant import PHYSICS, PlantError, full_state
+from ballbar.sim.plant.statics import gravity_torque
+from ballbar.sim.settings import RodAndWire
+from ballbar.sim.true_robot import TrueArm, TrueMachine
+from ballbar.sim.truth import TruePlace
 
 TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first hold

@@ -1,9 +1,9 @@
 """MuJoCo plant of a robot that no closed chain holds: before a telescoping bar, a draw-wire, or a
 tracker that follows it.
 
-The servos and gears are those of sim.plant.mujoco_plant. The run begins once the arm has come to
-rest under its first command. A rod turns in two magnetic cups, from a seat in the world to a site
-on the robot; along it act the spring of its length sensor, the friction of its slide and its
+The servos and gears are those of ballbar.sim.plant.mujoco_plant. The run begins once the arm has
+come to rest under its first command. A rod turns in two magnetic cups, from a seat in the world to
+a site on the robot; along it act the spring of its length sensor, the friction of its slide and its
 weight. A wire pulls with its tension. A tracker exerts no force.
 """
 
@@ -14,17 +14,17 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Link
-from cell.geometry import robot_frames
-from cell.instruments.base import Instrument
-from cell.rotation import quat_wxyz
-from sim.motion import Motion, MotionCallback
-from sim.path import ReferencePath, axis_range_fault
-from sim.plant import mujoco_plant
-from sim.plant.effects import Plant
-from sim.plant.kinematic_plant import bar_at
-from sim.plant.mjcf import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Link
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.rotation import quat_wxyz
+from ballbar.sim.motion import Motion, MotionCallback
+from ballbar.sim.path import ReferencePath, axis_range_fault
+from ballbar.sim.plant import mujoco_plant
+from ballbar.sim.plant.effects import Plant
+from ballbar.sim.plant.kinematic_plant import bar_at
+from ballbar.sim.plant.mjcf import (
     SEAT_JOINT,
     SLIDE_JOINT,
     WELD_SOLIMP,
@@ -33,11 +33,11 @@ from sim.plant.mjcf import (
     plant_model_of,
     unloaded_robot_spec,
 )
-from sim.plant.mjcf_parts import set_inertia
-from sim.settings import RodAndWire
+from ballbar.sim.plant.mjcf_parts import set_inertia
+from ballbar.sim.settings import RodAndWire
 
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first second (as in
-# sim.plant.held)
+# ballbar.sim.plant.held)
 SETTLING = 2.0
 _ROD_RADIUS = 0.01  # [m] for its inertia about itself, assumed
 _CUP_DAMPING = 0.02  # [N m s/rad] of the cups: only how the rod comes to rest

@@ -19,18 +19,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.descriptions import Robot
-from cell.errors import InputError
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.instruments.base import Instrument
-from cell.inverse import bar_angles, refine
-from sim.errors.plant_errors import ThermalGrowth
-from sim.motion import Motion, bent_plate
-from sim.path import BRANCH, ReferencePath
-from sim.plant.effects import PlantEffects
-from sim.settings import SimulationSettings
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.inverse import bar_angles, refine
+from ballbar.sim.errors.plant_errors import ThermalGrowth
+from ballbar.sim.motion import Motion, bent_plate
+from ballbar.sim.path import BRANCH, ReferencePath
+from ballbar.sim.plant.effects import PlantEffects
+from ballbar.sim.settings import SimulationSettings
 
 WITH_FORCES = (
     "joint_compliance", "gear_backlash", "gear_friction", "rod_strain", "rod_backlash",

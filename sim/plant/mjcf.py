@@ -19,13 +19,19 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.bodies import bar_bodies, flange_on_last_link, link_bodies
-from cell.chain import row_placements
-from cell.geometry import BAR_ROWS, Geometry
-from cell.rotation import quat_wxyz
-from sim.plant.effects import Plant, PlantEffects
-from sim.plant.mjcf_parts import add_gear_tendon, add_links, compiled, empty_spec, set_inertia
+from ballbar.cell.arrays import Array
+from ballbar.cell.bodies import bar_bodies, flange_on_last_link, link_bodies
+from ballbar.cell.chain import row_placements
+from ballbar.cell.geometry import BAR_ROWS, Geometry
+from ballbar.cell.rotation import quat_wxyz
+from ballbar.sim.plant.effects import Plant, PlantEffects
+from ballbar.sim.plant.mjcf_parts import (
+    add_gear_tendon,
+    add_links,
+    compiled,
+    empty_spec,
+    set_inertia,
+)
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # (notes/mujoco sec. 2)
@@ -45,7 +51,7 @@ BAR_STRIBECK = 0.01  # [rad/s] of the ball-bar's bearings; no effect, static is 
 BASE_MASS = 5.0  # [kg] steel base adapter, assumed; its weight belongs to the base pose
 BASE_DAMPING = 1e-3  # [s] of the base's stiffness
 
-MOST_AXES = 8  # of a robot's file (cell.description_files)
+MOST_AXES = 8  # of a robot's file (ballbar.cell.description_files)
 ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(MOST_AXES))
 ROTORS = tuple(f"g{i + 1}" for i in range(MOST_AXES))
 BAR_JOINTS = tuple(f"b{i + 1}" for i in range(BAR_ROWS))

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Link
-from cell.rotation import quat_wxyz
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Link
+from ballbar.cell.rotation import quat_wxyz
 
 # Tolerance of the implicit solve; from 1e-3 down to 1e-14 no coordinate of 60 s moves by more than
 # 1e-13.

@@ -3,7 +3,7 @@
 The servo is proportional with damping and no integral action (SoftServo, thesis sec. 5.3). Its
 command leads by the damping's share of the reference speed and, if chosen, carries the weight of
 the robot. What remains as force in the rod then comes from geometric errors and from compliance.
-The run starts from the equilibrium that sim.plant.statics finds.
+The run starts from the equilibrium that ballbar.sim.plant.statics finds.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ import numpy as np
 from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
-from cell.arrays import Array
-from cell.closed_form import has_closed_form
-from cell.descriptions import Cell
-from cell.errors import FailureError
-from cell.geometry import nominal_chain
-from sim.motion import CLOSURE_STRIDE, Motion, MotionCallback
-from sim.path import ReferencePath, axis_range_fault
-from sim.plant.effects import Plant
-from sim.plant.mjcf import PlantModel, plant_model
-from sim.plant.statics import Equilibrium, equilibrium, gravity_torque
+from ballbar.cell.arrays import Array
+from ballbar.cell.closed_form import has_closed_form
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import FailureError
+from ballbar.cell.geometry import nominal_chain
+from ballbar.sim.motion import CLOSURE_STRIDE, Motion, MotionCallback
+from ballbar.sim.path import ReferencePath, axis_range_fault
+from ballbar.sim.plant.effects import Plant
+from ballbar.sim.plant.mjcf import PlantModel, plant_model
+from ballbar.sim.plant.statics import Equilibrium, equilibrium, gravity_torque
 
 CLOSURE_LIMIT = 0.5e-6  # [m, rad] twice what 60 s with all effects reach (notes/mujoco sec. 2)
 _GRAVITY_STEP = 0.05  # [s] grid of the gravity feed-forward; no path moves at more than a few Hz

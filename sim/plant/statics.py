@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, cross, forward, joint_screws
-from cell.descriptions import Cell, Link
-from cell.errors import FailureError
-from cell.geometry import Geometry, nominal_chain, robot_frames
-from cell.rotation import rotvec_from_matrix
-from sim.motion import Deflected, deflect, turning
-from sim.plant.effects import Plant
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, cross, forward, joint_screws
+from ballbar.cell.descriptions import Cell, Link
+from ballbar.cell.errors import FailureError
+from ballbar.cell.geometry import Geometry, nominal_chain, robot_frames
+from ballbar.cell.rotation import rotvec_from_matrix
+from ballbar.sim.motion import Deflected, deflect, turning
+from ballbar.sim.plant.effects import Plant
 
 BAR, ROD, PLATE, BASE = slice(-10, -5), -5, -4, slice(-3, None)  # coordinates behind the robot's
 INSIDE_BACKLASH = 1e-4  # stiffness inside a dead band, relative to that outside

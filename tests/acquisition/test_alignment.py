@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from acquisition.alignment import coarse_alignment, overlap_correlation
-from acquisition.dwells import find_dwells, noise_sigma, speeds
-from cell.errors import LogError
-from cell.logs import BallBarLog, RobotLog
+from ballbar.acquisition.alignment import coarse_alignment, overlap_correlation
+from ballbar.acquisition.dwells import find_dwells, noise_sigma, speeds
+from ballbar.cell.errors import LogError
+from ballbar.cell.logs import BallBarLog, RobotLog
 
 NOISE = 1e-5  # [rad]
 RAMP = 0.6  # [s] from motion to rest

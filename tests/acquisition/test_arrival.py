@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.channels import read_channels
-from acquisition.recording import read_recording
-from acquisition.stamps.arrival import with_source_times
-from acquisition.stamps.order import STAMP
-from acquisition.table.table import Table
-from cell.robot_angles import joints_to_motors
-from ident.signals.steps import find_steps
+from ballbar.acquisition.channels import read_channels
+from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.stamps.arrival import with_source_times
+from ballbar.acquisition.stamps.order import STAMP
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.robot_angles import joints_to_motors
+from ballbar.ident.signals.steps import find_steps
 from tests.helpers.device_logs import ROBOT, joint_trajectory, write
 
 Array = np.ndarray

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.formats.table_file import workbook_text
-from acquisition.pose_tables import read_poses
-from acquisition.recording import read_recording
-from acquisition.table.header import Layout
-from acquisition.table.table import read_table
-from acquisition.table.text import Content, read_bytes, read_text
-from cell.errors import DescriptionError, InputError, LogError
-from cell.load import load_robot
-from cell.strict_yaml import load_yaml
+from ballbar.acquisition.formats.table_file import workbook_text
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import read_table
+from ballbar.acquisition.table.text import Content, read_bytes, read_text
+from ballbar.cell.errors import DescriptionError, InputError, LogError
+from ballbar.cell.load import load_robot
+from ballbar.cell.strict_yaml import load_yaml
 from tests.helpers.device_logs import ROBOT_FILES, put, write
 
 MEGABYTE = 1_000_000

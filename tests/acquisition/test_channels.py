@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.channels import read_channels
-from cell.errors import InputError, LogError
+from ballbar.acquisition.channels import read_channels
+from ballbar.cell.errors import InputError, LogError
 
 
 def table(tmp_path: Path, text: str, rows: int = 60) -> Path:

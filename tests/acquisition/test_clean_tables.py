@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import acquisition.table.fast_path
-import acquisition.table.table
-from acquisition.table.fast_path import clean_columns
-from acquisition.table.header import Layout
-from acquisition.table.table import read_table
-from cell.errors import LogError
+from ballbar.acquisition.table import fast_path, table
+from ballbar.acquisition.table.fast_path import clean_columns
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import read_table
+from ballbar.cell.errors import LogError
 
 BAR = Layout(
     (";", ","),
@@ -98,13 +97,13 @@ def files(count: int) -> Iterator[tuple[bytes, Layout]]:
 def test_what_is_read_at_once_is_what_is_read_line_by_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(acquisition.table.fast_path, "_PART", 64)  # of a few rows
+    monkeypatch.setattr(fast_path, "_PART", 64)  # of a few rows
     path, clean = tmp_path / "log.csv", 0
     for raw, layout in files(200):
         path.write_bytes(raw)
         at_once = outcome(path, layout)
         with monkeypatch.context() as patch:
-            patch.setattr(acquisition.table.table, "clean_columns", lambda *_: None)
+            patch.setattr(table, "clean_columns", lambda *_: None)
             assert at_once == outcome(path, layout), raw
         clean += clean_columns(BytesIO(raw), "log.csv", layout) is not None
     assert 20 < clean < 180  # both ways were taken

@@ -16,19 +16,19 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
-from acquisition.formats.egm import read_frames
-from acquisition.formats.registry import read_file
-from acquisition.formats.ros_messages import decode
-from acquisition.recording import read_ballbar, read_robot
-from acquisition.table.header import Layout
-from acquisition.table.table import Table
-from cell.dialect import load_dialect
-from cell.egm_file import FILE_START, frame
-from cell.errors import DescriptionError, InputError, LogError
-from cell.load import load_robot
-from cell.logs import RobotLog
-from cell.recording import EncoderFitting, SourceFile
-from cell.robot_angles import joints_to_axes
+from ballbar.acquisition.formats.egm import read_frames
+from ballbar.acquisition.formats.registry import read_file
+from ballbar.acquisition.formats.ros_messages import decode
+from ballbar.acquisition.recording import read_ballbar, read_robot
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.dialect import load_dialect
+from ballbar.cell.egm_file import FILE_START, frame
+from ballbar.cell.errors import DescriptionError, InputError, LogError
+from ballbar.cell.load import load_robot
+from ballbar.cell.logs import RobotLog
+from ballbar.cell.recording import EncoderFitting, SourceFile
+from ballbar.cell.robot_angles import joints_to_axes
 from tests.helpers.container_files import (
     AXES,
     EPOCH_NS,
@@ -337,7 +337,7 @@ def test_packed_messages_are_refused_with_the_way_out(tmp_path: Path) -> None:
 def test_a_bag_without_the_extra_names_the_install_command(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "acquisition.formats.ros_messages", raising=False)
+    monkeypatch.delitem(sys.modules, "ballbar.acquisition.formats.ros_messages", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(DescriptionError, match=r"pip install 'ballbar-bench\[ros\]'"):
         read(tmp_path, db3(tmp_path))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from acquisition.recording import read_recording
-from cell.errors import DescriptionError, LogError
-from cell.robot_angles import joints_to_axes
-from cell.selectors import find, spread, why_not
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.cell.selectors import find, spread, why_not
 from tests.helpers.device_logs import ROBOT, ROBOT_T, joint_trajectory, put, write
 
 AXES_DEG = np.rad2deg(joints_to_axes(ROBOT, joint_trajectory(ROBOT_T)))

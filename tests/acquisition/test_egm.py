@@ -10,10 +10,10 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
 
-from acquisition.formats.egm import decode, read_frames
-from cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
-from cell.errors import LogError
-from sim.logging.containers import double, number, part, varint
+from ballbar.acquisition.formats.egm import decode, read_frames
+from ballbar.cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
+from ballbar.cell.errors import LogError
+from ballbar.sim.logging.containers import double, number, part, varint
 
 _DOUBLE, _MESSAGE, _UINT32, _UINT64, _BOOL = 1, 11, 13, 4, 8
 # The published egm.proto of RobotWare 7; numbers, types and labels only.

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.faults import encoders
-from acquisition.faults.encoders import (
+from ballbar.acquisition.faults import encoders
+from ballbar.acquisition.faults.encoders import (
     counter_words,
     counts_to_rad,
     powered_up,
@@ -15,11 +15,11 @@ from acquisition.faults.encoders import (
     with_jumps_checked,
     with_status_checked,
 )
-from acquisition.flags import RowFlag, usable
-from acquisition.table.table import Table
-from cell.dialect import load_dialect
-from cell.errors import LogError
-from cell.recording import EncoderFitting
+from ballbar.acquisition.flags import RowFlag, usable
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.dialect import load_dialect
+from ballbar.cell.errors import LogError
+from ballbar.cell.recording import EncoderFitting
 
 LINES, BITS = 3600, 12
 STATUS = {"b1": "s1", "b2": "s2"}

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.flags import RowFlag
-from acquisition.recording import Recording, read_recording
-from cell.errors import DescriptionError, LogError
-from cell.logs import segment_starts
-from cell.robot_angles import joints_to_axes, joints_to_motors
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.recording import Recording, read_recording
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.logs import segment_starts
+from ballbar.cell.robot_angles import joints_to_axes, joints_to_motors
 from tests.helpers.device_logs import (
     BAR_T,
     EPOCH,

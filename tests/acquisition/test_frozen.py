@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
-from acquisition.flags import RowFlag, usable
-from acquisition.table.table import Table
+from ballbar.acquisition.faults.frozen import with_frozen_loads_checked, with_frozen_motion_checked
+from ballbar.acquisition.flags import RowFlag, usable
+from ballbar.acquisition.table.table import Table
 
 ROWS, PERIOD = 6000, 0.004
 T = PERIOD * np.arange(ROWS)

@@ -22,15 +22,15 @@ import numpy as np
 import pytest
 import yaml
 
-from acquisition.live import ads, egm_source, recorder
-from acquisition.live.egm_source import EgmSource
-from acquisition.live.folder import CellNames, RecordingFolder
-from acquisition.live.plc_source import PlcSource
-from acquisition.live.recorder import LiveRecording
-from acquisition.live.source import DeviceSilentError, RecorderState
-from acquisition.recording import read_recording
-from cell.plc_ring import RING
-from sim.live.plc import loopback_address
+from ballbar.acquisition.live import ads, egm_source, recorder
+from ballbar.acquisition.live.egm_source import EgmSource
+from ballbar.acquisition.live.folder import CellNames, RecordingFolder
+from ballbar.acquisition.live.plc_source import PlcSource
+from ballbar.acquisition.live.recorder import LiveRecording
+from ballbar.acquisition.live.source import DeviceSilentError, RecorderState
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.plc_ring import RING
+from ballbar.sim.live.plc import loopback_address
 from tests.helpers import ads_proxy
 from tests.helpers.egm_robot import egm_message, frames_of
 from tests.helpers.plc_server import Plc, numbers_of

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.channels import read_channels
-from acquisition.explain import explain_lines
-from acquisition.recording import read_recording
-from cell.errors import DescriptionError, LogError
+from ballbar.acquisition.channels import read_channels
+from ballbar.acquisition.explain import explain_lines
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import DescriptionError, LogError
 
 ROWS = 400
 SOURCE = "  length: {files: [length.csv], dialect: length-table, column: Weg, unit: mm, time: ms}"

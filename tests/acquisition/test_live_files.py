@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 import yaml
 
-from acquisition.live.file_source import FileSource
-from acquisition.live.source import DeviceSilentError, Tally
-from acquisition.recording import read_recording
-from acquisition.sources import log_source
+from ballbar.acquisition.live.file_source import FileSource
+from ballbar.acquisition.live.source import DeviceSilentError, Tally
+from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.sources import log_source
+from ballbar.cell.errors import InputError
+from ballbar.cell.recording import load_recording_file
 from ballbar.record.terminal import status_table
 from ballbar.record.view import layout
-from cell.errors import InputError
-from cell.recording import load_recording_file
 from tests.helpers.command_line import ballbar
 from tests.helpers.followed_robot import FollowedRobot
 

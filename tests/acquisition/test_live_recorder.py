@@ -23,22 +23,22 @@ import yaml
 from rerun.chunk import RrdReader
 from rich.console import Console
 
-from acquisition.live.ads import AdsMemory
-from acquisition.live.egm_source import EgmSource
-from acquisition.live.folder import CellNames, RecordingFolder, SegmentFile
-from acquisition.live.plc_source import PlcSource
-from acquisition.live.recorder import POLL, LiveRecording, Recorder
-from acquisition.live.source import Batch, Progress, RecorderState, Source, Tally
-from acquisition.recording import read_recording
+from ballbar.acquisition.live.ads import AdsMemory
+from ballbar.acquisition.live.egm_source import EgmSource
+from ballbar.acquisition.live.folder import CellNames, RecordingFolder, SegmentFile
+from ballbar.acquisition.live.plc_source import PlcSource
+from ballbar.acquisition.live.recorder import POLL, LiveRecording, Recorder
+from ballbar.acquisition.live.source import Batch, Progress, RecorderState, Source, Tally
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import InputError
+from ballbar.cell.load import load_robot
+from ballbar.cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
+from ballbar.cell.recording import load_recording_file
+from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.record.terminal import say_recording, status_table, status_words
 from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
 from ballbar.replay import viewer as replay_viewer
-from cell.errors import InputError
-from cell.load import load_robot
-from cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
-from cell.recording import load_recording_file
-from cell.robot_angles import controller_to_joints
-from sim.live.plc import loopback_address
+from ballbar.sim.live.plc import loopback_address
 from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
 from tests.helpers.plc_server import Plc, numbers_of
@@ -372,7 +372,7 @@ def test_a_recorder_killed_at_its_first_record_leaves_a_recording_or_nothing(
         patch.setattr(Recorder, "_close_file", lambda _: None)
         patch.setattr(PlcSource, "disconnect", lambda _: None)
         if at == "declare":
-            patch.setattr("acquisition.live.folder.write_yaml", killed)
+            patch.setattr("ballbar.acquisition.live.folder.write_yaml", killed)
             (tmp_path / "r" / ".recording.yaml.part").write_text("schema: ballb")
         elif at == "append":
             patch.setattr(SegmentFile, "append", killed)
@@ -525,7 +525,7 @@ def test_a_viewer_that_does_not_start_is_named_before_anything_is_recorded(
 def test_without_the_extra_the_command_says_how_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "acquisition.live.ads")
+    monkeypatch.delitem(sys.modules, "ballbar.acquisition.live.ads")
     monkeypatch.setitem(sys.modules, "pyads", None)
     code, _, error = ballbar("record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1")
     assert code == 2

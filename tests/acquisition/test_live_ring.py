@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.live.folder import SegmentFile
-from acquisition.live.plc_source import PlcSource, RingReader
-from acquisition.live.source import DeviceSilentError
+from ballbar.acquisition.live.folder import SegmentFile
+from ballbar.acquisition.live.plc_source import PlcSource, RingReader
+from ballbar.acquisition.live.source import DeviceSilentError
 from tests.helpers.plc_server import Plc, plc_samples, text_of
 from tests.helpers.ring_memory import RingMemory
 

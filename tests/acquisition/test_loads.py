@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import Recording, read_force, read_recording
-from acquisition.report import report_lines
-from acquisition.sources import ImportLog
-from cell.errors import LogError
-from cell.load import load_robot
-from cell.logs import ForceLog, RobotLog
-from cell.recording import SourceFile
-from sim.logging.load_logs import drawn_loads, sensor_rows
-from sim.recording_files import write_recording
+from ballbar.acquisition.recording import Recording, read_force, read_recording
+from ballbar.acquisition.report import report_lines
+from ballbar.acquisition.sources import ImportLog
+from ballbar.cell.errors import LogError
+from ballbar.cell.load import load_robot
+from ballbar.cell.logs import ForceLog, RobotLog
+from ballbar.cell.recording import SourceFile
+from ballbar.sim.logging.load_logs import drawn_loads, sensor_rows
+from ballbar.sim.recording_files import write_recording
 from tests.helpers.device_logs import (
     FORCE_T,
     ROBOT,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import acquisition.fit_rows
-from acquisition.recording import read_recording
+from ballbar.acquisition import fit_rows
+from ballbar.acquisition.recording import read_recording
 from tests.helpers.device_logs import write
 
 
@@ -22,7 +22,7 @@ def test_of_a_long_log_all_rows_are_checked_and_an_even_share_is_used(
     lines[404] = ",".join([cells[0], str(float(cells[1]) + 1.0), *cells[2:]])
     robot.write_text("".join(lines))
     whole = read_recording(folder)
-    monkeypatch.setattr(acquisition.fit_rows, "MOST_ROWS", whole.robot_log.t.size // 2 - 10)
+    monkeypatch.setattr(fit_rows, "MOST_ROWS", whole.robot_log.t.size // 2 - 10)
     short = read_recording(folder)
     kinds = [entry.kind for entry in short.report.findings]
     assert "implausible value" in kinds

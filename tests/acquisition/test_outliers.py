@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from acquisition.faults.damaged_values import damaged_values
-from cell.neighbours import SMALLEST
+from ballbar.acquisition.faults.damaged_values import damaged_values
+from ballbar.cell.neighbours import SMALLEST
 
 PERIOD = 0.004032  # [s]
 T = PERIOD * np.arange(1000)

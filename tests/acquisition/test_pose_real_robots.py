@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.pose_tables import PoseImport, import_poses
+from ballbar.acquisition.pose_tables import PoseImport, import_poses
 from tests.helpers import real_robots
 
 pytestmark = pytest.mark.skipif(

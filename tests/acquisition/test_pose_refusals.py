@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.pose_tables import import_poses, read_poses
-from cell.errors import DescriptionError
-from cell.rigid_fit import nominal_frames
+from ballbar.acquisition.pose_tables import import_poses, read_poses
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.rigid_fit import nominal_frames
 from tests.helpers.pose_files import (
     JOINTS,
     LENGTHS,

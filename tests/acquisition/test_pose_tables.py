@@ -7,9 +7,9 @@ import numpy as np
 import openpyxl
 import pytest
 
-from acquisition.pose_tables import import_poses, read_poses
-from cell.errors import DescriptionError
-from cell.poses import PoseTable
+from ballbar.acquisition.pose_tables import import_poses, read_poses
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.poses import PoseTable
 from tests.helpers.pose_files import NAMES, POINTS, Q, columns, lines, write
 
 COUNTED = {

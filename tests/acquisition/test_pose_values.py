@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.pose_tables import import_poses, read_poses
-from cell.arrays import Array
-from cell.load import load_instrument
-from cell.robot_angles import joints_to_axes
+from ballbar.acquisition.pose_tables import import_poses, read_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.load import load_instrument
+from ballbar.cell.robot_angles import joints_to_axes
 from tests.helpers.pose_files import (
     JOINTS,
     LENGTHS,

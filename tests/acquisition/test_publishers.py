@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.channels import read_channels
-from acquisition.sources import log_source, read_files
-from cell.arrays import Array
-from cell.errors import LogError
-from cell.files import write_yaml
-from cell.recording import TrackerFile
+from ballbar.acquisition.channels import read_channels
+from ballbar.acquisition.sources import log_source, read_files
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.cell.files import write_yaml
+from ballbar.cell.recording import TrackerFile
 from tests.helpers.real_robots import DATA
 
 PAIRS, PERIOD = 1500, 0.01

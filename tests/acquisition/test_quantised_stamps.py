@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.explain import explain_lines
-from acquisition.recording import read_recording
-from acquisition.stamps.order import STAMP
-from acquisition.stamps.quantised import spread
-from acquisition.table.table import Table
-from cell.errors import LogError
+from ballbar.acquisition.explain import explain_lines
+from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.stamps.order import STAMP
+from ballbar.acquisition.stamps.quantised import spread
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.errors import LogError
 from tests.helpers.device_logs import ROBOT_T, joint_trajectory, robot_lines, stamped, write
 
 Array = np.ndarray

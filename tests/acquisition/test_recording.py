@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.flags import RowFlag
-from acquisition.recording import read_recording
-from acquisition.report import report_lines
-from cell.dialect import dialect_names, load_dialect
-from cell.errors import DescriptionError, InputError, LogError
-from cell.robot_angles import joints_to_axes, joints_to_motors
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.report import report_lines
+from ballbar.cell.dialect import dialect_names, load_dialect
+from ballbar.cell.errors import DescriptionError, InputError, LogError
+from ballbar.cell.robot_angles import joints_to_axes, joints_to_motors
 from tests.helpers.device_logs import (
     BAR_T,
     PER_RAD,

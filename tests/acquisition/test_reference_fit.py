@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from acquisition.reference_fit import Knock, _Normal, fit_references, fit_with_knocks
-from cell.arrays import Array
-from cell.statistics import rms
+from ballbar.acquisition.reference_fit import Knock, _Normal, fit_references, fit_with_knocks
+from ballbar.cell.arrays import Array
+from ballbar.cell.statistics import rms
 from tests.helpers.reference_points import (
     COUNT,
     POINTS,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.pose_tables import PoseImport, import_poses
-from acquisition.report import finding_line, report_lines
-from cell.arrays import Array
-from cell.errors import DescriptionError, InputError
+from ballbar.acquisition.pose_tables import PoseImport, import_poses
+from ballbar.acquisition.report import finding_line, report_lines
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import DescriptionError, InputError
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_files import (
     LENGTHS,

@@ -6,7 +6,7 @@ import ast
 
 import pytest
 
-from acquisition.report import REMEDIES, finding, finding_line
+from ballbar.acquisition.report import REMEDIES, finding, finding_line
 from tests.helpers.source_imports import FILES, tree
 
 

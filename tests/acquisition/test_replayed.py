@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.faults.replayed import with_replays_checked
-from acquisition.flags import RowFlag, usable
-from acquisition.table.table import Table
-from cell.arrays import Array
+from ballbar.acquisition.faults.replayed import with_replays_checked
+from ballbar.acquisition.flags import RowFlag, usable
+from ballbar.acquisition.table.table import Table
+from ballbar.cell.arrays import Array
 
 ROWS, PERIOD = 1200, 400  # of a program that the robot repeats
 SCALES = {"m1": 0.01, "m2": 0.01}  # [rad] at the joint

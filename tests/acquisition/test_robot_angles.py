@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.faults.robot_angles import moves, without_sentinels
-from acquisition.table.table import Table
+from ballbar.acquisition.faults.robot_angles import moves, without_sentinels
+from ballbar.acquisition.table.table import Table
 
 NAMES = ("m1", "m2")
 

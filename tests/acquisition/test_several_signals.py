@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.channels import read_channels
-from acquisition.sources import log_source, read_files
-from acquisition.stamps.order import STAMP
-from acquisition.table.header import Layout
-from acquisition.table.table import Table, read_table
-from cell.errors import DescriptionError, LogError
-from cell.files import write_yaml
-from cell.recording import TrackerFile
+from ballbar.acquisition.channels import read_channels
+from ballbar.acquisition.sources import log_source, read_files
+from ballbar.acquisition.stamps.order import STAMP
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Table, read_table
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.files import write_yaml
+from ballbar.cell.recording import TrackerFile
 from tests.helpers.real_robots import DATA
 
 HEADER = "stamp,sec,nanosec,x,y,z,q1,q2,note"

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.report import Finding
-from acquisition.table.header import Layout
-from acquisition.table.table import Form, Table, read_table
-from cell.errors import LogError
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.header import Layout
+from ballbar.acquisition.table.table import Form, Table, read_table
+from ballbar.cell.errors import LogError
 
 COUNTERS = Layout(
     (";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.stamps.order import STAMP, in_order
-from acquisition.table.table import Table
-from acquisition.times import TIME_FORMS, TimeCells, forms_by_start, stamps_ns, words
+from ballbar.acquisition.stamps.order import STAMP, in_order
+from ballbar.acquisition.table.table import Table
+from ballbar.acquisition.times import TIME_FORMS, TimeCells, forms_by_start, stamps_ns, words
 
 SECOND = 1_000_000_000  # [ns]
 

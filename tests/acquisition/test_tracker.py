@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.channels import read_channels
-from acquisition.explain import explain_lines
-from acquisition.recording import read_recording
+from ballbar.acquisition.channels import read_channels
+from ballbar.acquisition.explain import explain_lines
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.load import load_instrument
 from ballbar.recordings.check import CheckedRecording
-from cell.errors import DescriptionError, LogError
-from cell.load import load_instrument
 from tests.helpers.followed_robot import FollowedRobot
 from tests.helpers.simulated_recordings import record
 

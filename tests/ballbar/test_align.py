@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.logs import ChannelLog
+from ballbar.cell.clock import Clock
+from ballbar.cell.logs import ChannelLog
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.moving_body import two_recorders
 from tests.helpers.real_robots import DATA

@@ -16,6 +16,7 @@ import pytest
 import yaml
 from pydantic import TypeAdapter
 
+from ballbar.cell.errors import DescriptionError, InputError
 from ballbar.claims.checks import judge, measured
 from ballbar.claims.file import GroupedBars, IdentifiedPlot, load_claims
 from ballbar.claims.kinds import OF_RUNS, Check, Measure
@@ -23,6 +24,11 @@ from ballbar.claims.plots import plot_svg
 from ballbar.claims.run import Judged, Topic, judge_all, topics
 from ballbar.claims.show import write_page
 from ballbar.claims.table import ClaimEvidence, identifiability_evidence, runs_evidence
+from ballbar.ident.thesis.cost_fit import fit_cost
+from ballbar.ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.names import ParameterSet
+from ballbar.ident.thesis.paired_samples import through_samples
 from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sweep.check import check_points, load_sweep
@@ -30,12 +36,6 @@ from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress, process_pool
 from ballbar.trial.sample_trial import cost_parameters, trial_samples
 from ballbar.trial.trial import run_trial
-from cell.errors import DescriptionError, InputError
-from ident.thesis.cost_fit import fit_cost
-from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
-from ident.thesis.costs import cost_named
-from ident.thesis.names import ParameterSet
-from ident.thesis.paired_samples import through_samples
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 from tests.helpers.sweeps import inline

@@ -13,8 +13,17 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.load import load_cell
 from ballbar.commands import cli
+from ballbar.ident.held_machine import LoopClosure
+from ballbar.ident.held_out import HeldOut, held_out
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.signals.steps import StepFault
 from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
@@ -24,19 +33,10 @@ from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
+from ballbar.sim.truth import load_truth
 from ballbar.truth.compare import identification_against_truth
-from cell.errors import DescriptionError, InputError
-from cell.load import load_cell
-from ident.held_machine import LoopClosure
-from ident.held_out import HeldOut, held_out
-from ident.options import FitOptions
-from ident.recording_fit import Logs
-from ident.result import Identification
-from ident.robot.accuracy import accuracy_grid
-from ident.signals.steps import StepFault
-from sim.recording_files import write_recording
-from sim.simulate import simulate
-from sim.truth import load_truth
 from tests.helpers.command_line import ballbar
 from tests.helpers.page_cells import Cells
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded

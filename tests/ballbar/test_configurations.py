@@ -8,16 +8,16 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.compensation.configurations import axes_of_pose, configuration_changes
 from ballbar.compensation.frames import angles_near, pose_of_angles
 from ballbar.compensation.program_source import MoveSetup, ProgramTarget
 from ballbar.compensation.program_text import Number, ProgramError
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
-from cell.load import load_robot
-from cell.robot_angles import controller_to_joints
 from tests.helpers.programs import flange
 
 

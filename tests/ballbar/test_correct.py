@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import joint_screws
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry, robot_frames
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
 from ballbar.result.calibration import load_calibration
-from cell.arrays import Array
-from cell.chain import joint_screws
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.robot_angles import controller_to_joints, joints_to_axes
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.inverse_calibration import TargetError, corrected_targets
-from sim.plant.effects import Plant, PlantEffects
-from sim.plant.held import hold_machine, hold_poses, pose_distance
-from sim.true_robot import TrueMachine, true_machine
+from ballbar.sim.plant.effects import Plant, PlantEffects
+from ballbar.sim.plant.held import hold_machine, hold_poses, pose_distance
+from ballbar.sim.true_robot import TrueMachine, true_machine
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
 from tests.helpers.drawn_robots import SCENARIOS, scenario_of

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import InputError
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.proposals import counting
 from ballbar.recordings.questions import one_of
-from cell.errors import InputError
 from tests.helpers.command_line import output, refusal
 from tests.helpers.device_logs import BAR_T, ROBOT_T, bar_lines, robot_lines
 from tests.helpers.terminal import at_the_terminal, in_turn

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.dialect import dialect_names, load_dialect
+from ballbar.cell.errors import InputError
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
 from ballbar.truth.compare import identification_against_truth
-from cell.dialect import dialect_names, load_dialect
-from cell.errors import InputError
 from tests.helpers.simulated_recordings import Recorded, record
 
 OF = {name: load_dialect(name).source for name in dialect_names()}

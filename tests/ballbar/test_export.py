@@ -17,16 +17,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, nominal_geometry, robot_frames
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.cell.rotation import rotvec_from_matrix
 from ballbar.export import Format
 from ballbar.export.formats import FORMATS, exported
 from ballbar.export.result import Result, load_result
 from ballbar.export.rows import standard_rows
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.robot_angles import controller_to_joints, joints_to_axes
-from cell.rotation import rotvec_from_matrix
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
 from tests.helpers.dh_tables import along_table, shift, table, turn
@@ -228,7 +228,7 @@ def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(
 def test_urdf_and_mjcf_carry_the_weight_of_arm_and_plate(
     result: Result, angles: Array, nominal: Geometry
 ) -> None:
-    from sim.plant.statics import gravity_torque  # noqa: PLC0415
+    from ballbar.sim.plant.statics import gravity_torque  # noqa: PLC0415
 
     model = mujoco.MjModel.from_xml_string(exported(result, "mjcf"))
     data = mujoco.MjData(model)
@@ -295,7 +295,7 @@ def test_names_in_a_result_cannot_end_a_comment_or_begin_a_line(
 
 
 def test_the_larger_robot_is_exported_alike(tmp_path: Path) -> None:
-    from cell.load import load_cell  # noqa: PLC0415
+    from ballbar.cell.load import load_cell  # noqa: PLC0415
 
     nominal = nominal_geometry(
         load_cell("nj220", "lund_600", "plate_250"), np.array([1.5, 0.0, 0.7])

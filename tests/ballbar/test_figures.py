@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ballbar.cell.arrays import Array
 from ballbar.figure_style import to_hundredths
 from ballbar.report.drawing import INCH, LEFT, RIGHT, WIDTH, linear_ticks, shade
 from ballbar.report.line_plot import (
@@ -22,7 +23,6 @@ from ballbar.report.line_plot import (
     order_spectra,
 )
 from ballbar.report.maps import AFTER_SCALE, Sphere, cells_of, workspace_map
-from cell.arrays import Array
 
 HEIGHT = 3.0 * INCH
 T = np.linspace(5.0, 115.0, 5000)

@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+from ballbar.cell.poses import PoseTable
 from ballbar.recordings.file_relations import MeasuredFile, relation
-from cell.poses import PoseTable
 from tests.helpers.drawn_pose_tables import SEAT, TARGET, drawn_robot, point_table
 
 WAYS = list(product((True, False), repeat=2))

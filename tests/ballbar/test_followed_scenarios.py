@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.load import load_instrument
+from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ballbar.cell.statistics import rms
 from ballbar.recordings.followed import poses_of
 from ballbar.result.calibration import Calibration
 from ballbar.result.run_recordings import identify_files
+from ballbar.sim.recording_files import truth_path
+from ballbar.sim.truth import Truth, load_truth
 from ballbar.watch.show import line, panel
 from ballbar.watch.watch import Watch
-from cell.load import load_instrument
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
-from cell.statistics import rms
-from sim.recording_files import truth_path
-from sim.truth import Truth, load_truth
 from tests.helpers.command_line import ballbar
 from tests.helpers.followed_robot import FollowedRobot
 

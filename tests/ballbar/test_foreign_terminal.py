@@ -11,13 +11,13 @@ import pytest
 from rich.table import Table
 from rich.text import Text
 
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.files import write_yaml
+from ballbar.cell.foreign_text import printable
+from ballbar.cell.strict_yaml import load_yaml
 from ballbar.commands import cli
 from ballbar.result.run_recordings import distinct_names
 from ballbar.terminal import PlainConsole, wide_console
-from cell.errors import DescriptionError
-from cell.files import write_yaml
-from cell.foreign_text import printable
-from cell.strict_yaml import load_yaml
 from tests.helpers.command_line import ballbar
 from tests.helpers.device_logs import robot_lines, write
 

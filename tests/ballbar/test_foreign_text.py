@@ -21,21 +21,21 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.foreign_text import comment, is_printable, markdown
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.load import load_robot, robot_names
+from ballbar.cell.strict_yaml import load_yaml
 from ballbar.claims.show import page_text
 from ballbar.compensation.targets_file import TargetFile, joint_columns, targets_text
 from ballbar.export.formats import FORMATS, exported
 from ballbar.export.result import Result, load_result
+from ballbar.planning.pose_plan import PosePlan
+from ballbar.planning.programs import ProgrammedPath, path_program, path_table, pose_program
+from ballbar.planning.trajectory import Targets
 from ballbar.report.section import template
 from ballbar.sweep.table import write_table
-from cell.descriptions import Cell
-from cell.errors import DescriptionError
-from cell.foreign_text import comment, is_printable, markdown
-from cell.geometry import Geometry
-from cell.load import load_robot, robot_names
-from cell.strict_yaml import load_yaml
-from planning.pose_plan import PosePlan
-from planning.programs import ProgrammedPath, path_program, path_table, pose_program
-from planning.trajectory import Targets
 from tests.helpers.calibrations import write_calibration_of
 
 ROBOT = Path(__file__).parents[2] / "cell" / "robots" / "ur5e.yaml"

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from ballbar.cell.errors import DescriptionError, InputError
 from ballbar.run import simulate_scenario
 from ballbar.scenario import load_scenario, scenario_path
-from cell.errors import DescriptionError, InputError
-from sim.simulate import Simulation, simulate
-from sim.truth import Truth, load_truth
+from ballbar.sim.simulate import Simulation, simulate
+from ballbar.sim.truth import Truth, load_truth
 
 TEXT = """\
 name: found

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from ballbar.cell.files import write_yaml
+from ballbar.cell.strict_yaml import load_yaml
 from ballbar.json_schemas import KINDS, json_schema
-from cell.files import write_yaml
-from cell.strict_yaml import load_yaml
 from tests.helpers.command_line import ballbar
 from tests.helpers.json_schema import faults
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded

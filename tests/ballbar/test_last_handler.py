@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.formats.ros_bag import read_ros_bag
-from acquisition.table.header import Layout
+from ballbar.acquisition.formats.ros_bag import read_ros_bag
+from ballbar.acquisition.table.header import Layout
+from ballbar.cell.errors import LogError
 from ballbar.commands import cli
-from cell.errors import LogError
 from tests.helpers.command_line import ballbar
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.cell.clock import Clock
 from ballbar.result.calibration import load_calibration
-from cell.clock import Clock
 from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import LengthRun, wire_run, write_folder
 

@@ -10,13 +10,13 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from ballbar.ident.result import Identification
+from ballbar.ident.verdict import Status
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import simulate_scenario
 from ballbar.scenario import SHIPPED, load_scenario
+from ballbar.sim.truth import Truth
 from ballbar.truth.compare import identification_against_truth
-from ident.result import Identification
-from ident.verdict import Status
-from sim.truth import Truth
 from tests.helpers.command_line import ballbar
 
 

@@ -10,15 +10,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from ballbar.cell.errors import DescriptionError
+from ballbar.ident.held_out import HeldOut
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import TcpError
+from ballbar.ident.verdict import Status
 from ballbar.result.compare import Comparison
 from ballbar.scenario import OF_EVERY_RUN, SHIPPED, AcceptSettings, load_scenario
+from ballbar.sim.truth import Truth
 from ballbar.truth.limits import Limit, corrected_limits, plant_limits, result_limits, tcp_limits
-from cell.errors import DescriptionError
-from ident.held_out import HeldOut
-from ident.result import Identification
-from ident.robot.accuracy import TcpError
-from ident.verdict import Status
-from sim.truth import Truth
 from tests.helpers.command_line import SHORT, ballbar
 
 PATHS = str(SHIPPED / "paths")

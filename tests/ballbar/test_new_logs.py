@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from acquisition.recording import read_recording
-from cell.clock import Clock
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.clock import Clock
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, rsi, scope
 from tests.helpers.device_logs import bar_lines, robot_lines

@@ -8,11 +8,11 @@ import openpyxl
 import pytest
 import yaml
 
-from acquisition.pose_tables import read_poses
-from cell.instruments import kinds
-from cell.instruments.base import Kind
-from cell.load import instrument_names, load_instrument
-from cell.rigid_fit import nominal_frames
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.instruments import kinds
+from ballbar.cell.instruments.base import Kind
+from ballbar.cell.load import instrument_names, load_instrument
+from ballbar.cell.rigid_fit import nominal_frames
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.pose_files import (
     JOINTS,

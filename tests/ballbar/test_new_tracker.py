@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from acquisition.recording import Recording, read_recording
+from ballbar.acquisition.recording import Recording, read_recording
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.followed_robot import FollowedRobot
 from tests.helpers.terminal import at_the_terminal

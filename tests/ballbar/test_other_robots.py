@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_robot
 from ballbar.compensation.targets_file import correct_file
 from ballbar.export.result import Result, load_result
 from ballbar.export.rows import hayati_rows
@@ -16,9 +19,6 @@ from ballbar.report.shapes import cell_bodies
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration
-from cell.errors import InputError
-from cell.geometry import nominal_geometry
-from cell.load import load_robot
 from tests.helpers.other_robots import (
     FIVE_AXES,
     SEVEN_AXES,

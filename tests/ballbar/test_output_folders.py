@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from ballbar.export.result import load_result
-from cell.errors import InputError
-from cell.files import (
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import (
     beside,
     claimed_folder,
     copied_description,
@@ -20,7 +19,8 @@ from cell.files import (
     require_writable,
     write_whole,
 )
-from cell.geometry import Geometry
+from ballbar.cell.geometry import Geometry
+from ballbar.export.result import load_result
 from tests.helpers.calibrations import write_calibration_of
 
 ROBOT = Path(__file__).parents[2] / "cell" / "robots" / "irb2400.yaml"

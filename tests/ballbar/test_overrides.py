@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.schema import describe_keys
+from ballbar.cell.strict_yaml import load_yaml
+from ballbar.planning.request import load_request
 from ballbar.scenario import SCENARIOS as KIND
 from ballbar.scenario import AcceptSettings, load_scenario
+from ballbar.sim.settings import CellSettings, PathSettings
 from ballbar.sweep.check import load_sweep
-from cell.errors import DescriptionError
-from cell.schema import describe_keys
-from cell.strict_yaml import load_yaml
-from planning.request import load_request
-from sim.settings import CellSettings, PathSettings
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from cell.strict_yaml import load_yaml
+from ballbar.cell.strict_yaml import load_yaml
 from tests.helpers.command_line import SHORT, ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 

@@ -20,18 +20,18 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from ballbar import Calibration
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.geometry import nominal_chain
 from ballbar.export.formats import exported
 from ballbar.export.into_urdf import into_file
 from ballbar.export.result import Result, load_result
 from ballbar.export.ur_kinematics import LINKS, ur_chain
+from ballbar.ident.robot.inverse_calibration import corrected_targets
 from ballbar.result.compare import compare, is_notable
 from ballbar.robot_file.urdf import parse_urdf
 from ballbar.robot_file.urdf_chain import chain_between
-from cell.arrays import Array
-from cell.chain import forward
-from cell.errors import DescriptionError, InputError
-from cell.geometry import nominal_chain
-from ident.robot.inverse_calibration import corrected_targets
 from tests.helpers.command_line import ballbar
 from tests.helpers.dh_tables import along_table, table
 from tests.helpers.drawn_pose_tables import drawn_robot, point_table

@@ -13,20 +13,20 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from acquisition.pose_tables import read_poses
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.extended_yaml import SHIPPED
+from ballbar.cell.instruments.base import Kind
+from ballbar.cell.load import load_instrument
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
 from ballbar.result.calibration import Calibration
 from ballbar.scenario import Scenario, load_scenario, scenario_file
+from ballbar.sim.recording_files import truth_path, write_poses
+from ballbar.sim.still_poses import PoseSimulation, simulate_poses
 from ballbar.truth.compare import poses_against_truth, result_against_truth
 from ballbar.truth.limits import tcp_limits
-from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import SHIPPED
-from cell.instruments.base import Kind
-from cell.load import load_instrument
-from cell.poses import PoseTable
-from ident.table_estimate import TableEstimate
-from ident.table_fit import fit_table
-from sim.recording_files import truth_path, write_poses
-from sim.still_poses import PoseSimulation, simulate_poses
 from tests.helpers.command_line import ballbar
 from tests.helpers.still_poses import verdict_of
 

@@ -12,6 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Cell, ProgramLanguage, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, nominal_chain, robot_frames
+from ballbar.cell.inverse import refine
+from ballbar.cell.load import load_robot
+from ballbar.cell.payload import Payload, with_payload
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.compensation.frames import FrameOptions, frame_options, pose_of_angles
 from ballbar.compensation.program_text import Number
 from ballbar.compensation.programs import (
@@ -21,16 +30,7 @@ from ballbar.compensation.programs import (
     write_programs,
 )
 from ballbar.export.result import Result, load_result
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import Cell, ProgramLanguage, Robot
-from cell.errors import InputError
-from cell.geometry import Geometry, nominal_chain, robot_frames
-from cell.inverse import refine
-from cell.load import load_robot
-from cell.payload import Payload, with_payload
-from cell.robot_angles import controller_to_joints, joints_to_axes
-from ident.corrections.unit_weights import unit_weights
+from ballbar.ident.corrections.unit_weights import unit_weights
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_results import write_pose_result

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.geometry import Geometry
+from ballbar.cell.geometry import Geometry
 from tests.helpers.calibrations import write_calibration_of
 from tests.helpers.command_line import SHORT
 from tests.helpers.device_logs import bar_lines, robot_lines, write

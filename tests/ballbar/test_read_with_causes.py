@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
 from ballbar.recordings.read_with_causes import read_with_causes
-from cell.arrays import Array
-from cell.errors import LogError
 from tests.helpers.simulated_recordings import Recorded
 
 

@@ -13,8 +13,15 @@ import numpy as np
 import pytest
 import yaml
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.egm_file import FILE_START, frame
+from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.files import write_yaml
+from ballbar.cell.load import load_robot
+from ballbar.ident.robot.inverse_calibration import TargetError
 from ballbar.plan.show import PlanOptions
+from ballbar.planning.request import PlanRequest
 from ballbar.rehearsal import files, second_path, targets
 from ballbar.rehearsal.day import Day, Rehearsal, Stage
 from ballbar.rehearsal.files import OUTPUTS, chain, rehearsal_page, rehearse_into
@@ -23,18 +30,11 @@ from ballbar.rehearsal.second_path import plan_second_path, request_data
 from ballbar.rehearsal.targets import HeldTargets, correctable
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario, load_scenario, scenario_file
+from ballbar.sim.live.delivery import EgmRobot, Pace
+from ballbar.sim.live.device_logs import device_logs
+from ballbar.sim.live.faults import OF_ENCODERS, OF_TRACKER
 from ballbar.truth.limits import corrected_limits
 from ballbar.watch.state import Alarm
-from cell.arrays import Array
-from cell.egm_file import FILE_START, frame
-from cell.errors import FailureError, InputError
-from cell.files import write_yaml
-from cell.load import load_robot
-from ident.robot.inverse_calibration import TargetError
-from planning.request import PlanRequest
-from sim.live.delivery import EgmRobot, Pace
-from sim.live.device_logs import device_logs
-from sim.live.faults import OF_ENCODERS, OF_TRACKER
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import CLOCK, record
 

@@ -16,6 +16,12 @@ import pytest
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.load import load_cell
+from ballbar.ident.robot.accuracy import accuracy_grid
 from ballbar.replay import write as replay
 from ballbar.replay.blueprint import rounded_up
 from ballbar.replay.scene import magnification, quat_from_z, quat_xyzw
@@ -26,12 +32,6 @@ from ballbar.report.motion import cell_motion
 from ballbar.report.numbers import significant
 from ballbar.report.shapes import Body, cell_bodies
 from ballbar.result.run_data import RunData
-from cell.arrays import Array
-from cell.chain import Frames
-from cell.errors import InputError
-from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from cell.load import load_cell
-from ident.robot.accuracy import accuracy_grid
 from tests.helpers.command_line import ballbar
 from tests.helpers.identified_run import simulated_run
 from tests.helpers.replay_files import (

@@ -16,6 +16,9 @@ import pytest
 import rerun as rr
 from rerun.experimental import ViewerClient
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.logs import BallBarLog
+from ballbar.cell.rotation import even_directions
 from ballbar.replay.entities import PARAMETERS
 from ballbar.replay.events import recording_events
 from ballbar.replay.live import LiveRun
@@ -26,9 +29,6 @@ from ballbar.replay.write import scenario_page, write_replay
 from ballbar.report.motion import cell_motion
 from ballbar.result.run_data import RunData
 from ballbar.sphere_coverage import PATCHES, coverage
-from cell.errors import InputError
-from cell.logs import BallBarLog
-from cell.rotation import even_directions
 from tests.helpers.identified_run import simulated_run
 from tests.helpers.replay_files import chunks, entities, free_port, values, verified
 

@@ -18,7 +18,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.number_text import NOT_DETERMINED
 from ballbar.figure_style import BEFORE
+from ballbar.ident.result import NamedCovariance, RecordingEstimate
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.tcp_correction import correction_parts
+from ballbar.ident.verdict import Status, Verdict
 from ballbar.replay.write import replay_notes
 from ballbar.report import page as report_page
 from ballbar.report import tcp_view
@@ -33,13 +40,6 @@ from ballbar.report.terminal import _clock, say_identification
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.result.write_calibration import calibration_of
 from ballbar.truth.limits import Limit
-from cell.clock import Clock
-from cell.geometry import robot_frames
-from cell.number_text import NOT_DETERMINED
-from ident.result import NamedCovariance, RecordingEstimate
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.tcp_correction import correction_parts
-from ident.verdict import Status, Verdict
 from tests.helpers.identified_run import SCENARIO, simulated_run
 from tests.helpers.page_cells import Cells
 from tests.helpers.six_axes import INDEX, PARAMETERS

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.robot_file import new_robot
-from cell.chain import Chain, forward
-from cell.descriptions import Robot
-from cell.load import load_robot
-from cell.robot_angles import controller_to_joints
 from tests.helpers.command_line import ballbar
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
 from tests.helpers.urdf_files import Mass, urdf_text

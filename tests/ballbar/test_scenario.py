@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.cell.errors import DescriptionError
 from ballbar.scenario import SHIPPED, load_scenario, scenario_file
-from cell.errors import DescriptionError
-from sim.settings import OF_PATH, OF_POSES, ErrorSettings
+from ballbar.sim.settings import OF_PATH, OF_POSES, ErrorSettings
 from tests.helpers.command_line import ballbar
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.cell.dialect import dialect_names
+from ballbar.cell.load import robot_names
+from ballbar.planning.request import load_request
 from ballbar.scenario import load_scenario
 from ballbar.sweep.check import load_sweep
-from cell.dialect import dialect_names
-from cell.load import robot_names
-from planning.request import load_request
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 

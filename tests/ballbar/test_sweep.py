@@ -26,6 +26,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtri
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.extended_yaml import with_changes
+from ballbar.cell.threads import ONE_THREAD
 from ballbar.sweep import run as sweep_run
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
 from ballbar.sweep.chunk import Task, run_chunk, run_chunk_remotely, unpack
@@ -35,9 +38,6 @@ from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
 from ballbar.sweep.run import SweepError, SweepOutcome, dask_cluster, processes
 from ballbar.sweep.table import failures_of, grid_points, write_table
 from ballbar.trial.trial import run_trial
-from cell.errors import InputError
-from cell.extended_yaml import with_changes
-from cell.threads import ONE_THREAD
 from tests.helpers import sweep_work
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS

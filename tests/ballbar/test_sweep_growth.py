@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.cell.errors import InputError
 from ballbar.scenario import Scenario
 from ballbar.sweep.folder import changed_keys, earlier_number
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import SweepOutcome
-from cell.errors import InputError
 from tests.helpers import sweep_work
 from tests.helpers.sweeps import inline, loaded, swept, table_bytes
 

@@ -10,21 +10,26 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_geometry, robot_frames
+from ballbar.cell.load import load_cell
+from ballbar.ident.estimator.closure import close_loop
+from ballbar.ident.thesis.paired_samples import fit_samples, noise_of
 from ballbar.run import run_scenario, simulate_scenario
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.sim.kinematic_samples import (
+    KinematicSamples,
+    SampledPath,
+    kinematic_samples,
+    sample_path,
+)
+from ballbar.sim.path_files import scenario_path
+from ballbar.sim.simulate import simulate
+from ballbar.sim.streams import stream
 from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import trial_samples
 from ballbar.trial.trial import run_trial
-from cell.errors import InputError
-from cell.geometry import nominal_geometry, robot_frames
-from cell.load import load_cell
-from ident.estimator.closure import close_loop
-from ident.thesis.paired_samples import fit_samples, noise_of
-from sim.kinematic_samples import KinematicSamples, SampledPath, kinematic_samples, sample_path
-from sim.path_files import scenario_path
-from sim.simulate import simulate
-from sim.streams import stream
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES
 

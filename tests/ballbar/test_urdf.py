@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ballbar.cell.descriptions import Link
+from ballbar.cell.errors import DescriptionError
 from ballbar.robot_file.urdf import parse_urdf, with_round_angles
 from ballbar.robot_file.urdf_chain import bodies, chain_between
-from cell.descriptions import Link
-from cell.errors import DescriptionError
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
 from tests.helpers.urdf_files import INERTIAL, Mass, urdf_text
 

@@ -16,11 +16,11 @@ import yaml
 from pydantic import ValidationError
 
 from ballbar import Calibration
+from ballbar.cell.errors import DescriptionError
 from ballbar.result.calibration import load_calibration
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.machine_entries import CovarianceEntry
 from ballbar.result.verification import temperature_remarks
-from cell.errors import DescriptionError
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_results import write_pose_table
 from tests.helpers.simulated_recordings import Recorded

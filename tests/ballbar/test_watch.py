@@ -17,7 +17,15 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from ballbar.cell.logs import RobotLog
+from ballbar.cell.statistics import rms
+from ballbar.ident.estimator.gauss_newton import SingularError
+from ballbar.ident.identify import kinematic_result
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.ident.verdict import Status
 from ballbar.result.run_recordings import identify_recordings
+from ballbar.sim.live.device_logs import GrowingRecording
 from ballbar.watch.alarms import standing
 from ballbar.watch.beside import WatchBeside
 from ballbar.watch.run import watch
@@ -25,14 +33,6 @@ from ballbar.watch.show import Data, line
 from ballbar.watch.state import WHITE, WIDENED, Estimate, WatchState
 from ballbar.watch.view import ALARMS, APPLICATION, SIGMA, WatchView, layout
 from ballbar.watch.watch import PATIENCE, Watch
-from cell.logs import RobotLog
-from cell.statistics import rms
-from ident.estimator.gauss_newton import SingularError
-from ident.identify import kinematic_result
-from ident.recording_fit import Logs
-from ident.result import Identification
-from ident.verdict import Status
-from sim.live.device_logs import GrowingRecording
 from tests.helpers.command_line import refusal
 from tests.helpers.simulated_recordings import CLOCK, Recorded
 

@@ -17,7 +17,24 @@ import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from acquisition.recording import Recording
+from ballbar.acquisition.recording import Recording
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.load import load_cell
+from ballbar.cell.payload import payload_of, with_payload
+from ballbar.ident.complete_fit import FIRST_EXCESS, fit_pose, posed
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.estimator.build_unknowns import arm_parameters
+from ballbar.ident.estimator.fit import fit_kinematics
+from ballbar.ident.estimator.identifiability import candidates
+from ballbar.ident.estimator.priors import belongs_to_recording
+from ballbar.ident.identify import kinematic_result, result_of
+from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import RecordingFit, fit_recording
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.tool_covariance import ToolCovariance
 from ballbar.result import calibration
 from ballbar.result import write_calibration as writer
 from ballbar.result.calibration import Calibration, load_calibration
@@ -25,23 +42,6 @@ from ballbar.result.machine_entries import CovarianceEntry, MassesEntry, covaria
 from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.result.write_calibration import RefusedResultError, write_calibration
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from cell.load import load_cell
-from cell.payload import payload_of, with_payload
-from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
-from ident.corrections import CORRECTIONS
-from ident.estimator.build_unknowns import arm_parameters
-from ident.estimator.fit import fit_kinematics
-from ident.estimator.identifiability import candidates
-from ident.estimator.priors import belongs_to_recording
-from ident.identify import kinematic_result, result_of
-from ident.loads.payload import PayloadEstimate
-from ident.options import FitOptions
-from ident.recording_fit import RecordingFit, fit_recording
-from ident.result import Identification
-from ident.robot.tool_covariance import ToolCovariance
 from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import bar_run, first_seconds, wire_run, write_folder
 from tests.helpers.minute_logs import minute_logs

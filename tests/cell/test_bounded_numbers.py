@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.schema import LARGEST, Strict
 from ballbar.export.formats import exported
 from ballbar.export.result import load_result
 from ballbar.scenario import load_scenario
-from cell.descriptions import Cell
-from cell.errors import DescriptionError
-from cell.geometry import Geometry
-from cell.schema import LARGEST, Strict
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.device_logs import put, write
 from tests.helpers.source_imports import FILES
@@ -25,7 +25,7 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 def test_every_schema_is_strict() -> None:
     plain = [name for name, file in FILES.items() if "(BaseModel)" in file.read_text("utf-8")]
-    assert plain == ["cell.schema"]
+    assert plain == ["ballbar.cell.schema"]
 
 
 @pytest.mark.parametrize("unit", sorted(LARGEST))

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cell.clock import Clock
+from ballbar.cell.clock import Clock
 
 
 @given(st.floats(-3600.0, 3600.0), st.floats(-2e-3, 2e-3), st.floats(-3600.0, 3600.0))

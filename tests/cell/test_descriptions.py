@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cell.chain import Chain, Frames, forward
-from cell.descriptions import BallBar, Robot
-from cell.errors import DescriptionError
-from cell.instruments.base import Instrument
-from cell.instruments.plane import TouchedPlane
-from cell.load import (
+from ballbar.cell.chain import Chain, Frames, forward
+from ballbar.cell.descriptions import BallBar, Robot
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.instruments.plane import TouchedPlane
+from ballbar.cell.load import (
     ballbar_names,
     instrument_names,
     load_ballbar,
@@ -25,7 +25,7 @@ from cell.load import (
     plate_names,
     robot_names,
 )
-from cell.robot_angles import (
+from ballbar.cell.robot_angles import (
     controller_to_joints,
     gear_to_axis_torques,
     joints_to_axes,

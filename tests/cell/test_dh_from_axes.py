@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.dh_from_axes import AxesError, DHForm, JointAxes, dh_from_axes, dh_from_modified
-from cell.load import load_robot
+from ballbar.cell.arrays import Array
+from ballbar.cell.dh_from_axes import AxesError, DHForm, JointAxes, dh_from_axes, dh_from_modified
+from ballbar.cell.load import load_robot
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
 
 ROUNDING = 1e-12  # [m, -] some ten products of matrices of order 1

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.errors import DescriptionError, InputError
-from cell.extended_yaml import (
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.extended_yaml import (
     ExtendableKind,
     files_of,
     load_extended,
@@ -18,8 +18,8 @@ from cell.extended_yaml import (
     renamed,
     with_changes,
 )
-from cell.schema import Strict
-from cell.strict_yaml import Place, parse_model
+from ballbar.cell.schema import Strict
+from ballbar.cell.strict_yaml import Place, parse_model
 
 BASE = """name: base
 cell: {robot: own.yaml, plate: plate_250, point: [1, 2, 3]}

@@ -6,8 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from cell.errors import InputError
-from cell.files import aside_of, require_writable, write_new, write_new_together, written_whole
+from ballbar.cell.errors import InputError
+from ballbar.cell.files import (
+    aside_of,
+    require_writable,
+    write_new,
+    write_new_together,
+    written_whole,
+)
 
 
 def test_a_folder_below_a_file_cannot_be_made(tmp_path: Path) -> None:

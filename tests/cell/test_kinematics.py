@@ -9,10 +9,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cell.chain import KINDS, Chain, forward, screw
-from cell.closed_form import robot_branches
-from cell.descriptions import Cell
-from cell.geometry import (
+from ballbar.cell.chain import KINDS, Chain, forward, screw
+from ballbar.cell.closed_form import robot_branches
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import (
     Geometry,
     bar_frames,
     mirrored,
@@ -20,11 +20,16 @@ from cell.geometry import (
     parameter_screw,
     robot_frames,
 )
-from cell.inverse import UnreachableError, bar_angles, refine
-from cell.load import load_cell
-from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, quat_wxyz, rotvec_from_matrix
-from sim.plant.effects import Plant, PlantEffects
-from sim.plant.mjcf import PlantModel, plant_model
+from ballbar.cell.inverse import UnreachableError, bar_angles, refine
+from ballbar.cell.load import load_cell
+from ballbar.cell.rotation import (
+    inverse_left_jacobian,
+    matrix_from_rotvec,
+    quat_wxyz,
+    rotvec_from_matrix,
+)
+from ballbar.sim.plant.effects import Plant, PlantEffects
+from ballbar.sim.plant.mjcf import PlantModel, plant_model
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.six_axes import NAMES, PARAMETERS
 

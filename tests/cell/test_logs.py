@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import read_only
-from cell.geometry import Geometry
-from cell.logs import BallBarLog, ForceLog, RobotLog
+from ballbar.cell.arrays import read_only
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import BallBarLog, ForceLog, RobotLog
 from tests.helpers.six_axes import NAMES, TABLE
 
 LOGS = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.neighbours import (
+from ballbar.cell.neighbours import (
     CUBIC,
     DAMAGED,
     SIDE_ROWS,

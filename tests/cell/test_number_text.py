@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW, Clock
-from cell.number_text import clock_offset_text, clock_skew_text, duration_text, significant_text
+from ballbar.cell.clock import UNSEEN_OFFSET, UNSEEN_SKEW, Clock
+from ballbar.cell.number_text import (
+    clock_offset_text,
+    clock_skew_text,
+    duration_text,
+    significant_text,
+)
 
 
 @pytest.mark.parametrize(

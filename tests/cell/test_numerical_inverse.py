@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.chain import Chain, forward
-from cell.closed_form import arm_branches, has_arm_branches, has_closed_form, robot_branches
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import nominal_geometry
-from cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
-from cell.numerical_inverse import REACHED, dexterity, pose_branches
-from sim.path import Lissajous, branches_along, tool_poses
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.closed_form import arm_branches, has_arm_branches, has_closed_form, robot_branches
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
+from ballbar.cell.numerical_inverse import REACHED, dexterity, pose_branches
+from ballbar.sim.path import Lissajous, branches_along, tool_poses
 
 CLOSED = {"irb120", "irb1600", "irb2400", "irb4400", "irb4600", "irb6640", "nj220"}
 

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.closed_form import robot_branches
-from cell.errors import DescriptionError, InputError
-from cell.geometry import (
+from ballbar.cell.closed_form import robot_branches
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.geometry import (
     nominal_geometry,
     parameter_named,
     parameter_table,
     robot_frames,
     table_of_names,
 )
-from cell.inverse import UnreachableError, refine
-from cell.load import load_ballbar, load_robot
-from cell.robot_angles import controller_to_joints, joints_to_axes, joints_to_motors
+from ballbar.cell.inverse import UnreachableError, refine
+from ballbar.cell.load import load_ballbar, load_robot
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes, joints_to_motors
 from tests.helpers.other_robots import FIVE_AXES, SEVEN_AXES, UR, Rows, cell_of, robot_text
 
 SIX_AXES_BETAS = ("rbeta2", "rbeta6")

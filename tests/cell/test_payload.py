@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.errors import InputError
-from cell.load import load_cell
-from cell.payload import Payload, payload_of, with_payload
+from ballbar.cell.errors import InputError
+from ballbar.cell.load import load_cell
+from ballbar.cell.payload import Payload, payload_of, with_payload
 
 
 @pytest.mark.parametrize(

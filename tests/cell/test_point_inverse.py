@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.chain import Chain
-from cell.load import load_robot
-from cell.numerical_inverse import point_columns, reach_points
-from cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.cell.chain import Chain
+from ballbar.cell.load import load_robot
+from ballbar.cell.numerical_inverse import point_columns, reach_points
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 
 POINT = np.array([0.05, -0.02, 0.12])
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cell import load
-from cell.chain import Chain, forward
-from cell.descriptions import Robot
-from cell.geometry import parameter_table
-from cell.load import load_robot, robot_names
-from cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.cell import load
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import parameter_table
+from ballbar.cell.load import load_robot, robot_names
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from tests.helpers.published_urdf import PUBLISHED, tip_pose
 from tests.helpers.real_robots import DATA
 

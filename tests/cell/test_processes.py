@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from cell.processes import Begin, second_process
+from ballbar.cell.processes import Begin, second_process
 
 PATIENCE = 300.0  # [s] for a process to start
 

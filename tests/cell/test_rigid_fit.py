@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.load import load_robot
-from cell.rigid_fit import nominal_frames, rigid_fit
-from cell.rotation import matrix_from_rotvec
+from ballbar.cell.load import load_robot
+from ballbar.cell.rigid_fit import nominal_frames, rigid_fit
+from ballbar.cell.rotation import matrix_from_rotvec
 
 TOOL = np.array([0.05, -0.02, 0.15])  # [m]
 FRAMES = nominal_frames(load_robot("irb2400"), np.random.default_rng(2).uniform(-1.0, 1.0, (60, 6)))

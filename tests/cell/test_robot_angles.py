@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.load import load_robot
-from cell.robot_angles import (
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import (
     controller_to_joints,
     joints_to_axes,
     joints_to_motors,

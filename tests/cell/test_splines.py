@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import make_lsq_spline
 
-from cell.splines import DEGREE, smoothing_spline
+from ballbar.cell.splines import DEGREE, smoothing_spline
 
 ROWS = np.arange(41) * 0.5  # [s]
 

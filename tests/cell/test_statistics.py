@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scipy.stats import chi2
 
-from cell.statistics import chi_square_quantile
+from ballbar.cell.statistics import chi_square_quantile
 
 
 @pytest.mark.parametrize("freedom", [1, 2.5, 3, 60])

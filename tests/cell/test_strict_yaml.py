@@ -10,12 +10,11 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-import cell
-from cell import strict_yaml
-from cell.errors import DescriptionError
-from cell.files import write_yaml
-from cell.schema_errors import wrong_key
-from cell.strict_yaml import MAX_BYTES, load_model, load_yaml, parse_model
+from ballbar.cell import strict_yaml
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.files import write_yaml
+from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.strict_yaml import MAX_BYTES, load_model, load_yaml, parse_model
 
 
 def write(folder: Path, text: str | bytes) -> Path:
@@ -329,7 +328,7 @@ def test_a_check_of_the_model_itself_is_reported_at_the_key_it_names(tmp_path: P
     )
 
 
-ROOT = Path(cell.__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(
     file
     for folder in ("cell", "acquisition", "scenarios")

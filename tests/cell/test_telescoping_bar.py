@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.descriptions import Cell
-from cell.errors import DescriptionError
-from cell.geometry import bar_frames, nominal_geometry
-from cell.load import load_measured_cell, load_plate, load_robot, load_telescoping_bar
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.geometry import bar_frames, nominal_geometry
+from ballbar.cell.load import load_measured_cell, load_plate, load_robot, load_telescoping_bar
 
 
 def test_a_draw_wire_stands_in_the_cell_as_a_massless_bar() -> None:

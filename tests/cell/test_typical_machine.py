@@ -7,9 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.descriptions import Robot
-from cell.load import load_robot, robot_names
-from cell.typical_machine import GEAR_SPREAD, KEYS, STIFFNESS_SPREAD, motor_turns, with_typical
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.load import load_robot, robot_names
+from ballbar.cell.typical_machine import (
+    GEAR_SPREAD,
+    KEYS,
+    STIFFNESS_SPREAD,
+    motor_turns,
+    with_typical,
+)
 
 # [kg] data sheets of the makers, as docs/how_to/own_robot.md lists them
 MASSES = {

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.files import write_yaml
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.corrections import CORRECTIONS
 from ballbar.result.calibration_schema import SCHEMA
-from cell.descriptions import Cell
-from cell.files import write_yaml
-from cell.geometry import Geometry
-from ident.corrections import CORRECTIONS
 from tests.helpers.six_axes import NAMES, SHARED
 
 GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")

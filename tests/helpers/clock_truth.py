@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.result import Identification
-from sim.simulate import Simulation
+from ballbar.ident.result import Identification
+from ballbar.sim.simulate import Simulation
 
 
 def clock_error(simulation: Simulation, found: Identification) -> np.ndarray:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.estimator.model import Model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.model import Model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
 
 EXCESS = ExcessNoise(3e-6, 3e-6, 5e-6, 1e-6)
 

@@ -14,8 +14,8 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from cell.egm_file import FILE_START, frame
-from sim.logging.containers import double, joint_state, number, part
+from ballbar.cell.egm_file import FILE_START, frame
+from ballbar.sim.logging.containers import double, joint_state, number, part
 from tests.helpers.scope_exports import START_NS, Series, export
 
 ROWS = 80

@@ -13,12 +13,12 @@ from types import FrameType
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.recording import read_ballbar, read_force, read_robot
-from acquisition.report import Finding
-from cell.errors import InputError
-from cell.load import load_robot
-from cell.neighbours import SMALLEST
-from cell.recording import EncoderFitting, EncoderName, SourceFile
+from ballbar.acquisition.recording import read_ballbar, read_force, read_robot
+from ballbar.acquisition.report import Finding
+from ballbar.cell.errors import InputError
+from ballbar.cell.load import load_robot
+from ballbar.cell.neighbours import SMALLEST
+from ballbar.cell.recording import EncoderFitting, EncoderName, SourceFile
 from tests.helpers.container_files import (
     Written,
     db3,

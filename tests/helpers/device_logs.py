@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from acquisition.flags import RowFlag
-from acquisition.recording import Recording
-from cell.load import load_robot
-from cell.robot_angles import joints_to_motors
+from ballbar.acquisition.flags import RowFlag
+from ballbar.acquisition.recording import Recording
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import joints_to_motors
 
 ROBOT = load_robot("irb2400")
 EPOCH = 1_100_000_000_000_000_003  # [ns]

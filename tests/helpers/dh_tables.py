@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 
 def turn(axis: str, angle: Array | float) -> Array:

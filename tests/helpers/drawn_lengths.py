@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.geometry import robot_frames
+from ballbar.ident.identify import identify_together
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Machine
 from ballbar.scenario import Scenario, load_scenario
-from cell.geometry import robot_frames
-from ident.identify import identify_together
-from ident.recording_fit import Logs
-from ident.result import Machine
-from sim.path_files import scenario_path
-from sim.recording_files import write_recording
-from sim.simulate import simulate
-from sim.true_robot import TrueMachine, true_machine
+from ballbar.sim.path_files import scenario_path
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
+from ballbar.sim.true_robot import TrueMachine, true_machine
 from tests.helpers.drawn_robots import SCENARIOS
 
 PLACED = 1e-4  # [m] standard deviation of the bar's seat, which its stroke of 1 mm has to take

@@ -6,23 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry
+from ballbar.cell.load import load_cell
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Machine
 from ballbar.scenario import Scenario, load_scenario
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry
-from cell.load import load_cell
-from cell.logs import BallBarLog, RobotLog
-from cell.robot_angles import joints_to_motors, motors_to_joints
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs
-from ident.result import Machine
-from sim.errors.sensor_effects import ResolverEffects, encoder_effects, resolver_effects
-from sim.errors.static_errors import true_geometry
-from sim.path import reference_path
-from sim.path_files import load_lissajous
-from sim.plant.effects import PlantEffects, plant_effects
-from sim.plant.kinematic_plant import run_kinematic
+from ballbar.sim.errors.sensor_effects import ResolverEffects, encoder_effects, resolver_effects
+from ballbar.sim.errors.static_errors import true_geometry
+from ballbar.sim.path import reference_path
+from ballbar.sim.path_files import load_lissajous
+from ballbar.sim.plant.effects import PlantEffects, plant_effects
+from ballbar.sim.plant.kinematic_plant import run_kinematic
 from tests.helpers.drawn_robots import DRAWN, SCENARIOS
 
 OPTIONS = FitOptions(model="complete", corrections=("gear_ripple", "encoder_harmonics"))

@@ -7,13 +7,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
-from cell.load import load_robot
-from cell.poses import PoseTable
-from ident.estimator.build_unknowns import arm_parameters
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.load import load_robot
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.estimator.build_unknowns import arm_parameters
 from tests.helpers.still_poses import group
 
 TARGET = np.array([0.05, -0.03, 0.12])  # [m] of the reflector in the flange's frame

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.recording_fit import Logs
 from ballbar.scenario import Scenario, load_scenario
-from cell.descriptions import Cell
-from ident.recording_fit import Logs
-from sim.recording_files import write_recording
-from sim.simulate import simulate
-from sim.truth import Truth
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
+from ballbar.sim.truth import Truth
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "scenarios"

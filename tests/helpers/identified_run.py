@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.ident.identify import identify
+from ballbar.ident.options import FitOptions
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import simulate
 from ballbar.truth.compare import identification_against_truth
 from ballbar.truth.limits import Limit
-from ident.identify import identify
-from ident.options import FitOptions
-from sim.recording_files import write_recording
-from sim.simulate import simulate
 from tests.helpers.simulated_recordings import SCENARIOS
 
 SCENARIO = SCENARIOS / "irb2400.yaml"

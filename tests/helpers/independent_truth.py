@@ -18,10 +18,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import Geometry, mirrored, parameter_named
-from ident.result import Identification
-from ident.robot.accuracy import rigid_basis
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, mirrored, parameter_named
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import rigid_basis
 from tests.independent.machine import Machine
 
 DRAWS = 400

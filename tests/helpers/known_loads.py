@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import cross, joint_screws
-from cell.geometry import robot_frames
-from ident.loads.gear_loads import Loads, loads, mass_model, own_weight
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import cross, joint_screws
+from ballbar.cell.geometry import robot_frames
+from ballbar.ident.loads.gear_loads import Loads, loads, mass_model, own_weight
 from tests.helpers.synthetic_recording import CELL, NOMINAL, exact_log, minute
 
 FRICTION = 1.2, 0.8  # of the catalogue's Coulomb and viscous friction

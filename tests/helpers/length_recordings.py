@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import BallBar, Cell
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
-from cell.inverse import refine
-from cell.load import load_plate, load_robot, load_telescoping_bar
-from cell.logs import LengthLog, RobotLog
-from ident.recording_fit import Logs
-from sim.path import Lissajous, reference_path
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import BallBar, Cell
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.inverse import refine
+from ballbar.cell.load import load_plate, load_robot, load_telescoping_bar
+from ballbar.cell.logs import LengthLog, RobotLog
+from ballbar.ident.recording_fit import Logs
+from ballbar.sim.path import Lissajous, reference_path
 
 PLATE = load_plate("plate_250")
 ROBOT = load_robot("irb2400")

@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from acquisition.recording import read_recording
-from cell.arrays import Array
-from cell.chain import Frames, cross, joint_screws
-from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
-from cell.inverse import refine
-from cell.load import load_cell
-from sim.logging.load_logs import ForceSensor
-from sim.motion import Motion
-from sim.recording_files import truth_path
-from sim.truth import load_truth
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Frames, cross, joint_screws
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.inverse import refine
+from ballbar.cell.load import load_cell
+from ballbar.sim.logging.load_logs import ForceSensor
+from ballbar.sim.motion import Motion
+from ballbar.sim.recording_files import truth_path
+from ballbar.sim.truth import load_truth
 
 RIDERS = slice(2, 5)  # links of the ball-bar that the rod's stretch carries along
 

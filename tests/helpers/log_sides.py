@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.estimator.clock_fit import Side
-from ident.signals.smooth_log import interpolating_log
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.clock_fit import Side
+from ballbar.ident.signals.smooth_log import interpolating_log
 
 
 def side_of(t: Array, values: Array, *, centre: float = 0.0, scale: float = 1.0) -> Side:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from ident.loads.gear_loads import loads, mass_model
-from ident.loads.logged_tension import LoggedTorque
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.loads.gear_loads import loads, mass_model
+from ballbar.ident.loads.logged_tension import LoggedTorque
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

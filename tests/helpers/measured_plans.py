@@ -10,24 +10,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, forward
-from cell.geometry import robot_geometry
-from cell.placement import Placement, target_frames
-from cell.poses import PoseTable
-from cell.robot_angles import controller_to_joints
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.build_unknowns import arm_parameters
-from ident.robot.accuracy import TcpError, position_error
-from ident.robot.identified import IdentifiedRobot
-from planning.feasible_poses import Candidates
-from planning.pose_information import expected_group
-from planning.stations import PoseSetup, Station
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, forward
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.placement import Placement, target_frames
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.build_unknowns import arm_parameters
+from ballbar.ident.robot.accuracy import TcpError, position_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.planning.feasible_poses import Candidates
+from ballbar.planning.pose_information import expected_group
+from ballbar.planning.stations import PoseSetup, Station
 
 LENGTH, ANGLE = 3e-4, 1e-3  # [m], [rad] sigma of DH parameters
-SAG = 2e-4  # [rad/m] sigma of a coefficient of ident.corrections.unit_weights
+SAG = 2e-4  # [rad/m] sigma of a coefficient of ballbar.ident.corrections.unit_weights
 RIPPLE, ORDERS = 2e-5, (1, 2, 3)  # [rad] amplitude of each order of each joint
 PLACED = 5e-3  # [m], [rad] sigma of seats and targets about where the request has them
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.clock import Clock
-from cell.geometry import Geometry
-from cell.logs import BallBarLog, RobotLog
-from ident.corrections.gear_ripple import harmonic_orders
-from ident.recording_fit import Logs
-from sim.errors.static_errors import THESIS_3_1
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.ident.corrections.gear_ripple import harmonic_orders
+from ballbar.ident.recording_fit import Logs
+from ballbar.sim.errors.static_errors import THESIS_3_1
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL, UNIVERSAL_AND_GIMBAL, closed, minute
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.logs import ChannelLog
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.logs import ChannelLog
 
 POINT, TURN, RATE = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")
 KINDS = {  # channels of A and of B

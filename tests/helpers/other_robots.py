@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.inverse import bar_angles
-from cell.load import load_cell
-from cell.logs import BallBarLog, RobotLog
-from ident.estimator.closure import closed_angles
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry, robot_frames
+from ballbar.cell.inverse import bar_angles
+from ballbar.cell.load import load_cell
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.ident.estimator.closure import closed_angles
 from tests.helpers.device_logs import EPOCH, PER_RAD, description
 
 # a [m], d [m], alpha [deg], theta [deg]: UR5e (Universal Robots, DH parameters of the UR5e),

@@ -1,4 +1,4 @@
-"""Still poses of two robots without anything of sim/ or cell.chain: plain 4 x 4 matrices.
+"""Still poses of two robots without anything of sim/ or ballbar.cell.chain: plain 4 x 4 matrices.
 
 The Panda is moved by Franka's published rows, which are of Craig's convention, the IRB 120 by the
 axes of its joints in space (product of exponentials). Their errors are errors of these numbers, not

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from sim.motion import deflect
-from sim.path import ReferencePath
-from sim.plant.effects import Plant
-from sim.plant.mjcf import plant_model
-from sim.plant.mujoco_plant import PlantRun, equilibrium_state, roll_out
-from sim.plant.statics import equilibrium
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.sim.motion import deflect
+from ballbar.sim.path import ReferencePath
+from ballbar.sim.plant.effects import Plant
+from ballbar.sim.plant.mjcf import plant_model
+from ballbar.sim.plant.mujoco_plant import PlantRun, equilibrium_state, roll_out
+from ballbar.sim.plant.statics import equilibrium
 
 HOLD, TIMESTEP = 4.0, 1e-3  # [s]
 CELLS = {

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.descriptions import Cell
-from cell.geometry import robot_frames
-from ident.corrections import CORRECTIONS
-from ident.corrections.gear_ripple import harmonic_orders
-from ident.identify import identify_together
-from ident.options import DEFAULT_SAMPLES, FitOptions
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.inverse_calibration import TargetError, corrected_targets
-from sim.plant.effects import PlantEffects
-from sim.plant.held import hold_machine, pose_distance
-from sim.true_robot import TrueMachine, true_machine
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import robot_frames
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.corrections.gear_ripple import harmonic_orders
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import DEFAULT_SAMPLES, FitOptions
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
+from ballbar.sim.plant.effects import PlantEffects
+from ballbar.sim.plant.held import hold_machine, pose_distance
+from ballbar.sim.true_robot import TrueMachine, true_machine
 from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 POSES = 200

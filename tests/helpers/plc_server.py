@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.plc_ring import SAMPLE
-from sim.live.plc import CAPACITY, STARTED
-from sim.live.plc import Plc as SimulatedPlc
+from ballbar.cell.plc_ring import SAMPLE
+from ballbar.sim.live.plc import CAPACITY, STARTED
+from ballbar.sim.live.plc import Plc as SimulatedPlc
 
 JOINTS = (1, 2, 4, 5)
 

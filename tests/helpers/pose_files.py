@@ -12,11 +12,11 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from acquisition.pose_tables import read_poses
-from cell.arrays import Array
-from cell.errors import InputError, LogError
-from cell.load import load_robot
-from cell.rigid_fit import nominal_frames
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.load import load_robot
+from ballbar.cell.rigid_fit import nominal_frames
 
 ROBOT = load_robot("ur5")
 POSES = 40

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.files import write_yaml
-from cell.geometry import nominal_chain
-from cell.load import load_robot
-from cell.poses import PoseTable
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.build_unknowns import arm_parameters
+from ballbar.cell.arrays import Array
+from ballbar.cell.files import write_yaml
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.load import load_robot
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.build_unknowns import arm_parameters
 
 RANGE = 2.0  # [rad] over which every joint is said to be fitted
 ORDER = 17  # of the joint error of joint 2

@@ -1,4 +1,4 @@
-"""Reads back what planning.programs writes: RAPID, PDL2 and KRL of a path, nothing else."""
+"""Reads back what ballbar.planning.programs writes: RAPID, PDL2 and KRL of a path, nothing else."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain
-from cell.robot_angles import controller_to_joints
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.robot_angles import controller_to_joints
 
 FAR = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
 TOOL = "[TRUE,[[10.5,-20,180.25],[0.965925826,0,0.258819045,0]],[4.2,[5,0,90],[1,0,0,0],0,0,0]]"

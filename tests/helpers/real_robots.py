@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cell.files import write_yaml
+from ballbar.cell.files import write_yaml
 
 DATA = Path(__file__).parents[3] / "shared" / "real_robots"
 PANDA_SITES = {

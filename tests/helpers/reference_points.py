@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from acquisition.reference_fit import ReferenceFit, fit_references
-from cell.arrays import Array
-from cell.rigid_fit import kabsch
+from ballbar.acquisition.reference_fit import ReferenceFit, fit_references
+from ballbar.cell.arrays import Array
+from ballbar.cell.rigid_fit import kabsch
 
 # Fixed points about a robot, from a tracker 3 m away.
 TRACKER = np.array([3.0, -1.0, 0.5])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rerun.chunk import Chunk, RrdReader
 
-from cell.arrays import Array
+from ballbar.cell.arrays import Array
 
 
 def chunks(path: Path, entity: str = "") -> list[Chunk]:

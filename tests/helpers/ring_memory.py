@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from acquisition.live.source import DeviceSilentError
+from ballbar.acquisition.live.source import DeviceSilentError
 from tests.helpers.plc_server import Plc
 
 

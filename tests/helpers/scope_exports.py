@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.formats.scope import read_scope
-from acquisition.report import Finding
-from acquisition.table.header import Kind, Layout
+from ballbar.acquisition.formats.scope import read_scope
+from ballbar.acquisition.report import Finding
+from ballbar.acquisition.table.header import Kind, Layout
 
 FILETIME = 132_959_733_843_760_000  # start of every export: 2022-05-02, UTC [100 ns since 1601]
 START_NS = (FILETIME - 116_444_736_000_000_000) * 100  # the same instant since 1970

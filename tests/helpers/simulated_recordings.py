@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.clock import Clock
-from cell.geometry import Geometry
-from sim.motion import Motion
-from sim.recording_files import write_recording
-from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.sim.motion import Motion
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.simulate import Simulation, simulate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 CLOCK = Clock(0.137, 5e-5)  # of the ball-bar, if no other is stated

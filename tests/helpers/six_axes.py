@@ -1,9 +1,9 @@
 """The parameter table of the IRB 2400 and the NJ 220: six axes, the second and third parallel."""
 
-from cell.geometry import parameter_table
-from cell.load import load_robot
-from ident.estimator.priors import fixed_names, shared_names
-from ident.estimator.thesis_names import extra_parameters, thesis_parameters
+from ballbar.cell.geometry import parameter_table
+from ballbar.cell.load import load_robot
+from ballbar.ident.estimator.priors import fixed_names, shared_names
+from ballbar.ident.estimator.thesis_names import extra_parameters, thesis_parameters
 
 TABLE = parameter_table(load_robot("irb2400"))
 PARAMETERS, NAMES, INDEX = TABLE.parameters, TABLE.names, TABLE.index

@@ -11,11 +11,25 @@ from pathlib import Path
 from ballbar import PACKAGES
 
 ROOT = Path(__file__).parents[2]
+
+
+def module_name(file: Path) -> str:
+    """Full name of the module in a file of the source tree: `ballbar.cell.x` of `cell/x.py`."""
+    parts = file.relative_to(ROOT).with_suffix("").parts
+    inside = parts if parts[0] == "ballbar" else ("ballbar", *parts)
+    return ".".join(inside).removesuffix(".__init__")
+
+
 FILES = {
-    ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
-    for package in PACKAGES
-    for file in (ROOT / package).rglob("*.py")
+    module_name(file): file for package in PACKAGES for file in (ROOT / package).rglob("*.py")
 }  # by the module's full name
+
+
+def part_of(name: str) -> str:
+    """The folder that a module of ours stands in; of another module the first part of its name."""
+    first, _, rest = name.partition(".")
+    inside = rest.partition(".")[0]
+    return inside if first == "ballbar" and inside in PACKAGES else first
 
 
 @cache
@@ -25,8 +39,8 @@ def tree(file: Path) -> ast.Module:
 
 
 def imported(file: Path) -> set[str]:
-    """First parts of all names that a file imports, also within functions."""
-    return {name.split(".")[0] for name in full_names(file)}
+    """Parts (`part_of`) of all names that a file imports, also within functions."""
+    return {part_of(name) for name in full_names(file)}
 
 
 def full_names(file: Path) -> set[str]:

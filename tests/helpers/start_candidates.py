@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cell.clock import Clock
-from cell.geometry import Geometry
-from ident.start.automatic import Candidate, Hypothesis
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.start.automatic import Candidate, Hypothesis
 from tests.helpers.synthetic_recording import NOMINAL
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.arrays import Array
-from ident.result import Identification
-from ident.robot.accuracy import accuracy_grid, position_sigma
+from ballbar.cell.arrays import Array
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import accuracy_grid, position_sigma
 
 RATIO = (0.8, 1.2)  # target of the error over the stated one, rms over the robots
 COVERAGE = (0.93, 0.97)  # target of the share of 95 % intervals that hold the truth

@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.chain import Chain, Frames, forward, joint_screws
-from cell.descriptions import Robot
-from cell.geometry import nominal_chain, robot_geometry
-from cell.instruments import kind_named
-from cell.instruments.base import TrueStand
-from cell.load import instrument_names, load_instrument, load_robot
-from cell.placement import Placement, target_frames
-from cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
-from ident.corrections.base import Correction
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.build_unknowns import arm_parameters
-from ident.evidence import Evidence
-from ident.robot.identified import IdentifiedRobot
-from ident.rules import judge
-from ident.table_estimate import TableEstimate
-from ident.verdict import Verdict
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, Frames, forward, joint_screws
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.geometry import nominal_chain, robot_geometry
+from ballbar.cell.instruments import kind_named
+from ballbar.cell.instruments.base import TrueStand
+from ballbar.cell.load import instrument_names, load_instrument, load_robot
+from ballbar.cell.placement import Placement, target_frames
+from ballbar.cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.build_unknowns import arm_parameters
+from ballbar.ident.evidence import Evidence
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.rules import judge
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.verdict import Verdict
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -6,9 +6,9 @@ import os
 import signal
 from pathlib import Path
 
+from ballbar.cell.errors import DescriptionError, InputError
 from ballbar.scenario import Scenario
-from cell.errors import DescriptionError, InputError
-from sim.streams import stream
+from ballbar.sim.streams import stream
 
 
 def figures(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:

@@ -11,16 +11,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.chain import screw
-from cell.clock import Clock
-from cell.geometry import Geometry, bar_frames, nominal_geometry
-from cell.inverse import refine
-from cell.load import load_cell
-from ident.estimator.closure import Closure, close_loop
-from ident.estimator.samples import Samples, samples_of
-from ident.signals.smooth_log import SmoothLog, interpolating_log
-from sim.path import Lissajous, ReferencePath, reference_path
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import screw
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_geometry
+from ballbar.cell.inverse import refine
+from ballbar.cell.load import load_cell
+from ballbar.ident.estimator.closure import Closure, close_loop
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.signals.smooth_log import SmoothLog, interpolating_log
+from ballbar.sim.path import Lissajous, ReferencePath, reference_path
 
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.sim.truth import Truth
 from ballbar.truth.compare import true_tool
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.poses import PoseTable
-from cell.rotation import matrix_from_rotvec
-from sim.truth import Truth
 from tests.helpers.still_poses import group
 
 POINTS, SIGMA = 12, 15e-6  # [m] of the tracker, along each axis

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.logs import ChannelLog
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.logs import ChannelLog
 
 NOISE = 1e-4  # [unit of A] of every row of A; B's is as large after its gain
 GAINS, ZEROS = np.array([-57.3, 0.4]), np.array([3.0, -20.0])

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames
-from cell.inverse import refine
-from ident.estimator.samples import Samples
-from ident.identify import identify_together
-from ident.recording_fit import Logs
-from ident.result import Identification
-from sim.truth import Truth
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, bar_frames
+from ballbar.cell.inverse import refine
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.identify import identify_together
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.sim.truth import Truth
 from tests.helpers.drawn_robots import recorded as logs_of
 from tests.helpers.drawn_robots import scenario_of
 from tests.helpers.simulated_recordings import perturbed

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cell.errors import LogError
-from cell.logs import ChannelLog
-from ident.channel_groups import groups_by_name
-from ident.estimator.channel_map import ChannelMap, Trace, linearised
-from ident.log_alignment import AlignmentError, align_logs
+from ballbar.cell.errors import LogError
+from ballbar.cell.logs import ChannelLog
+from ballbar.ident.channel_groups import groups_by_name
+from ballbar.ident.estimator.channel_map import ChannelMap, Trace, linearised
+from ballbar.ident.log_alignment import AlignmentError, align_logs
 from tests.helpers.moving_body import KINDS, POINT, RATE, TURN, two_recorders, wandering
 
 SEEDS = 40

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.logs import BallBarLog, RobotLog
-from cell.statistics import rms
-from ident.identify import identify_together
-from ident.options import FitOptions, Listener
-from ident.recording_fit import Logs
-from ident.result import Identification
-from ident.verdict import Status
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.cell.statistics import rms
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions, Listener
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.ident.verdict import Status
 from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from ident.channel_pair import ChannelPair, channel_pair
-from ident.estimator.clock_fit import fit_clock
+from ballbar.cell.arrays import Array
+from ballbar.ident.channel_pair import ChannelPair, channel_pair
+from ballbar.ident.estimator.clock_fit import fit_clock
 from tests.helpers.log_sides import side_of
 from tests.helpers.moving_body import wandering
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident import complete_fit
-from ident.complete_fit import (
+from ballbar.ident import complete_fit
+from ballbar.ident.complete_fit import (
     CONTINUATION,
     DEVIATION,
     FIRST_EXCESS,
@@ -25,18 +25,18 @@ from ident.complete_fit import (
     with_likely_tension,
     with_tension,
 )
-from ident.corrections import CORRECTIONS, supported_corrections
-from ident.corrections.base import Correction
-from ident.corrections.rod_elongation import rod_elongation
-from ident.estimator.fit import Fit
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.uncertainty import mean_autocorrelation
-from ident.held_machine import closed_loop
-from ident.model_choice import AUTOCORRELATED, coefficients_of, lasting, unsupported
-from ident.options import FitOptions, Listener
-from ident.recording_fit import RecordingFit, fit_recording
-from ident.robot.identified import IdentifiedRobot
-from ident.signals.steps import StepFault
+from ballbar.ident.corrections import CORRECTIONS, supported_corrections
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.rod_elongation import rod_elongation
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.uncertainty import mean_autocorrelation
+from ballbar.ident.held_machine import closed_loop
+from ballbar.ident.model_choice import AUTOCORRELATED, coefficients_of, lasting, unsupported
+from ballbar.ident.options import FitOptions, Listener
+from ballbar.ident.recording_fit import RecordingFit, fit_recording
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.signals.steps import StepFault
 from tests.helpers.known_loads import tension_at
 from tests.helpers.minute_logs import LATE, minute_logs
 from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL

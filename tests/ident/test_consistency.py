@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from cell.logs import RobotLog
-from ident.complete_fit import fit_complete
-from ident.consistency import Change, Consistency, consistency
-from ident.options import FitOptions
-from ident.recording_fit import Logs, fit_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import RobotLog
+from ballbar.ident.complete_fit import fit_complete
+from ballbar.ident.consistency import Change, Consistency, consistency
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs, fit_recording
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

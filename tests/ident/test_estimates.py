@@ -8,14 +8,14 @@ from typing import cast
 import numpy as np
 import pytest
 
-from cell.geometry import parameter_named
-from cell.load import load_robot
-from ident.corrections.joint_compliance import gear_compliance
-from ident.estimates import pulled
-from ident.estimator.fit import Fit
-from ident.estimator.priors import LENGTH_PRIOR
-from ident.fitted_robot import softer_gears
-from ident.table_fit import added_table
+from ballbar.cell.geometry import parameter_named
+from ballbar.cell.load import load_robot
+from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.estimates import pulled
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.priors import LENGTH_PRIOR
+from ballbar.ident.fitted_robot import softer_gears
+from ballbar.ident.table_fit import added_table
 
 
 def fit_of(changes: dict[str, float], sigma: float = 1e-6) -> Fit:

@@ -9,7 +9,9 @@ import pytest
 from tests.helpers.source_imports import FILES, ROOT, full_names
 
 MODULES = {
-    name for name, file in FILES.items() if name.startswith("ident.") and file.name != "__init__.py"
+    name
+    for name, file in FILES.items()
+    if name.startswith("ballbar.ident.") and file.name != "__init__.py"
 }
 TESTS = sorted((ROOT / "tests" / "ident").rglob("test_*.py"))
 
@@ -22,7 +24,11 @@ def imports_of(file: Path) -> set[str]:
 
 def test_modules_and_tests_are_found() -> None:
     """Or the next test would say nothing."""
-    assert {"ident.verdict", "ident.estimator.fit", "ident.corrections.rod_strain"} < MODULES
+    assert {
+        "ballbar.ident.verdict",
+        "ballbar.ident.estimator.fit",
+        "ballbar.ident.corrections.rod_strain",
+    } < MODULES
     assert len(TESTS) > 30
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.poses import PoseGroup, PoseTable
-from ident.findings import LEAST_SCALE, last_moves
-from ident.options import FitOptions
-from ident.table_estimate import TableEstimate
-from ident.table_fit import fit_table
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.ident.findings import LEAST_SCALE, last_moves
+from ballbar.ident.options import FitOptions
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
 from tests.helpers.still_poses import angles, table_of, true_robot, verdict_of, with_group
 
 Q = np.array([[0.0, 0.0], [0.1, 0.2], [0.4, 0.1]])  # three poses [rad]

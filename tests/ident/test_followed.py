@@ -8,27 +8,27 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import robot_geometry
-from cell.load import load_instrument, load_robot
-from cell.logs import RobotLog, TrackerLog
-from cell.poses import PoseTable
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.corrections.unit_weights import unit_weights
-from ident.estimates import result_at_rest
-from ident.estimator.build_unknowns import still_unknowns
-from ident.estimator.model import still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.regions import SAME_POSE, pose_regions
-from ident.signals.smooth_log import motion_of
-from ident.start.automatic import StartError
-from ident.start.followed import followed_table
-from ident.start.placements import PoseStartError, placed_by
-from ident.table_estimate import TableEstimate
-from ident.table_fit import fit_table
-from ident.verdict import Status
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.cell.logs import RobotLog, TrackerLog
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimates import result_at_rest
+from ballbar.ident.estimator.build_unknowns import still_unknowns
+from ballbar.ident.estimator.model import still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.regions import SAME_POSE, pose_regions
+from ballbar.ident.signals.smooth_log import motion_of
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.start.followed import followed_table
+from ballbar.ident.start.placements import PoseStartError, placed_by
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.verdict import Status
 from tests.helpers.followed_robot import FollowedRobot
 from tests.helpers.still_poses import angles, table_of, true_robot
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.geometry import Geometry
-from cell.logs import BallBarLog
-from ident.held_machine import LoopClosure
-from ident.held_out import HeldOut, held_out
-from ident.identify import identify_together
-from ident.options import FitOptions, Listener
-from ident.result import Identification
-from ident.signals.steps import StepFault
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import BallBarLog
+from ballbar.ident.held_machine import LoopClosure
+from ballbar.ident.held_out import HeldOut, held_out
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions, Listener
+from ballbar.ident.result import Identification
+from ballbar.ident.signals.steps import StepFault
 from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.synthetic_recording import CELL
 

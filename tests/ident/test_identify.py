@@ -9,7 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.clock import Clock
+from ballbar.cell.load import load_cell
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.cell.statistics import rms
+from ballbar.ident import complete_fit
+from ballbar.ident.complete_fit import fit_pose
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.identify import identify, identify_together
+from ballbar.ident.options import FitOptions, Listener
+from ballbar.ident.result import Identification, RecordingEstimate
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.tcp_uncertainty import SCALE
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.verdict import Status
 from ballbar.identify_settings import IdentifySettings
 from ballbar.result.calibration import load_calibration
 from ballbar.result.run_data import RunData
@@ -17,22 +31,8 @@ from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
+from ballbar.sim.recording_files import truth_path
 from ballbar.truth.compare import identification_against_truth
-from cell.clock import Clock
-from cell.load import load_cell
-from cell.logs import BallBarLog, RobotLog
-from cell.statistics import rms
-from ident import complete_fit
-from ident.complete_fit import fit_pose
-from ident.estimator.fit import Fit
-from ident.identify import identify, identify_together
-from ident.options import FitOptions, Listener
-from ident.result import Identification, RecordingEstimate
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.tcp_uncertainty import SCALE
-from ident.start.automatic import StartError
-from ident.verdict import Status
-from sim.recording_files import truth_path
 from tests.helpers.minute_logs import TRUE, minute_logs
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.pose_tables import read_poses
-from cell.chain import Chain, forward
-from cell.load import load_robot
-from cell.poses import PoseTable
-from ident.table_fit import fit_table
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.load import load_robot
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.table_fit import fit_table
 from tests.helpers.own_poses import OwnArm, irb120, length_poses, panda, socket_poses, written
 
 SIGMA = 5e-5  # [m] of lengths, and of the play of sockets

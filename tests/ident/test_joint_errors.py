@@ -8,28 +8,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.load import load_robot
+from ballbar.ident.complete_fit import FIRST_EXCESS, fit_pose, posed
+from ballbar.ident.corrections.gear_ripple import harmonic_orders
+from ballbar.ident.corrections.joint_compliance import joint_compliance
+from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
+from ballbar.ident.identify import identify_together
+from ballbar.ident.joint_errors import candidate_orders, linearised, may_have_joint_errors
+from ballbar.ident.options import FitOptions, Listener
+from ballbar.ident.recording_fit import fit_recording
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error
+from ballbar.ident.verdict import Status
 from ballbar.report.parameters import correction_tables
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import robot_frames
-from cell.load import load_robot
-from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
-from ident.corrections.gear_ripple import harmonic_orders
-from ident.corrections.joint_compliance import joint_compliance
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
-from ident.identify import identify_together
-from ident.joint_errors import candidate_orders, linearised, may_have_joint_errors
-from ident.options import FitOptions, Listener
-from ident.recording_fit import fit_recording
-from ident.result import Identification
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.verdict import Status
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 JOINT, ORDER, SIZE = 1, 17, 2.5e-4  # from 0, cycles a turn, [rad]
 OPTIONS = FitOptions(samples=600)
-MODULE = importlib.import_module("ident.identify")  # the package has a function of that name
+MODULE = importlib.import_module(
+    "ballbar.ident.identify"
+)  # the package has a function of that name
 
 
 def identified(

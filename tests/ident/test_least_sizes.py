@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ident.least_sizes import LITTLE_SHIFT, WANDER_LENGTH, not_by_chance
+from ballbar.ident.least_sizes import LITTLE_SHIFT, WANDER_LENGTH, not_by_chance
 
 
 @pytest.mark.parametrize("count", [1, 5])

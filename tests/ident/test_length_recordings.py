@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.errors import InputError
-from ident.held_out import held_out
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.result import Identification
-from ident.verdict import Status
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import InputError
+from ballbar.ident.held_out import held_out
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.result import Identification
+from ballbar.ident.verdict import Status
 from tests.helpers.length_recordings import LengthRun, bar_run, wire_run
 
 DH = FitOptions(model="dh", samples=1000)

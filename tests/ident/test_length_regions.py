@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.pose_tables import read_poses
-from cell.arrays import Array
-from cell.poses import PoseTable
-from cell.rotation import matrix_from_rotvec
-from ident.options import FitOptions
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.pose_covariance import PoseCovariance
-from ident.table_estimate import TableEstimate
-from ident.table_fit import fit_table
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.ident.options import FitOptions
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.pose_covariance import PoseCovariance
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
 from tests.helpers import real_robots
 from tests.helpers.still_poses import TrueRobot, angles, group, table_of, true_robot, verdict_of
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.errors import LogError
-from cell.logs import ChannelLog
-from ident.log_alignment import AlignmentError, align_logs
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import LogError
+from ballbar.cell.logs import ChannelLog
+from ballbar.ident.log_alignment import AlignmentError, align_logs
 from tests.helpers.two_recorders import GAINS, ZEROS, two_logs, wandering
 
 SEEDS = 20

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.chain import forward
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from cell.placement import Placement
-from cell.poses import PoseGroup, PoseTable
-from ident.corrections import CORRECTIONS
-from ident.identify import identify_together
-from ident.machine_at_rest import arm_at_rest, table_at_rest
-from ident.recording_fit import Logs
-from ident.result import Identification, Machine
-from ident.robot.identified import IdentifiedRobot
-from ident.verification import Verification
-from ident.verify_table import verify
-from sim.truth import Truth
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.identify import identify_together
+from ballbar.ident.machine_at_rest import arm_at_rest, table_at_rest
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification, Machine
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.verification import Verification
+from ballbar.ident.verify_table import verify
+from ballbar.sim.truth import Truth
 from tests.helpers.tracker_points import still_points
 
 SEED, MEASURED = 3, 2e-5  # [m] of still poses along each axis

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.load import load_robot
-from cell.poses import PoseTable
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs
-from ident.result import Identification
-from ident.verdict import Status
-from sim.truth import Truth
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.load import load_robot
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs
+from ballbar.ident.result import Identification
+from ballbar.ident.verdict import Status
+from ballbar.sim.truth import Truth
 from tests.helpers.tracker_points import SIGMA, still_points
 
 KINEMATICS = FitOptions(model="dh")

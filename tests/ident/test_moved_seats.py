@@ -9,16 +9,16 @@ from typing import cast
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.placement import Placement
-from cell.poses import Measured, PoseTable
-from ident.estimator.fit import Fit
-from ident.held_out import held_out_poses
-from ident.moved_seats import confirms
-from ident.options import FitOptions
-from ident.table_fit import fit_table
-from ident.table_steps import Step, instants, renamed
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import Measured, PoseTable
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.held_out import held_out_poses
+from ballbar.ident.moved_seats import confirms
+from ballbar.ident.options import FitOptions
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.table_steps import Step, instants, renamed
 from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot, verdict_of
 
 PLAIN = FitOptions(joint_errors="none")

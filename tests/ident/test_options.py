@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from ident.corrections import CORRECTIONS
-from ident.options import DEFAULT_SAMPLES, DEFAULTS, FitOptions
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.options import DEFAULT_SAMPLES, DEFAULTS, FitOptions
 
 
 def test_by_default_the_data_decide() -> None:

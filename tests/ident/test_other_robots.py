@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, robot_frames, robot_geometry
-from cell.logs import RobotLog
-from ident.corrections.unit_weights import unit_weights
-from ident.estimator.priors import fixed_names
-from ident.identify import identify
-from ident.options import FitOptions
-from ident.result import Identification
-from ident.robot.accuracy import accuracy_grid, position_error, tcp_error
-from ident.robot.identified import IdentifiedRobot
-from ident.verdict import Status
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, robot_frames, robot_geometry
+from ballbar.cell.logs import RobotLog
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.estimator.priors import fixed_names
+from ballbar.ident.identify import identify
+from ballbar.ident.options import FitOptions
+from ballbar.ident.result import Identification
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error, tcp_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.verdict import Status
 from tests.helpers.other_robots import (
     CLOCK,
     FIVE_AXES,

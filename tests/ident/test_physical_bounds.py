@@ -6,15 +6,15 @@ from typing import cast
 
 import pytest
 
-from ident.complete_fit import fit_complete
-from ident.estimates import pulled, unphysical
-from ident.estimator.fit import Fit
-from ident.estimator.step_faults import MAX_FOUND
-from ident.loads.payload import PayloadEstimate
-from ident.options import FitOptions
-from ident.physical_bounds import FORCE, impossible
-from ident.recording_fit import fit_recording
-from ident.signals.steps import StepFault
+from ballbar.ident.complete_fit import fit_complete
+from ballbar.ident.estimates import pulled, unphysical
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.step_faults import MAX_FOUND
+from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.options import FitOptions
+from ballbar.ident.physical_bounds import FORCE, impossible
+from ballbar.ident.recording_fit import fit_recording
+from ballbar.ident.signals.steps import StepFault
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import Cell
+from ballbar.ident.options import FitOptions
+from ballbar.ident.prediction import part_of, predict
+from ballbar.ident.recording_fit import Logs, RecordingFit, fit_recording
 from ballbar.result.run_recordings import logs_of
-from cell.clock import Clock
-from cell.descriptions import Cell
-from ident.options import FitOptions
-from ident.prediction import part_of, predict
-from ident.recording_fit import Logs, RecordingFit, fit_recording
-from sim.live.device_logs import GrowingRecording, TextLog
+from ballbar.sim.live.device_logs import GrowingRecording, TextLog
 from tests.helpers.simulated_recordings import CLOCK, Recorded
 
 FIT_UNTIL = 40.0  # [s]

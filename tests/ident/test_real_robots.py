@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.pose_tables import read_poses
-from cell.poses import PoseTable
-from cell.rotation import matrix_from_rotvec
-from ident.options import FitOptions
-from ident.table_fit import fit_table
-from ident.verdict import Status
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.poses import PoseTable
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.ident.options import FitOptions
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.verdict import Status
 from tests.helpers import real_robots
 from tests.helpers.still_poses import verdict_of
 

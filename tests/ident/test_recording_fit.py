@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from cell.logs import BallBarLog, ForceLog, RobotLog
-from ident.estimator.noise import ExcessNoise
-from ident.options import FitOptions, ForceSource, Listener
-from ident.recording_fit import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import BallBarLog, ForceLog, RobotLog
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.options import FitOptions, ForceSource, Listener
+from ballbar.ident.recording_fit import (
     ROD_SIGMA_START,
     Logs,
     RecordingFit,
@@ -21,8 +21,8 @@ from ident.recording_fit import (
     nominal_robot_fit,
     smoothed,
 )
-from ident.start import automatic
-from sim.errors.static_errors import THESIS_3_1
+from ballbar.ident.start import automatic
+from ballbar.sim.errors.static_errors import THESIS_3_1
 from tests.helpers.minute_logs import LATE, NOISE, minute_logs
 from tests.helpers.six_axes import INDEX, NAMES
 from tests.helpers.synthetic_recording import CELL, NOMINAL

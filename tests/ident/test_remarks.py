@@ -9,14 +9,14 @@ from typing import cast
 import numpy as np
 import pytest
 
-from ident.corrections.link_growth import UNIT
-from ident.estimator.fit import Fit
-from ident.estimator.order_search import JointOrder
-from ident.estimator.samples import Samples
-from ident.remarks import change_remarks, joint_error_remark, log_remarks, wrong_ratios
-from ident.result import CoefficientEstimate, CorrectionEstimate
-from ident.signals.smooth_log import LogOutliers
-from ident.signals.steps import LogStep, StepFault
+from ballbar.ident.corrections.link_growth import UNIT
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.order_search import JointOrder
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.remarks import change_remarks, joint_error_remark, log_remarks, wrong_ratios
+from ballbar.ident.result import CoefficientEstimate, CorrectionEstimate
+from ballbar.ident.signals.smooth_log import LogOutliers
+from ballbar.ident.signals.steps import LogStep, StepFault
 from tests.helpers.synthetic_recording import recording
 
 

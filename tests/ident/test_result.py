@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.errors import InputError
-from ident.corrections import CORRECTIONS
-from ident.corrections.base import Correction
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.estimator.noise import ExcessNoise
-from ident.result import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.corrections.base import Correction
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
     FitStatistics,
@@ -24,10 +24,10 @@ from ident.result import (
     RobotEstimate,
     identified_robot,
 )
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.start.automatic import Start
-from ident.verdict import Status, Verdict
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
+from ballbar.ident.start.automatic import Start
+from ballbar.ident.verdict import Status, Verdict
 from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.cell.neighbours import damaged_bursts
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.result import Identification
 from ballbar.scenario import load_scenario
+from ballbar.sim.errors.sensor_errors import Outliers
+from ballbar.sim.truth import Truth
 from ballbar.truth.compare import identification_against_truth
-from cell.neighbours import damaged_bursts
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.result import Identification
-from sim.errors.sensor_errors import Outliers
-from sim.truth import Truth
 from tests.helpers.drawn_robots import SCENARIOS, SLIP_S, STEP_S, faulty, recorded
 
 FAULTS: dict[str, dict[str, object]] = {

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.recording import read_recording
-from ident.identify import identify
-from ident.options import FitOptions
+from ballbar.acquisition.recording import read_recording
+from ballbar.ident.identify import identify
+from ballbar.ident.options import FitOptions
 from tests.helpers.clock_truth import clock_error
 from tests.helpers.simulated_recordings import record
 

@@ -8,25 +8,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.errors import InputError
-from cell.geometry import nominal_chain
-from cell.load import load_robot
-from cell.poses import PoseTable
-from ident.corrections.unit_weights import PRIOR as SAG_PRIOR
-from ident.cross_validation import PLACES, cross_validated, places_of, with_folds
-from ident.estimator.observations import rounding
-from ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
-from ident.evidence import Evidence
-from ident.findings import findings_of, lengths_of
-from ident.held_out import PoseHeldOut, held_out_poses
-from ident.options import FitOptions, JointErrors
-from ident.robot.accuracy import position_error
-from ident.robot.identified import range_sentence
-from ident.start.placements import PoseStartError, start_of_poses
-from ident.table_estimate import TableEstimate, position_errors
-from ident.table_fit import fit_table, linearised, sag
-from ident.table_remarks import table_remarks
-from ident.verdict import Status
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.load import load_robot
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.corrections.unit_weights import PRIOR as SAG_PRIOR
+from ballbar.ident.cross_validation import PLACES, cross_validated, places_of, with_folds
+from ballbar.ident.estimator.observations import rounding
+from ballbar.ident.estimator.robust_fit import GROSS, HUBER, fit_robustly, robust_weights
+from ballbar.ident.evidence import Evidence
+from ballbar.ident.findings import findings_of, lengths_of
+from ballbar.ident.held_out import PoseHeldOut, held_out_poses
+from ballbar.ident.options import FitOptions, JointErrors
+from ballbar.ident.robot.accuracy import position_error
+from ballbar.ident.robot.identified import range_sentence
+from ballbar.ident.start.placements import PoseStartError, start_of_poses
+from ballbar.ident.table_estimate import TableEstimate, position_errors
+from ballbar.ident.table_fit import fit_table, linearised, sag
+from ballbar.ident.table_remarks import table_remarks
+from ballbar.ident.verdict import Status
 from tests.helpers.still_poses import (
     SEAT,
     TARGET,

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from acquisition.recording import Recording, read_recording
+from ballbar.acquisition.recording import Recording, read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import TrackerLog
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import DEFAULTS
+from ballbar.ident.recording_fit import Logs, fit_recording
+from ballbar.ident.result import Identification
+from ballbar.ident.tracker import LEAST, NOT_COMPARED, TrackerCheck, check_tracker
+from ballbar.ident.verdict import SUSPECT, Status
+from ballbar.sim.logging.load_logs import TRACKER_EPOCH, tracker_rows
 from ballbar.truth.compare import identification_against_truth
-from cell.arrays import Array
-from cell.geometry import Geometry
-from cell.logs import TrackerLog
-from ident.identify import identify_together
-from ident.options import DEFAULTS
-from ident.recording_fit import Logs, fit_recording
-from ident.result import Identification
-from ident.tracker import LEAST, NOT_COMPARED, TrackerCheck, check_tracker
-from ident.verdict import SUSPECT, Status
-from sim.logging.load_logs import TRACKER_EPOCH, tracker_rows
 from tests.helpers.simulated_recordings import Recorded, record
 
 NOISE = 9.0e-5

@@ -8,21 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.chain import joint_screws, screw
-from cell.geometry import robot_frames
-from cell.logs import RobotLog
-from cell.robot_angles import joints_to_motors, motors_to_joints
-from ident.complete_fit import fit_complete, refit
-from ident.corrections import ON_EVIDENCE, supported_corrections
-from ident.corrections.gear_ratio import GEAR_RATIO
-from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
-from ident.estimator.fit import Fit
-from ident.model_choice import lasting, unsupported
-from ident.options import SILENT, FitOptions
-from ident.recording_fit import Logs, fit_recording
-from ident.remarks import change_remarks, wrong_ratios
-from ident.softening import fit_softening, moved_knees, search_knees
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import joint_screws, screw
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.logs import RobotLog
+from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
+from ballbar.ident.complete_fit import fit_complete, refit
+from ballbar.ident.corrections import ON_EVIDENCE, supported_corrections
+from ballbar.ident.corrections.gear_ratio import GEAR_RATIO
+from ballbar.ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.model_choice import lasting, unsupported
+from ballbar.ident.options import SILENT, FitOptions
+from ballbar.ident.recording_fit import Logs, fit_recording
+from ballbar.ident.remarks import change_remarks, wrong_ratios
+from ballbar.ident.softening import fit_softening, moved_knees, search_knees
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL

@@ -8,16 +8,24 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from ident.estimator.noise import ExcessNoise
-from ident.evidence import FEW_BLOCKS, ClosureEvidence, Evidence
-from ident.least_sizes import LITTLE_SHIFT
-from ident.remarks import CONTRADICTION, CORRELATED, DOUBTED, FEW_SAMPLES
-from ident.result import FitStatistics, NamedCovariance, RecordingEstimate, RobotEstimate
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.rules import AUTOCORRELATED, AUTOCORRELATED_MISFIT, UNLIKE_OTHERS, judge
-from ident.start.automatic import Start
-from ident.verdict import MISFIT, PLAUSIBLE, SUSPECT, WELL_UNDER, Status, Verdict, noise_status
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.evidence import FEW_BLOCKS, ClosureEvidence, Evidence
+from ballbar.ident.least_sizes import LITTLE_SHIFT
+from ballbar.ident.remarks import CONTRADICTION, CORRELATED, DOUBTED, FEW_SAMPLES
+from ballbar.ident.result import FitStatistics, NamedCovariance, RecordingEstimate, RobotEstimate
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
+from ballbar.ident.rules import AUTOCORRELATED, AUTOCORRELATED_MISFIT, UNLIKE_OTHERS, judge
+from ballbar.ident.start.automatic import Start
+from ballbar.ident.verdict import (
+    MISFIT,
+    PLAUSIBLE,
+    SUSPECT,
+    WELL_UNDER,
+    Status,
+    Verdict,
+    noise_status,
+)
 from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.result import Machine
-from ident.single_causes import LENGTH, ZERO, Cause, Explanation, covariance_of_wander
-from ident.verification import FALSE_ALARMS, Score, Verification
-from ident.verify_recording import is_explained, verify_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.result import Machine
+from ballbar.ident.single_causes import LENGTH, ZERO, Cause, Explanation, covariance_of_wander
+from ballbar.ident.verification import FALSE_ALARMS, Score, Verification
+from ballbar.ident.verify_recording import is_explained, verify_recording
 from tests.helpers.drawn_machines import OPTIONS as RIPPLING
 from tests.helpers.drawn_machines import Truth, drawn, identified, recorded
 from tests.helpers.minute_logs import TRUE, minute_logs

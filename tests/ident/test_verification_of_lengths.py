@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.logs import LengthLog
-from ident.identify import identify_together
-from ident.options import FitOptions
-from ident.result import Machine
-from ident.verification import Verification
-from ident.verify_recording import verify_recording
-from sim.true_robot import TrueMachine
+from ballbar.cell.clock import Clock
+from ballbar.cell.logs import LengthLog
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.result import Machine
+from ballbar.ident.verification import Verification
+from ballbar.ident.verify_recording import verify_recording
+from ballbar.sim.true_robot import TrueMachine
 from tests.helpers.drawn_lengths import bar_scenario, drawn_machine, identified, moved, recorded
 from tests.helpers.drawn_robots import SCENARIOS
 from tests.helpers.length_recordings import wire_run

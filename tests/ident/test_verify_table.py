@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.placement import Placement
-from cell.poses import PoseTable
-from ident.options import FitOptions
-from ident.robot.identified import IdentifiedRobot
-from ident.table_fit import fit_table
-from ident.verification import FALSE_ALARMS, Verification
-from ident.verify_table import limit_of, verify
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.options import FitOptions
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.verification import FALSE_ALARMS, Verification
+from ballbar.ident.verify_table import limit_of, verify
 from tests.helpers.drawn_pose_tables import (
     SEAT,
     TARGET,

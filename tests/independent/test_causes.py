@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.recording import read_recording
-from cell.load import load_cell
-from ident.causes import suspects
-from ident.recording_fit import Logs
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.load import load_cell
+from ballbar.ident.causes import suspects
+from ballbar.ident.recording_fit import Logs
 from tests.independent.recording import Faults, Plan, record_path
 
 SEEDS = (2,)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from ballbar import identify_recordings
-from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from cell.load import load_cell
+from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.load import load_cell
 from tests.helpers.independent_truth import true_geometry
 from tests.independent.machine import POSITION, Effects, drawn, files, nominal
 from tests.independent.path import FIRST, path

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.plan.show import given_path
 from ballbar.plan.summary import instead, say_gain, worthwhile
-from ident.estimator.noise import ExcessNoise
-from planning.evaluation import evaluators, tcp_rms, tcp_rms_before
-from planning.known import Known, Stated
-from planning.plan import PathPlan
-from planning.questions import ENCODERS
-from planning.request import PlanCell, PlanRequest
-from planning.workspace import Region
+from ballbar.planning.evaluation import evaluators, tcp_rms, tcp_rms_before
+from ballbar.planning.known import Known, Stated
+from ballbar.planning.plan import PathPlan
+from ballbar.planning.questions import ENCODERS
+from ballbar.planning.request import PlanCell, PlanRequest
+from ballbar.planning.workspace import Region
 from tests.helpers.simulated_recordings import SCENARIOS
 
 POSITION = (0.897, -0.195, 0.486)  # as in scenarios/irb2400_planned.yaml

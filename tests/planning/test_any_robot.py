@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Robot
-from cell.errors import InputError
-from cell.geometry import nominal_geometry
-from cell.load import load_cell, load_robot
-from cell.strict_yaml import load_model
-from planning.candidate import PathCandidate
-from planning.evaluation import evaluator_of
-from planning.force import Forces, force_model, predicted_forces
-from planning.request import PlanRequest, completed, load_request
-from planning.trajectory import trajectories
-from sim.path_files import LissajousFile, lissajous
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_cell, load_robot
+from ballbar.cell.strict_yaml import load_model
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.evaluation import evaluator_of
+from ballbar.planning.force import Forces, force_model, predicted_forces
+from ballbar.planning.request import PlanRequest, completed, load_request
+from ballbar.planning.trajectory import trajectories
+from ballbar.sim.path_files import LissajousFile, lissajous
 from tests.helpers.drawn_robots import SCENARIOS
 
 

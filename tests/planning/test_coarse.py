@@ -11,21 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from cell.arrays import Array
-from cell.geometry import bar_frames, robot_frames
-from planning import search as searching
-from planning.candidate import PathCandidate, genome_of, rounded, space_of
-from planning.capsules import segment_distance
-from planning.clearance import FAR
-from planning.coarse import STEP, objectives
-from planning.coarse_crlb import coarse_predictor
-from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
-from planning.force import predicted_forces
-from planning.plan import first_path, known_path
-from planning.request import load_request
-from planning.search import RatedCandidate, evaluating_processes, neighbours, search
-from planning.trajectory import trajectories, trajectories_of_many
-from sim.path import Lissajous
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import bar_frames, robot_frames
+from ballbar.planning import search as searching
+from ballbar.planning.candidate import PathCandidate, genome_of, rounded, space_of
+from ballbar.planning.capsules import segment_distance
+from ballbar.planning.clearance import FAR
+from ballbar.planning.coarse import STEP, objectives
+from ballbar.planning.coarse_crlb import coarse_predictor
+from ballbar.planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
+from ballbar.planning.force import predicted_forces
+from ballbar.planning.plan import first_path, known_path
+from ballbar.planning.request import load_request
+from ballbar.planning.search import RatedCandidate, evaluating_processes, neighbours, search
+from ballbar.planning.trajectory import trajectories, trajectories_of_many
+from ballbar.sim.path import Lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 
 FREE = np.r_[0:15, 20:23]  # numbers of a genome that an island varies
@@ -71,7 +71,7 @@ def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, geno
     runnable = full < INFEASIBLE
     assert 14 <= runnable.sum() < len(genomes)
     above = coarse[runnable] - full[runnable]
-    assert 0.0 < above.mean() < 0.2  # planning.coarse_crlb: 0.13
+    assert 0.0 < above.mean() < 0.2  # ballbar.planning.coarse_crlb: 0.13
     assert np.corrcoef(coarse[runnable], full[runnable])[0, 1] > 0.99
 
 

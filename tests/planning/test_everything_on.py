@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from ballbar.planning.planned_scenario import EVERYTHING_ON, TWO_CLOCKS
 from ballbar.scenario import load_scenario
-from planning.planned_scenario import EVERYTHING_ON, TWO_CLOCKS
-from sim.errors.sample_errors import SampleErrors
-from sim.settings import OF_POSES, ClockSettings, ErrorSettings
+from ballbar.sim.errors.sample_errors import SampleErrors
+from ballbar.sim.settings import OF_POSES, ClockSettings, ErrorSettings
 from tests.helpers.drawn_robots import scenario_of
 
 # Of the rest, each cell has one and all have all.

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.planning.crlb import PathPrediction
+from ballbar.planning.followed_path import RATE, TARGET, followed, predict_followed
+from ballbar.planning.request import PlanRequest
+from ballbar.planning.trajectory import Passage
 from ballbar.scenario import load_scenario
-from cell.geometry import robot_geometry
-from cell.load import load_instrument, load_robot
-from planning.crlb import PathPrediction
-from planning.followed_path import RATE, TARGET, followed, predict_followed
-from planning.request import PlanRequest
-from planning.trajectory import Passage
 from tests.helpers.command_line import ballbar
 from tests.helpers.followed_robot import DH, FollowedRobot, flange
 

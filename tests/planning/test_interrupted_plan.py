@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 
 from ballbar.plan import show as command
-from planning import plan as planned
-from planning.plan import plans
-from planning.request import load_request
-from planning.search import SearchProgress
+from ballbar.planning import plan as planned
+from ballbar.planning.plan import plans
+from ballbar.planning.request import load_request
+from ballbar.planning.search import SearchProgress
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import nominal_geometry
-from ident.estimator.noise import ExcessNoise
-from planning.candidate import PathCandidate
-from planning.crlb import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.crlb import (
     EXACT,
     PathPrediction,
     Predictor,
@@ -21,10 +21,10 @@ from planning.crlb import (
     predict,
     predictor,
 )
-from planning.known import Known, Stated
-from planning.request import PlanSensors, PlanTiming
-from planning.trajectory import trajectories
-from sim.path_files import load_lissajous
+from ballbar.planning.known import Known, Stated
+from ballbar.planning.request import PlanSensors, PlanTiming
+from ballbar.planning.trajectory import trajectories
+from ballbar.sim.path_files import load_lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 
 EXCESS = ExcessNoise(1e-5, 2e-5, 1e-5, 1e-6)

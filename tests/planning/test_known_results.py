@@ -11,10 +11,10 @@ import pytest
 import yaml
 from rich.console import Console
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry
 from ballbar.plan.known_results import known_from
-from cell.errors import InputError
-from cell.geometry import Geometry
-from planning.request import PlanCell, PlanRequest
+from ballbar.planning.request import PlanCell, PlanRequest
 from tests.helpers.calibrations import write_calibration_of
 
 POSITION = (0.7, 0.0, 0.54)

@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import pytest
 
+from ballbar.cell.recording import load_recording_file
+from ballbar.ident.identify import identify
+from ballbar.ident.options import FitOptions
+from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
+from ballbar.ident.verdict import Status
 from ballbar.identify_settings import IdentifySettings
+from ballbar.planning.next_step import PATH, REPEAT, ROD_SIGMA, NextStep, next_steps, predicted
+from ballbar.planning.plan import known_path
+from ballbar.planning.questions import ENCODERS
 from ballbar.report.machine import Steps, advised_steps, diagnosis_section, recorded_passage
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
-from cell.recording import load_recording_file
-from ident.identify import identify
-from ident.options import FitOptions
-from ident.robot.tcp_uncertainty import TcpUncertainty
-from ident.verdict import Status
-from planning.next_step import PATH, REPEAT, ROD_SIGMA, NextStep, next_steps, predicted
-from planning.plan import known_path
-from planning.questions import ENCODERS
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 PATHS = {

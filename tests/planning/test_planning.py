@@ -14,27 +14,26 @@ from hypothesis import strategies as st
 from rich.console import Console
 from typer.testing import CliRunner
 
+from ballbar.cell.descriptions import ProgramLanguage
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.geometry import bar_frames, robot_frames
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.cell.strict_yaml import load_model, load_yaml
 from ballbar.commands.cli import app
+from ballbar.ident.robot.accuracy import position_sigma
+from ballbar.ident.robot.tcp_uncertainty import scale_error
 from ballbar.plan import show as command
 from ballbar.plan.summary import say_answers
-from ballbar.scenario import load_scenario
-from cell.descriptions import ProgramLanguage
-from cell.errors import DescriptionError, InputError
-from cell.geometry import bar_frames, robot_frames
-from cell.load import load_robot
-from cell.robot_angles import joints_to_axes
-from cell.strict_yaml import load_model, load_yaml
-from ident.robot.accuracy import position_sigma
-from ident.robot.tcp_uncertainty import scale_error
-from planning.candidate import PathCandidate, genome_of, rounded, space_of
-from planning.clearance import clearance
-from planning.crlb import predict
-from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
-from planning.files import path_data, planned_path_data
-from planning.force import DRAWS, predicted_forces
-from planning.limits import violations
-from planning.plan import PathPlan, assess, covered, first_path, hints
-from planning.programs import (
+from ballbar.planning.candidate import PathCandidate, genome_of, rounded, space_of
+from ballbar.planning.clearance import clearance
+from ballbar.planning.crlb import predict
+from ballbar.planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
+from ballbar.planning.files import path_data, planned_path_data
+from ballbar.planning.force import DRAWS, predicted_forces
+from ballbar.planning.limits import violations
+from ballbar.planning.plan import PathPlan, assess, covered, first_path, hints
+from ballbar.planning.programs import (
     SUFFIXES,
     TELESCOPING,
     ProgrammedPath,
@@ -42,11 +41,11 @@ from planning.programs import (
     path_table,
     without_program,
 )
-from planning.questions import question
-from planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
-from planning.search import SearchProgress, evaluating_processes, ranked, search
-from planning.trajectory import SAG, Targets, Trajectory, targets_of, trajectories
-from planning.verify import (
+from ballbar.planning.questions import question
+from ballbar.planning.request import PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
+from ballbar.planning.search import SearchProgress, evaluating_processes, ranked, search
+from ballbar.planning.trajectory import SAG, Targets, Trajectory, targets_of, trajectories
+from ballbar.planning.verify import (
     Check,
     checks,
     plant_errors,
@@ -54,10 +53,11 @@ from planning.verify import (
     set_without_strain,
     violations_in,
 )
-from planning.what_if import answers
-from planning.workspace import KeepOut
-from sim.errors.static_errors import THESIS_3_1, true_geometry
-from sim.path_files import LissajousFile, load_lissajous
+from ballbar.planning.what_if import answers
+from ballbar.planning.workspace import KeepOut
+from ballbar.scenario import load_scenario
+from ballbar.sim.errors.static_errors import THESIS_3_1, true_geometry
+from ballbar.sim.path_files import LissajousFile, load_lissajous
 from tests.helpers.program_reader import read_krl, read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]

@@ -15,29 +15,37 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.formats.table_file import jointtarget_text
-from acquisition.pose_tables import import_poses
-from acquisition.table.text import LogText
+from ballbar.acquisition.formats.table_file import jointtarget_text
+from ballbar.acquisition.pose_tables import import_poses
+from ballbar.acquisition.table.text import LogText
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.files import write_yaml
+from ballbar.cell.poses import PoseTable
 from ballbar.commands.cli import app
-from cell.arrays import Array
-from cell.chain import Chain, forward
-from cell.errors import DescriptionError, InputError
-from cell.files import write_yaml
-from cell.poses import PoseTable
-from ident.estimator.model import still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.robust_fit import equations_at
-from ident.options import FitOptions
-from ident.table_fit import fit_table
-from planning.capsules import smallest_distance
-from planning.feasible_poses import Candidates, Screen, feasible, random_candidates
-from planning.pose_information import expected_group, information_of
-from planning.pose_plan import APART, Design, PosePlan, decrease, exchanged, greedy, pose_plan
-from planning.pose_request import POSE_SCHEMA, PosePlanRequest
-from planning.programs import pose_program
-from planning.request import load_request
-from planning.route import clear_moves, nearest_neighbours, two_opt
-from planning.stations import PoseSetup, setup_of, station_frames
+from ballbar.ident.estimator.model import still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.robust_fit import equations_at
+from ballbar.ident.options import FitOptions
+from ballbar.ident.table_fit import fit_table
+from ballbar.planning.capsules import smallest_distance
+from ballbar.planning.feasible_poses import Candidates, Screen, feasible, random_candidates
+from ballbar.planning.pose_information import expected_group, information_of
+from ballbar.planning.pose_plan import (
+    APART,
+    Design,
+    PosePlan,
+    decrease,
+    exchanged,
+    greedy,
+    pose_plan,
+)
+from ballbar.planning.pose_request import POSE_SCHEMA, PosePlanRequest
+from ballbar.planning.programs import pose_program
+from ballbar.planning.request import load_request
+from ballbar.planning.route import clear_moves, nearest_neighbours, two_opt
+from ballbar.planning.stations import PoseSetup, setup_of, station_frames
 from tests.helpers.measured_plans import DrawnRobot, drawn_robot
 
 PLANS = Path(__file__).parents[2] / "scenarios" / "plans"

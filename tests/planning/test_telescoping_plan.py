@@ -12,38 +12,44 @@ import pytest
 from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import UNSEEN_OFFSET
+from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.cell.strict_yaml import load_yaml
 from ballbar.commands.cli import app
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.identify import identify_together
+from ballbar.ident.options import DEFAULT_SAMPLES, FitOptions
+from ballbar.ident.robot.accuracy import tcp_error
+from ballbar.ident.verdict import Status
+from ballbar.planning.candidate import SWING, PathCandidate, genome_of, rounded, space_of
+from ballbar.planning.crlb import EXACT, predict
+from ballbar.planning.evaluation import Evaluator, check, evaluators, tcp_rms
+from ballbar.planning.force import DRAWS, ERROR, predicted_lengths, stroke_model
+from ballbar.planning.limits import violations
+from ballbar.planning.plan import assess, first_path
+from ballbar.planning.planned_scenario import length_data
+from ballbar.planning.questions import check_questions, question
+from ballbar.planning.request import Cup, PlanLimits, load_request
+from ballbar.planning.trajectory import (
+    SAG,
+    Trajectory,
+    targets_of,
+    trajectories,
+    trajectories_of_many,
+)
+from ballbar.planning.verify import checks, run_in_plant, violations_in
+from ballbar.planning.what_if import answers
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import simulate_scenario
 from ballbar.scenario import load_scenario
+from ballbar.sim.path import Lissajous
+from ballbar.sim.path_files import load_lissajous, scenario_path
+from ballbar.sim.settings import PathSettings
 from ballbar.truth.compare import identification_against_truth
-from cell.arrays import Array
-from cell.clock import UNSEEN_OFFSET
-from cell.errors import DescriptionError, InputError
-from cell.geometry import robot_frames
-from cell.load import load_robot
-from cell.robot_angles import joints_to_axes
-from cell.strict_yaml import load_yaml
-from ident.estimator.noise import ExcessNoise
-from ident.identify import identify_together
-from ident.options import DEFAULT_SAMPLES, FitOptions
-from ident.robot.accuracy import tcp_error
-from ident.verdict import Status
-from planning.candidate import SWING, PathCandidate, genome_of, rounded, space_of
-from planning.crlb import EXACT, predict
-from planning.evaluation import Evaluator, check, evaluators, tcp_rms
-from planning.force import DRAWS, ERROR, predicted_lengths, stroke_model
-from planning.limits import violations
-from planning.plan import assess, first_path
-from planning.planned_scenario import length_data
-from planning.questions import check_questions, question
-from planning.request import Cup, PlanLimits, load_request
-from planning.trajectory import SAG, Trajectory, targets_of, trajectories, trajectories_of_many
-from planning.verify import checks, run_in_plant, violations_in
-from planning.what_if import answers
-from sim.path import Lissajous
-from sim.path_files import load_lissajous, scenario_path
-from sim.settings import PathSettings
 from tests.helpers.length_recordings import planned_run
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.errors import DescriptionError
-from cell.load import load_robot
-from ident.robot.accuracy import accuracy_grid
-from planning.request import load_request
-from planning.workspace import Workspace, workspace_grid
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.load import load_robot
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.planning.request import load_request
+from ballbar.planning.workspace import Workspace, workspace_grid
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
 

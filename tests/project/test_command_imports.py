@@ -20,7 +20,12 @@ from tests.helpers.source_imports import FILES, names_within, reached, tree
 
 LIBRARIES = {"numpy", "scipy", "yaml", "mujoco", "pyarrow", "pandas", "matplotlib", "rerun"}
 SLOW = LIBRARIES - {"numpy", "yaml"} | {"jinja2"}
-OF_OTHERS = {"planning", "ident.thesis.costs", "ballbar.export", "ballbar.identifiability"}
+OF_OTHERS = {
+    "ballbar.planning",
+    "ballbar.ident.thesis.costs",
+    "ballbar.export",
+    "ballbar.identifiability",
+}
 PROGRAM = """
 import atexit, json, sys
 atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr))
@@ -89,7 +94,7 @@ def test_help_version_and_completion_load_no_library_and_no_command(
     assert "ballbar.commands.listing" in modules
     assert not modules & LIBRARIES
     assert not modules & {f"ballbar.commands.{module}" for module in MODULES.values()}
-    assert not modules & {"sim", "acquisition", "ident", "planning"}
+    assert not modules & {f"ballbar.{name}" for name in ("sim", "acquisition", "ident", "planning")}
 
 
 @pytest.mark.slow
@@ -126,7 +131,7 @@ def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) 
 @pytest.mark.slow
 def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.identification", "identify", "_settings"))
-    assert "ident.identify" in used
+    assert "ballbar.ident.identify" in used
     assert not used & (OF_OTHERS | {"sim", "ballbar.scenario", "ballbar.replay"})
     assert not used & (SLOW - {"scipy", "pyarrow"})
 
@@ -134,7 +139,7 @@ def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> 
 @pytest.mark.slow
 def test_a_run_imports_no_viewer_no_figures_and_nothing_of_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.bench", "run"))
-    assert {"ident.identify", "sim.simulate"} <= used
+    assert {"ballbar.ident.identify", "ballbar.sim.simulate"} <= used
     assert not used & (OF_OTHERS | {"ballbar.replay"})
     assert not used & (SLOW - {"scipy", "pyarrow", "mujoco"})
 
@@ -149,10 +154,12 @@ def test_an_identification_loads_nothing_of_simulation_or_other_commands(
 ) -> None:
     """The same with what is imported within functions."""
     modules = loaded("identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out", "-q")
-    assert "ident.identify" in modules
+    assert "ballbar.ident.identify" in modules
     # The report predicts what would help next by the planner, and the planner knows paths of sim.
-    planner = {"planning"}
-    assert not modules & (OF_OTHERS - planner | {"sim.simulate", "mujoco", "rerun", "pandas"})
+    planner = {"ballbar.planning"}
+    assert not modules & (
+        OF_OTHERS - planner | {"ballbar.sim.simulate", "mujoco", "rerun", "pandas"}
+    )
 
 
 @pytest.mark.slow
@@ -171,5 +178,5 @@ def test_the_answer_comes_before_report_and_files_and_what_they_are_made_with(
     assert ("limit" in done.stdout) == (command == "run")
     modules = set(json.loads(next(x for x in done.stderr.splitlines() if x.startswith("["))))
     later = {"matplotlib", "rerun", "pandas", "jinja2", "scipy.stats", "scipy.ndimage", "sqlite3"}
-    ours = {"planning", "ballbar.report.page", "ballbar.result.calibration_schema"}
+    ours = {"ballbar.planning", "ballbar.report.page", "ballbar.result.calibration_schema"}
     assert modules & (later | ours | ({"sim"} if command == "identify" else set())) == set()

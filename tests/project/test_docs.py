@@ -16,8 +16,8 @@ import pytest
 import yaml
 
 import ballbar as ballbar_package
-from cell.load import load_robot
-from cell.robot_angles import controller_to_joints
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import controller_to_joints
 from generators import command_line, schema_pages, thesis_figures
 from tests.helpers.command_line import application, ballbar
 from tests.helpers.command_line import commands as every_command
@@ -157,10 +157,10 @@ def threshold_faults(page: str) -> list[str]:
 
 def test_thresholds_on_the_page_of_recordings_are_those_of_the_modules() -> None:
     page = (DOCS / "recordings.md").read_text()
-    assert page.count("`acquisition.faults.") > 5
+    assert page.count("`ballbar.acquisition.faults.") > 5
     assert not threshold_faults(page)
     wrong = page.replace("`PAUSE` 0.5 s", "`PAUSE` 0.7 s")
-    assert threshold_faults(wrong) == ["acquisition.faults.segments.PAUSE is 0.5, not 0.7"]
+    assert threshold_faults(wrong) == ["ballbar.acquisition.faults.segments.PAUSE is 0.5, not 0.7"]
 
 
 @pytest.mark.parametrize(
@@ -319,7 +319,7 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
     assert ">errors.rod_backlash<" in (tmp_path / "site/scenario_reference.html").read_text(), (
         "Markdown in its table is read"
     )
-    assert 'id="ident.identify.identify"' in (tmp_path / "site/api.html").read_text()
+    assert 'id="ballbar.ident.identify.identify"' in (tmp_path / "site/api.html").read_text()
     for page, script in (
         ("tutorial.html", "assets/search_from_disk.js"),
         ("how_to/own_robot.html", "../assets/search_from_disk.js"),

@@ -14,11 +14,11 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ballbar.scenario import Scenario
+from ballbar.sim.settings import OF_POSES
 from generators.scenario_reference.figures import PLOTS, read_sizes
 from generators.scenario_reference.keys import list_item, unit_of, value_text
 from generators.scenario_reference.page import PAGE, page_text
 from generators.scenario_reference.sources import SOURCES
-from sim.settings import OF_POSES
 
 SECTIONS = ("plant", "errors", "encoders", "clocks", "logs")
 ROUNDING = 5e-4  # defaults are printed to four digits

@@ -18,6 +18,7 @@ from tests.helpers.source_imports import ROOT
 pytestmark = pytest.mark.slow
 
 SHIPPED = (*PACKAGES, "scenarios")
+LINKS = SHIPPED[:-2] + SHIPPED[-1:]  # folders that the source tree links within `ballbar`
 OFFLINE = ("--no-index", "--disable-pip-version-check")
 
 
@@ -36,23 +37,35 @@ def run(*command: object, cwd: Path) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from a copy: setuptools leaves its build folder beside the sources.
+def copied(folder: Path) -> Path:
+    """The source tree as git makes it: setuptools leaves its build folder beside the sources."""
+    for name in SHIPPED:
+        shutil.copytree(
+            ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+def built(source: Path) -> Path:
+    """The wheel of a tree or of a source distribution.
 
     Without build isolation nothing is downloaded; setuptools is a requirement of the tests.
     """
-    folder = tmp_path_factory.mktemp("wheel")
-    for name in SHIPPED:
-        shutil.copytree(
-            ROOT / name, folder / "source" / name, ignore=shutil.ignore_patterns("__pycache__")
-        )
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, folder / "source")
     options = ("--no-deps", "--no-build-isolation", *OFFLINE)
-    run(sys.executable, "-m", "pip", "wheel", folder / "source", "-w", "dist", *options, cwd=folder)
-    (built,) = (folder / "dist").glob("ballbar_bench-*.whl")
-    return built
+    run(sys.executable, "-m", "pip", "wheel", source, "-w", "dist", *options, cwd=source.parent)
+    (made,) = (source.parent / "dist").glob("ballbar_bench-*.whl")
+    return made
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built from the source distribution."""
+    tree = copied(tmp_path_factory.mktemp("wheel") / "tree")
+    program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
+    name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
+    return built(tree.parent / name)
 
 
 @pytest.fixture(scope="module")
@@ -75,25 +88,66 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return interpreter
 
 
-def test_every_file_of_the_packages_comes_along(wheel: Path) -> None:
-    packed = set(zipfile.ZipFile(wheel).namelist())
+def packed(wheel: Path) -> set[str]:
+    """Names of the files in a wheel but those that describe it."""
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
+def test_every_file_of_the_packages_comes_along_under_one_name(wheel: Path) -> None:
     files = {
-        file.relative_to(ROOT).as_posix()
+        file.relative_to(ROOT if name == "ballbar" else ROOT.parent).as_posix()
         for name in SHIPPED
         for file in (ROOT / name).rglob("*")
         if file.is_file() and "__pycache__" not in file.parts
     }
-    assert files - packed == set()
-    assert {name.split("/")[0] for name in packed} - set(SHIPPED) == {
-        name.split("/")[0] for name in packed if ".dist-info/" in name
-    }, "something else was packed"
+    inside = {
+        name if name.startswith("ballbar/") else f"ballbar/{name.partition('/')[2]}"
+        for name in files
+    }
+    assert packed(wheel) == inside
+
+
+def test_a_checkout_without_links_gives_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
+    """Where git writes none (Windows by default), a link is a text file with its target."""
+    tree = copied(tmp_path / "tree")
+    for name in LINKS:
+        (tree / "ballbar" / name).unlink()
+        (tree / "ballbar" / name).write_text(f"../{name}")
+    assert packed(built(tree)) == packed(wheel)
+
+
+def test_an_editor_finds_every_package_below_ballbar() -> None:
+    """Editors and mypy read folders, not the mapping of an editable installation."""
+    for name in LINKS:
+        assert (ROOT / "ballbar" / name).readlink() == Path("..", name)
+
+
+def test_files_of_a_user_with_the_names_of_our_folders_are_no_obstacle(
+    python: Path, tmp_path: Path
+) -> None:
+    for name in (*LINKS, "benchmarks", "generators", "tests"):
+        (tmp_path / f"{name}.py").write_text("raise RuntimeError('the file of the user')\n")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from ballbar import *\n"
+        "from ballbar.commands.listing import MODULES\n"
+        "from importlib import import_module\n"
+        "for name in MODULES.values(): import_module(f'ballbar.commands.{name}')\n"
+        "import ballbar.sim.simulate\n"
+        "print(simulate, ballbar.sim.simulate.__file__)\n"
+    )
+    for interpreter in (python, Path(sys.executable)):  # installed, and editable
+        assert "simulate" in run(interpreter, script, cwd=tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.long
 def test_the_installed_command_runs_a_shipped_scenario(python: Path, tmp_path: Path) -> None:
     where = run(
-        python, "-c", "import cell, ballbar; print(cell.__file__, ballbar.__file__)", cwd=tmp_path
+        python,
+        "-c",
+        "import ballbar.cell; print(ballbar.cell.__file__, ballbar.__file__)",
+        cwd=tmp_path,
     )
     assert where.count(str(python.parents[1])) == 2
     command = python.with_name("ballbar")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.errors.sensor_errors import LEAD
-from sim.logging.clocks import log_times, task_cycles
-from sim.settings import ClockSettings
+from ballbar.sim.errors.sensor_errors import LEAD
+from ballbar.sim.logging.clocks import log_times, task_cycles
+from ballbar.sim.settings import ClockSettings
 
 DURATION = 30.0  # [s]
 

@@ -18,19 +18,19 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.dialect import ABB_PERIOD
-from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from cell.load import load_cell
-from cell.robot_angles import motors_to_joints
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.sample_errors import SampleErrors
-from sim.errors.sensor_effects import resolver_effects
-from sim.errors.sensor_errors import SensorErrors, SignalNoise
-from sim.errors.static_errors import true_geometry
-from sim.kinematic_samples import kinematic_samples, sample_path
-from sim.logging.clocks import log_times, logged_rows
-from sim.logging.encoders import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.dialect import ABB_PERIOD
+from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.load import load_cell
+from ballbar.cell.robot_angles import motors_to_joints
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.errors.sample_errors import SampleErrors
+from ballbar.sim.errors.sensor_effects import resolver_effects
+from ballbar.sim.errors.sensor_errors import SensorErrors, SignalNoise
+from ballbar.sim.errors.static_errors import true_geometry
+from ballbar.sim.kinematic_samples import kinematic_samples, sample_path
+from ballbar.sim.logging.clocks import log_times, logged_rows
+from ballbar.sim.logging.encoders import (
     BarEncoder,
     frozen_bits,
     joint_lags,
@@ -38,7 +38,7 @@ from sim.logging.encoders import (
     read_counts,
     with_lags,
 )
-from sim.logging.load_logs import (
+from ballbar.sim.logging.load_logs import (
     SENSOR_EPOCH,
     ForceSensor,
     LoadLogs,
@@ -47,13 +47,13 @@ from sim.logging.load_logs import (
     motor_torques,
     sensor_rows,
 )
-from sim.motion import Motion
-from sim.path_files import scenario_path
-from sim.plant.effects import Plant, PlantEffects, plant_effects, stated_masses
-from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
-from sim.recording_files import write_recording
-from sim.settings import OF_POSES, ClockSettings, ErrorSettings
-from sim.simulate import simulate
+from ballbar.sim.motion import Motion
+from ballbar.sim.path_files import scenario_path
+from ballbar.sim.plant.effects import Plant, PlantEffects, plant_effects, stated_masses
+from ballbar.sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.settings import OF_POSES, ClockSettings, ErrorSettings
+from ballbar.sim.simulate import simulate
 from tests.helpers.simulated_recordings import SCENARIOS, lissajous, settings, wire_settings
 
 CELL = load_cell("irb2400", "lund_600", "plate_250")

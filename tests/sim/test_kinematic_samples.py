@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.kinematic_samples import SampledPath, kinematic_samples, sample_path, sample_path_at
-from sim.path import reference_path
+from ballbar.sim.kinematic_samples import (
+    SampledPath,
+    kinematic_samples,
+    sample_path,
+    sample_path_at,
+)
+from ballbar.sim.path import reference_path
 from tests.helpers.simulated_recordings import settings
 from tests.helpers.synthetic_recording import CELL, NOMINAL, SHAPE
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from acquisition.recording import read_recording
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import robot_frames
 from ballbar.scenario import Scenario
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.geometry import robot_frames
-from sim.plant.statics import gravity_torque
-from sim.recording_files import write_recording
-from sim.simulate import Simulation, simulate
+from ballbar.sim.plant.statics import gravity_torque
+from ballbar.sim.recording_files import write_recording
+from ballbar.sim.simulate import Simulation, simulate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 CELLS = {

@@ -18,22 +18,28 @@ import pytest
 import yaml
 from scipy.interpolate import CubicSpline
 
-import sim
-from acquisition.recording import Recording, read_recording
-from cell.arrays import Array
-from cell.errors import DescriptionError
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
-from cell.inverse import pose_error
-from cell.load import load_cell
-from cell.logs import segment_starts
-from cell.robot_angles import joints_to_motors, motors_to_joints
-from cell.strict_yaml import load_model
-from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
-from sim.logging.clocks import chosen
-from sim.motion import Motion
-from sim.recording_files import truth_path
-from sim.settings import ErrorSettings, SimulationSettings
-from sim.truth import Truth, load_truth
+from ballbar import sim
+from ballbar.acquisition.recording import Recording, read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.inverse import pose_error
+from ballbar.cell.load import load_cell
+from ballbar.cell.logs import segment_starts
+from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
+from ballbar.cell.strict_yaml import load_model
+from ballbar.sim.errors.static_errors import (
+    AXIS_ANGLES,
+    AXIS_OFFSETS,
+    BASE_TILT,
+    THESIS_3_1,
+    true_geometry,
+)
+from ballbar.sim.logging.clocks import chosen
+from ballbar.sim.motion import Motion
+from ballbar.sim.recording_files import truth_path
+from ballbar.sim.settings import ErrorSettings, SimulationSettings
+from ballbar.sim.truth import Truth, load_truth
 from tests.helpers.simulated_recordings import Recorded, lissajous, record, settings
 from tests.helpers.six_axes import NAMES
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.load import load_cell
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.sensor_effects import encoder_effects
-from sim.errors.sensor_errors import SensorErrors
-from sim.plant.effects import PlantEffects, Ripple, plant_effects, stated_masses
+from ballbar.cell.load import load_cell
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.errors.sensor_effects import encoder_effects
+from ballbar.sim.errors.sensor_errors import SensorErrors
+from ballbar.sim.plant.effects import PlantEffects, Ripple, plant_effects, stated_masses
 
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 TURN = np.repeat(2.0 * np.pi * np.arange(2000)[:, None] / 2000, 6, axis=1)  # of every gear

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from cell.load import load_cell
+from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.load import load_cell
+from ballbar.sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS
 from generators.model_files import MODELS, VIEWS, model_xml
-from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS
 
 
 def words(text: str) -> list[tuple[str, str, list[str]]]:

@@ -10,23 +10,23 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.chain import joint_screws, screw
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
-from cell.load import load_cell
-from planning.verify import plant_errors
-from sim.errors.plant_errors import PlantErrors
-from sim.errors.static_errors import set_without_strain, true_geometry
-from sim.motion import CLOSURE_STRIDE
-from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
-from sim.path_files import load_lissajous
-from sim.plant import mujoco_plant as plant_module
-from sim.plant.effects import Plant, PlantEffects, plant_effects
-from sim.plant.mjcf import plant_model
-from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
-from sim.plant.statics import equilibrium, gravity_torque
-from sim.simulate import simulate
+from ballbar.cell.chain import joint_screws, screw
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.load import load_cell
+from ballbar.planning.verify import plant_errors
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.errors.static_errors import set_without_strain, true_geometry
+from ballbar.sim.motion import CLOSURE_STRIDE
+from ballbar.sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
+from ballbar.sim.path_files import load_lissajous
+from ballbar.sim.plant import mujoco_plant as plant_module
+from ballbar.sim.plant.effects import Plant, PlantEffects, plant_effects
+from ballbar.sim.plant.mjcf import plant_model
+from ballbar.sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
+from ballbar.sim.plant.statics import equilibrium, gravity_torque
+from ballbar.sim.simulate import simulate
 from tests.helpers.drawn_robots import scenario_of
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed

@@ -17,24 +17,24 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.inverse import pose_error
+from ballbar.cell.load import load_robot
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.logging.load_logs import drawn_loads
+from ballbar.sim.plant.effects import plant_effects
+from ballbar.sim.plant.held import hold_machine
+from ballbar.sim.plant.kinematic_plant import WITH_FORCES
+from ballbar.sim.recording_files import truth_path, write_recording
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.simulate import Simulation, simulate
+from ballbar.sim.true_robot import true_machine
+from ballbar.sim.truth import PlantTruth, load_truth
 from ballbar.truth.compare import true_tool
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, robot_frames
-from cell.inverse import pose_error
-from cell.load import load_robot
-from ident.robot.accuracy import accuracy_grid
-from sim.errors.plant_errors import PlantErrors
-from sim.logging.load_logs import drawn_loads
-from sim.plant.effects import plant_effects
-from sim.plant.held import hold_machine
-from sim.plant.kinematic_plant import WITH_FORCES
-from sim.recording_files import truth_path, write_recording
-from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate
-from sim.true_robot import true_machine
-from sim.truth import PlantTruth, load_truth
 from tests.helpers.log_analysis import (
     Logs,
     fit,

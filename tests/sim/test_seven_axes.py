@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.geometry import nominal_geometry
-from cell.load import load_cell
-from cell.typical_machine import with_typical
-from sim.errors.plant_errors import PlantErrors
-from sim.path import Lissajous, ReferencePath, reference_path
-from sim.plant.effects import Plant, plant_effects
-from sim.plant.mujoco_plant import run_plant
+from ballbar.cell.geometry import nominal_geometry
+from ballbar.cell.load import load_cell
+from ballbar.cell.typical_machine import with_typical
+from ballbar.sim.errors.plant_errors import PlantErrors
+from ballbar.sim.path import Lissajous, ReferencePath, reference_path
+from ballbar.sim.plant.effects import Plant, plant_effects
+from ballbar.sim.plant.mujoco_plant import run_plant
 from tests.helpers.plant_oracle import EFFECTS, held_against_oracle
 from tests.helpers.simulated_recordings import perturbed
 

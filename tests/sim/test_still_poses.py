@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.pose_tables import read_poses
-from cell.errors import InputError
-from cell.instruments.base import Instrument
-from cell.load import load_instrument, load_robot
-from cell.poses import PoseTable
-from sim.errors.plant_errors import JointCompliance
-from sim.plant.held import hold_with_instrument
-from sim.recording_files import truth_path, write_poses
-from sim.settings import ErrorSettings, PlantSettings, SimulationSettings
-from sim.still_poses import PoseSimulation, simulate_poses
-from sim.true_robot import TrueArm, true_arm
-from sim.truth import TruePlace, load_truth
+from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.errors import InputError
+from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.load import load_instrument, load_robot
+from ballbar.cell.poses import PoseTable
+from ballbar.sim.errors.plant_errors import JointCompliance
+from ballbar.sim.plant.held import hold_with_instrument
+from ballbar.sim.recording_files import truth_path, write_poses
+from ballbar.sim.settings import ErrorSettings, PlantSettings, SimulationSettings
+from ballbar.sim.still_poses import PoseSimulation, simulate_poses
+from ballbar.sim.true_robot import TrueArm, true_arm
+from ballbar.sim.truth import TruePlace, load_truth
 
 
 def cell(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from acquisition.recording import read_recording
-from cell.arrays import Array
-from cell.rotation import matrix_from_rotvec
-from sim.motion import deflect
-from sim.recording_files import truth_path
+from ballbar.acquisition.recording import read_recording
+from ballbar.cell.arrays import Array
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.sim.motion import deflect
+from ballbar.sim.recording_files import truth_path
 from tests.helpers.simulated_recordings import Recorded, record
 
 TRACKER = {"offset_s": 3.7, "skew": 4e-5, "led_m": [-0.1, 0.02, 0.05]}

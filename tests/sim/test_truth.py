@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from cell.errors import DescriptionError
-from cell.schema_errors import RENAMED
-from cell.strict_yaml import load_model
-from sim.settings import SimulationSettings
-from sim.truth import load_truth
+from ballbar.cell.errors import DescriptionError
+from ballbar.cell.schema_errors import RENAMED
+from ballbar.cell.strict_yaml import load_model
+from ballbar.sim.settings import SimulationSettings
+from ballbar.sim.truth import load_truth
 
 SCENARIO = """\
 cell: {robot: irb2400, ballbar: lund_600, ballbar_position_m: [0.7, 0.0, 0.54]}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballbar.sim.errors.static_errors import AXIS_ANGLES, AXIS_ENDS, AXIS_OFFSETS
 from generators.scenario_reference import signals
 from generators.scenario_reference.plots import KINEMATIC, Plot, Source, T, error, residual_plot
 from generators.scenario_reference.runs import Changes, merged
-from sim.errors.static_errors import AXIS_ANGLES, AXIS_ENDS, AXIS_OFFSETS
 
 STATIC_OFF: Changes = {"errors": {"static": None}, "plant": {"kind": "kinematic"}}
 GEOMETRY = (

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cell.dialect import ABB_PERIOD
+from ballbar.cell.dialect import ABB_PERIOD
+from ballbar.sim.logging.clocks import SAMPLE_TASKS
+from ballbar.sim.logging.load_logs import BallbarLogger
 from generators.scenario_reference import signals
 from generators.scenario_reference.plots import KINEMATIC, Plot, Source, T, clock_plot, rows_plot
 from generators.scenario_reference.runs import merged
-from sim.logging.clocks import SAMPLE_TASKS
-from sim.logging.load_logs import BallbarLogger
 
 PERIOD_MS, TASK_MS = 1e3 * ABB_PERIOD, 1e3 * BallbarLogger().task_s
 CLOCKS = (

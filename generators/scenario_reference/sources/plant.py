@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cell.descriptions import Cell
+from ballbar.cell.descriptions import Cell
+from ballbar.sim.plant.effects import CUSP_TERMS, UNLISTED_ORDERS
+from ballbar.sim.plant.mjcf import BRISTLE_TRAVEL, HYSTERESIS_STIFFNESS
 from generators.scenario_reference import signals
 from generators.scenario_reference.plots import Plot, Source, T, error, gear_plot, residual_plot
-from sim.plant.effects import CUSP_TERMS, UNLISTED_ORDERS
-from sim.plant.mjcf import BRISTLE_TRAVEL, HYSTERESIS_STIFFNESS
 
 
 def _kp(name: str) -> Callable[[Cell], ArrayLike]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballbar.sim.errors.sensor_effects import FREEZING_ONSET_HZ
+from ballbar.sim.logging.encoders import SURE_BITS
 from generators.scenario_reference import signals
 from generators.scenario_reference.plots import (
     KINEMATIC,
@@ -15,8 +17,6 @@ from generators.scenario_reference.plots import (
     sensor_plot,
 )
 from generators.scenario_reference.runs import Changes, merged
-from sim.errors.sensor_effects import FREEZING_ONSET_HZ
-from sim.logging.encoders import SURE_BITS
 
 ROBOT_SENSORS = (
     Source(

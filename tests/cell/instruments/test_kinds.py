@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.instruments import kinds, refuse_shared_chains
-from cell.instruments.base import Kind, TrueStand
-from cell.load import instrument_names, load_instrument
-from cell.placement import Placement
-from cell.rotation import matrix_from_rotvec
+from ballbar.cell.instruments import kinds, refuse_shared_chains
+from ballbar.cell.instruments.base import Kind, TrueStand
+from ballbar.cell.load import instrument_names, load_instrument
+from ballbar.cell.placement import Placement
+from ballbar.cell.rotation import matrix_from_rotvec
 
 SEAT = Placement(
     matrix_from_rotvec(np.array([[0.3], [-0.2], [1.9]]))[:, :, 0], np.array([2.0, -1, 0.4])

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.geometry import robot_frames
-from ident.causes.agreement import LONGEST_STEP, STEP, Gimbal, left, left_of, motion_of, tool_path
+from ballbar.cell.geometry import robot_frames
+from ballbar.ident.causes.agreement import (
+    LONGEST_STEP,
+    STEP,
+    Gimbal,
+    left,
+    left_of,
+    motion_of,
+    tool_path,
+)
 from tests.helpers.synthetic_recording import NOMINAL, closed, minute
 
 ENCODERS = (1, 2, 4, 5)

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cell.logs import BallBarLog, RobotLog
-from ident.causes import beside_fit
-from ident.complete_fit import fit_complete
-from ident.options import FitOptions
-from ident.recording_fit import Logs, fit_recording
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.ident.causes import beside_fit
+from ballbar.ident.complete_fit import fit_complete
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs, fit_recording
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.causes.agreement import LoggedMotion, motion_of, tool_path
-from ident.causes.columns import encoder_orders, encoder_scales, robot_columns
-from ident.causes.suspects import EXPLAINS
+from ballbar.ident.causes.agreement import LoggedMotion, motion_of, tool_path
+from ballbar.ident.causes.columns import encoder_orders, encoder_scales, robot_columns
+from ballbar.ident.causes.suspects import EXPLAINS
 from tests.helpers.synthetic_recording import CELL, NOMINAL, minute
 
 ENCODERS = (1, 2, 4, 5)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ballbar import identify_recordings
-from ident.causes.effects import stop
+from ballbar.ident.causes.effects import stop
 from tests.independent.machine import Effects
 from tests.independent.recording import Plan, record
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ident.causes.agreement import single_lengths
+from ballbar.ident.causes.agreement import single_lengths
 from tests.helpers.synthetic_recording import NOMINAL, minute
 
 Q = minute(0.05).q[::5]

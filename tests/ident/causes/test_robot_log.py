@@ -9,16 +9,16 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Robot
-from cell.load import load_robot
-from cell.robot_angles import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import (
     controller_to_joints,
     joints_to_axes,
     joints_to_motors,
     motors_to_joints,
 )
-from ident.causes.robot_log import other_angles
+from ballbar.ident.causes.robot_log import other_angles
 
 Q = np.random.default_rng(4).uniform(-1.0, 1.0, (20, 6))
 LOG = "the robot's log"

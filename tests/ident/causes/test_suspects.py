@@ -9,20 +9,20 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import robot_frames
-from cell.inverse import bar_angles
-from cell.load import load_cell
-from cell.logs import BallBarLog, RobotLog
-from cell.robot_angles import joints_to_motors, motors_to_joints
-from ident.causes.channels import channel_errors
-from ident.causes.suspects import AGREES, SHORT, Causes, suspects
-from ident.identify import identify, identify_together
-from ident.options import FitOptions
-from ident.recording_fit import Logs, fit_recording
-from ident.start.automatic import StartError
-from ident.verdict import Status
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.inverse import bar_angles
+from ballbar.cell.load import load_cell
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
+from ballbar.ident.causes.channels import channel_errors
+from ballbar.ident.causes.suspects import AGREES, SHORT, Causes, suspects
+from ballbar.ident.identify import identify, identify_together
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import Logs, fit_recording
+from ballbar.ident.start.automatic import StartError
+from ballbar.ident.verdict import Status
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

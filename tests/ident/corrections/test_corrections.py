@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Parameter
-from ident.corrections import CORRECTIONS
-from ident.corrections.base import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Parameter
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.corrections.base import (
     BACKLASH_SHARE,
     BAR,
     BEHIND_GEARS,
@@ -26,13 +26,13 @@ from ident.corrections.base import (
     sign_slope,
     smooth_sign,
 )
-from ident.corrections.encoder_harmonics import encoder_harmonics
-from ident.corrections.gear_backlash import gear_backlash
-from ident.corrections.gear_ripple import gear_ripple, harmonic_orders
-from ident.corrections.joint_compliance import joint_compliance
-from ident.corrections.plate_bending import plate_bending
-from ident.corrections.rod_strain import rod_strain
-from ident.loads.gear_loads import BEARINGS, Loads
+from ballbar.ident.corrections.encoder_harmonics import encoder_harmonics
+from ballbar.ident.corrections.gear_backlash import gear_backlash
+from ballbar.ident.corrections.gear_ripple import gear_ripple, harmonic_orders
+from ballbar.ident.corrections.joint_compliance import joint_compliance
+from ballbar.ident.corrections.plate_bending import plate_bending
+from ballbar.ident.corrections.rod_strain import rod_strain
+from ballbar.ident.loads.gear_loads import BEARINGS, Loads
 from tests.helpers.synthetic_recording import CELL
 
 ENCODERS = (1, 2, 4, 5)

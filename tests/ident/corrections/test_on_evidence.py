@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.errors import InputError
-from cell.geometry import Parameter
-from ident.corrections.base import GEAR, ROD, Correction, State
-from ident.corrections.bearing_tilt import bearing_tilt
-from ident.corrections.gear_ratio import gear_ratio
-from ident.corrections.gear_softening import gear_softening, knees_of
-from ident.corrections.joint_lag import joint_lag
-from ident.corrections.link_growth import UNIT, link_growth
-from ident.corrections.remounted_tool import remounted_tool
-from ident.corrections.rod_elongation import rod_elongation
-from ident.loads.gear_loads import BEARINGS, no_loads
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Parameter
+from ballbar.ident.corrections.base import GEAR, ROD, Correction, State
+from ballbar.ident.corrections.bearing_tilt import bearing_tilt
+from ballbar.ident.corrections.gear_ratio import gear_ratio
+from ballbar.ident.corrections.gear_softening import gear_softening, knees_of
+from ballbar.ident.corrections.joint_lag import joint_lag
+from ballbar.ident.corrections.link_growth import UNIT, link_growth
+from ballbar.ident.corrections.remounted_tool import remounted_tool
+from ballbar.ident.corrections.rod_elongation import rod_elongation
+from ballbar.ident.loads.gear_loads import BEARINGS, no_loads
 from tests.helpers.synthetic_recording import CELL
 
 N = 30

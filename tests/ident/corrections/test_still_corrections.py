@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.chain import forward
-from cell.errors import InputError
-from cell.geometry import nominal_chain, robot_geometry
-from cell.load import load_robot
-from ident.corrections import SUBSTITUTES, as_in_result, supported_corrections
-from ident.corrections.joint_harmonics import joint_harmonics, orders_of
-from ident.corrections.unit_weights import torques, unit_weights
-from ident.loads.at_rest import regressors_at_rest
-from ident.robot.identified import IdentifiedRobot
+from ballbar.cell.chain import forward
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain, robot_geometry
+from ballbar.cell.load import load_robot
+from ballbar.ident.corrections import SUBSTITUTES, as_in_result, supported_corrections
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics, orders_of
+from ballbar.ident.corrections.unit_weights import torques, unit_weights
+from ballbar.ident.loads.at_rest import regressors_at_rest
+from ballbar.ident.robot.identified import IdentifiedRobot
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

@@ -8,10 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.load import load_robot
-from ident.corrections.gear_backlash import gear_backlash
-from ident.corrections.joint_compliance import joint_compliance
-from ident.corrections.typical_gears import typical_backlash, typical_compliance, typical_friction
+from ballbar.cell.load import load_robot
+from ballbar.ident.corrections.gear_backlash import gear_backlash
+from ballbar.ident.corrections.joint_compliance import joint_compliance
+from ballbar.ident.corrections.typical_gears import (
+    typical_backlash,
+    typical_compliance,
+    typical_friction,
+)
 from tests.helpers.synthetic_recording import CELL
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from ident.corrections import correction_named, supported_corrections
-from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
-from ident.estimator.fit import Fit, fit
-from ident.estimator.model import Model, gearing
-from ident.estimator.samples import Samples
-from ident.loads.gear_loads import mass_model
-from ident.loads.logged_tension import tension_splines
+from ballbar.ident.corrections import correction_named, supported_corrections
+from ballbar.ident.estimator.build_unknowns import RecordingStart, complete_unknowns
+from ballbar.ident.estimator.fit import Fit, fit
+from ballbar.ident.estimator.model import Model, gearing
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.loads.gear_loads import mass_model
+from ballbar.ident.loads.logged_tension import tension_splines
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     CELL,

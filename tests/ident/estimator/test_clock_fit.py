@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.estimator.clock_fit import ClockFit, Side, fit_clock
-from ident.estimator.sample_times import MARGIN
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.estimator.clock_fit import ClockFit, Side, fit_clock
+from ballbar.ident.estimator.sample_times import MARGIN
 from tests.helpers.log_sides import side_of
 from tests.helpers.two_recorders import wandering
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.load import load_plate, load_robot, load_telescoping_bar
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
-from ident.estimator.closure import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, nominal_geometry, robot_frames
+from ballbar.cell.load import load_plate, load_robot, load_telescoping_bar
+from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ballbar.ident.estimator.closure import (
     bar_joint_jacobian,
     beside_rod,
     close_loop,
@@ -22,7 +22,7 @@ from ident.estimator.closure import (
     robot_joint_jacobian,
     runs_of_one_side,
 )
-from ident.estimator.whitening import covariance, whitening
+from ballbar.ident.estimator.whitening import covariance, whitening
 from tests.helpers.six_axes import NAMES, PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry
-from cell.payload import with_deviations
-from ident.corrections import correction_named
-from ident.estimator import uncertainty as stated_uncertainty
-from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
-from ident.estimator.fit import Fit, fit, fit_kinematics
-from ident.estimator.model import Model, gearing
-from ident.estimator.samples import Samples, samples_of
-from ident.estimator.uncertainty import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.payload import with_deviations
+from ballbar.ident.corrections import correction_named
+from ballbar.ident.estimator import uncertainty as stated_uncertainty
+from ballbar.ident.estimator.build_unknowns import RecordingStart, complete_unknowns
+from ballbar.ident.estimator.fit import Fit, fit, fit_kinematics
+from ballbar.ident.estimator.model import Model, gearing
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.estimator.uncertainty import (
     KNOWN,
     KnownLengths,
     considered_shifts,
@@ -25,12 +25,12 @@ from ident.estimator.uncertainty import (
     known_lengths,
     uncertainty,
 )
-from ident.estimator.unknowns import Unknowns
-from ident.loads.gear_loads import loads, mass_model
-from ident.loads.logged_tension import tension_splines
-from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
-from ident.robot.accuracy import accuracy_grid, position_sigma, rigid_basis
-from ident.robot.identified import IdentifiedRobot
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.loads.gear_loads import loads, mass_model
+from ballbar.ident.loads.logged_tension import tension_splines
+from ballbar.ident.loads.mass_uncertainty import deviated_cells, stated_covariance
+from ballbar.ident.robot.accuracy import accuracy_grid, position_sigma, rigid_basis
+from ballbar.ident.robot.identified import IdentifiedRobot
 from tests.helpers.complete_model import EXCESS
 from tests.helpers.six_axes import INDEX
 from tests.helpers.synthetic_recording import (

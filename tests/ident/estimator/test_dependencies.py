@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from ident.estimator.dependencies import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator.dependencies import (
     groups,
     influence,
     orthogonalised,
@@ -16,7 +16,7 @@ from ident.estimator.dependencies import (
     spectrum,
     zero_jacobian,
 )
-from ident.estimator.thesis_names import shortened
+from ballbar.ident.estimator.thesis_names import shortened
 from tests.helpers.six_axes import EXTRA_PARAMETERS, INDEX, PLATE, THESIS_PARAMETERS
 
 ROUNDING = 1e-9  # of columns of size 1

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.geometry import Geometry
-from ident.estimator import fit as module
-from ident.estimator.fit import Fit, fit, fit_kinematics, thinned
-from ident.estimator.gauss_newton import SingularError
-from ident.estimator.identifiability import candidates
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import normal_equations
-from ident.estimator.samples import Samples
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator import fit as module
+from ballbar.ident.estimator.fit import Fit, fit, fit_kinematics, thinned
+from ballbar.ident.estimator.gauss_newton import SingularError
+from ballbar.ident.estimator.identifiability import candidates
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import normal_equations
+from ballbar.ident.estimator.samples import Samples
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import (

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from ident.estimator.gauss_newton import (
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.gauss_newton import (
     ROUNDING,
     Marquardt,
     Search,

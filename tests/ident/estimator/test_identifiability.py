@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.geometry import Geometry
-from ident.estimator.build_unknowns import kinematic_unknowns
-from ident.estimator.identifiability import Identifiability, candidates, identifiable
-from ident.estimator.model import Model, joints_as_logged
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
-from sim.errors.static_errors import THESIS_3_1
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
+from ballbar.ident.estimator.identifiability import Identifiability, candidates, identifiable
+from ballbar.ident.estimator.model import Model, joints_as_logged
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples
+from ballbar.sim.errors.static_errors import THESIS_3_1
 from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, minute, recording
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ident.estimator.left_out import held_tilts, left_out
+from ballbar.ident.estimator.left_out import held_tilts, left_out
 
 NAMES = ("ra2", "compliance1", "tilt1x", "tilt1y")
 GONE = np.array([2, 3])

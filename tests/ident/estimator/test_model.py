@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Parameter
-from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
-from ident.estimator.build_unknowns import kinematic_unknowns
-from ident.estimator.closure import close_loop, parameter_jacobian
-from ident.estimator.model import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Parameter
+from ballbar.ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
+from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
+from ballbar.ident.estimator.closure import close_loop, parameter_jacobian
+from ballbar.ident.estimator.model import (
     LOADS_CLOCK,
     LOADS_GEOMETRY,
     Evaluation,
@@ -20,10 +20,10 @@ from ident.estimator.model import (
     gearing,
     joints_as_logged,
 )
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
-from ident.estimator.whitening import FLOOR_SIGMA
-from ident.loads.gear_loads import Loads, loads
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.whitening import FLOOR_SIGMA
+from ballbar.ident.loads.gear_loads import Loads, loads
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording
 

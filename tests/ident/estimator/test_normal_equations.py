@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from ident.estimator import normal_equations as module
-from ident.estimator.normal_equations import (
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator import normal_equations as module
+from ballbar.ident.estimator.normal_equations import (
     NormalEquations,
     at_trial,
     jacobian,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from ident.corrections.joint_harmonics import PRIOR
-from ident.estimator.order_search import (
+from ballbar.cell.arrays import Array
+from ballbar.ident.corrections.joint_harmonics import PRIOR
+from ballbar.ident.estimator.order_search import (
     SLOPE,
     LinearModel,
     left_out,
@@ -18,7 +18,7 @@ from ident.estimator.order_search import (
     search_orders,
     whole_orders,
 )
-from ident.estimator.regions import REGIONS, joint_regions
+from ballbar.ident.estimator.regions import REGIONS, joint_regions
 
 POSES, EQUATIONS, JOINTS = 400, 3, 4
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry, geometry_of_chain, parameter_table, robot_geometry
-from cell.poses import Measured, PoseTable
-from ident.cross_validation import robust_covariance
-from ident.estimator.build_unknowns import still_unknowns
-from ident.estimator.fit import Fit
-from ident.estimator.model import Model, still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.robust_fit import equations_at, fit_robustly
-from ident.estimator.unknowns import PlacedPoses
-from ident.start.placements import start_of_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, geometry_of_chain, parameter_table, robot_geometry
+from ballbar.cell.poses import Measured, PoseTable
+from ballbar.ident.cross_validation import robust_covariance
+from ballbar.ident.estimator.build_unknowns import still_unknowns
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.model import Model, still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.robust_fit import equations_at, fit_robustly
+from ballbar.ident.estimator.unknowns import PlacedPoses
+from ballbar.ident.start.placements import start_of_poses
 from tests.helpers.still_poses import angles, group, socket_table, table_of, true_robot
 
 TRUE = true_robot("ur5", sag=0.0)

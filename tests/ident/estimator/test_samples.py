@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.geometry import robot_frames
-from ident.estimator.closure import close_loop
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.sample_times import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import robot_frames
+from ballbar.ident.estimator.closure import close_loop
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.sample_times import (
     DWELL_KEPT,
     MARGIN,
     STRETCH,
@@ -20,8 +20,8 @@ from ident.estimator.sample_times import (
     overlap,
     sample_times,
 )
-from ident.estimator.samples import Samples, samples_of
-from ident.signals.smooth_log import smooth_log
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.signals.smooth_log import smooth_log
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, recording
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.splines import smoothing_spline
-from ident.estimator.smoothed_harmonics import spline_response
+from ballbar.cell.splines import smoothing_spline
+from ballbar.ident.estimator.smoothed_harmonics import spline_response
 
 
 @pytest.mark.parametrize("share", [0.2, 0.45, 0.5, 0.55, 0.7, 3.3])

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.corrections.base import BAR, State
-from ident.estimator.build_unknowns import RecordingStart, complete_unknowns
-from ident.estimator.fit import Fit, fit
-from ident.estimator.model import Model, joints_as_logged
-from ident.estimator.samples import Samples
-from ident.estimator.step_faults import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.corrections.base import BAR, State
+from ballbar.ident.estimator.build_unknowns import RecordingStart, complete_unknowns
+from ballbar.ident.estimator.fit import Fit, fit
+from ballbar.ident.estimator.model import Model, joints_as_logged
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.step_faults import (
     EXACT,
     SLIP_PRIOR,
     as_logged,
@@ -24,10 +24,10 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.unknowns import Unknowns
-from ident.loads.gear_loads import no_loads
-from ident.signals.smooth_log import SmoothLog
-from ident.signals.steps import LogStep, StepFault
+from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.loads.gear_loads import no_loads
+from ballbar.ident.signals.smooth_log import SmoothLog
+from ballbar.ident.signals.steps import LogStep, StepFault
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     CELL,

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.geometry import robot_geometry
-from cell.instruments import kind_named, kinds
-from cell.poses import PoseTable
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.corrections.unit_weights import unit_weights
-from ident.cross_validation import position_rows
-from ident.estimator.build_unknowns import arm_parameters, still_unknowns
-from ident.estimator.model import Model, still_model
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import whole_jacobian
-from ident.estimator.observations import StillPoses
-from ident.estimator.target_closure import close_on_target
-from ident.estimator.whitening import Whitening
-from ident.start.placements import start_of_poses
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import robot_geometry
+from ballbar.cell.instruments import kind_named, kinds
+from ballbar.cell.poses import PoseTable
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.cross_validation import position_rows
+from ballbar.ident.estimator.build_unknowns import arm_parameters, still_unknowns
+from ballbar.ident.estimator.model import Model, still_model
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.observations import StillPoses
+from ballbar.ident.estimator.target_closure import close_on_target
+from ballbar.ident.estimator.whitening import Whitening
+from ballbar.ident.start.placements import start_of_poses
 from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
 
 LEFT_OVER = ExcessNoise(position=1e-4, rotation=1e-4)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
-from ident.corrections import CORRECTIONS
-from ident.estimator.fit import Fit
-from ident.estimator.time_blocks import FOLDS, time_blocks
-from ident.joint_errors import linearised
-from ident.model_choice import coefficients_of
-from ident.options import FitOptions
-from ident.recording_fit import fit_recording
+from ballbar.cell.arrays import Array
+from ballbar.ident.complete_fit import FIRST_EXCESS, fit_pose, posed
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.time_blocks import FOLDS, time_blocks
+from ballbar.ident.joint_errors import linearised
+from ballbar.ident.model_choice import coefficients_of
+from ballbar.ident.options import FitOptions
+from ballbar.ident.recording_fit import fit_recording
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
 

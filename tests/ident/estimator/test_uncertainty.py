@@ -9,14 +9,14 @@ from typing import cast
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import parameter_named
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.identifiability import candidates
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
-from ident.estimator.time_blocks import BLOCK, NONE, block_numbers
-from ident.estimator.uncertainty import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import parameter_named
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.identifiability import candidates
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.time_blocks import BLOCK, NONE, block_numbers
+from ballbar.ident.estimator.uncertainty import (
     autocorrelation,
     correlated_groups,
     doubted_shift,
@@ -24,7 +24,7 @@ from ident.estimator.uncertainty import (
     observability,
     uncertainty,
 )
-from ident.signals.smooth_log import smooth_log, smoothing
+from ballbar.ident.signals.smooth_log import smooth_log, smoothing
 from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import (
     NO_CLOCK_ERROR,

@@ -7,14 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cell.clock import Clock
-from cell.geometry import Geometry
-from ident.corrections import CORRECTIONS
-from ident.estimator.build_unknowns import RecordingStart, complete_unknowns, kinematic_unknowns
-from ident.estimator.priors import belongs_to_recording, of_robot
-from ident.estimator.unknowns import MAX_OFFSET_STEP, MAX_SKEW, Unknowns
-from sim.errors.plant_errors import BaseCompliance
-from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BallbarAxes
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.estimator.build_unknowns import (
+    RecordingStart,
+    complete_unknowns,
+    kinematic_unknowns,
+)
+from ballbar.ident.estimator.priors import belongs_to_recording, of_robot
+from ballbar.ident.estimator.unknowns import MAX_OFFSET_STEP, MAX_SKEW, Unknowns
+from ballbar.sim.errors.plant_errors import BaseCompliance
+from ballbar.sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BallbarAxes
 from tests.helpers.six_axes import INDEX, NAMES, SHARED
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

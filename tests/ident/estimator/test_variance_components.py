@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.complete_fit import FIRST_EXCESS
-from ident.estimator.fit import Fit, fit_kinematics
-from ident.estimator.identifiability import candidates
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples
-from ident.estimator.variance_components import COMPONENTS, excess_noise, rod_deviation
-from ident.estimator.whitening import covariance
+from ballbar.ident.complete_fit import FIRST_EXCESS
+from ballbar.ident.estimator.fit import Fit, fit_kinematics
+from ballbar.ident.estimator.identifiability import candidates
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.samples import Samples
+from ballbar.ident.estimator.variance_components import COMPONENTS, excess_noise, rod_deviation
+from ballbar.ident.estimator.whitening import covariance
 from tests.helpers.six_axes import NAMES, TABLE
 from tests.helpers.synthetic_recording import (
     NO_CLOCK_ERROR,

@@ -5,16 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from ident.estimator.closure import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.estimator.closure import (
     Closure,
     bar_joint_jacobian,
     close_loop,
     parameter_jacobian,
     robot_joint_jacobian,
 )
-from ident.estimator.whitening import FLOOR_SIGMA, cholesky, covariance, solve_lower, whitening
+from ballbar.ident.estimator.whitening import (
+    FLOOR_SIGMA,
+    cholesky,
+    covariance,
+    solve_lower,
+    whitening,
+)
 from tests.helpers.six_axes import INDEX, PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 

@@ -6,17 +6,24 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.bodies import carried_bodies
-from cell.chain import joint_screws
-from cell.closed_form import robot_branches
-from cell.dynamics import joint_torques
-from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from cell.inverse import refine
-from cell.load import load_cell
-from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight, rubbed
-from sim.plant.effects import Plant, PlantEffects
-from sim.plant.mjcf import plant_model
-from sim.plant.statics import equilibrium, gravity_torque
+from ballbar.cell.bodies import carried_bodies
+from ballbar.cell.chain import joint_screws
+from ballbar.cell.closed_form import robot_branches
+from ballbar.cell.dynamics import joint_torques
+from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.inverse import refine
+from ballbar.cell.load import load_cell
+from ballbar.ident.loads.gear_loads import (
+    loads,
+    mass_model,
+    no_loads,
+    on_ballbar,
+    own_weight,
+    rubbed,
+)
+from ballbar.sim.plant.effects import Plant, PlantEffects
+from ballbar.sim.plant.mjcf import plant_model
+from ballbar.sim.plant.statics import equilibrium, gravity_torque
 from tests.helpers.known_loads import Motion, motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.clock import Clock
-from cell.errors import InputError
-from cell.logs import ForceLog, RobotLog
-from ident.estimator.samples import Samples, samples_of
-from ident.loads.logged_tension import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.cell.errors import InputError
+from ballbar.cell.logs import ForceLog, RobotLog
+from ballbar.ident.estimator.samples import Samples, samples_of
+from ballbar.ident.loads.logged_tension import (
     KNOTS_PER_SECOND,
     LEAST_KNOTS,
     instrument_forces,
@@ -20,8 +20,8 @@ from ident.loads.logged_tension import (
     tension_splines,
     torque_tension,
 )
-from ident.loads.rod_tension import SENSOR_NOISE
-from ident.signals.smooth_log import interpolating_log
+from ballbar.ident.loads.rod_tension import SENSOR_NOISE
+from ballbar.ident.signals.smooth_log import interpolating_log
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL, exact_log, minute, recording
 

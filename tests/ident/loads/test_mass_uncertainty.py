@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import Cell
-from cell.geometry import nominal_chain
-from cell.payload import with_deviations
-from ident.loads.gear_loads import mass_model, own_weight
-from ident.loads.mass_uncertainty import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import nominal_chain
+from ballbar.cell.payload import with_deviations
+from ballbar.ident.loads.gear_loads import mass_model, own_weight
+from ballbar.ident.loads.mass_uncertainty import (
     ARM,
     CENTRE_PRIOR,
     LINK_PRIOR,

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell, Link
-from cell.payload import LinkDeviation, Payload, with_deviations, with_payload
-from ident.loads.gear_loads import mass_model, own_weight
-from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
-from ident.loads.payload import SURE, PayloadEstimate, payload_of_recordings
-from ident.remarks import loaded_otherwise
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell, Link
+from ballbar.cell.payload import LinkDeviation, Payload, with_deviations, with_payload
+from ballbar.ident.loads.gear_loads import mass_model, own_weight
+from ballbar.ident.loads.mass_uncertainty import deviated_cells, stated_covariance
+from ballbar.ident.loads.payload import SURE, PayloadEstimate, payload_of_recordings
+from ballbar.ident.remarks import loaded_otherwise
 from tests.helpers.known_loads import motion_at
 from tests.helpers.logged_torques import T, logged
 from tests.helpers.synthetic_recording import CELL, NOMINAL

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from ident.loads.rod_tension import (
+from ballbar.cell.arrays import Array
+from ballbar.ident.loads.rod_tension import (
     REVERSAL_SPEED,
     SENSOR_BIAS,
     SENSOR_NOISE,

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import robot_frames
-from cell.payload import Payload, with_payload
-from ident.loads.gear_loads import loads, mass_model
-from ident.loads.logged_tension import LoggedTorque
-from ident.loads.payload import PayloadEstimate, payload_of_recordings
-from ident.loads.undeclared import undeclared_columns
-from ident.remarks import loaded_otherwise, offset_remark
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import robot_frames
+from ballbar.cell.payload import Payload, with_payload
+from ballbar.ident.loads.gear_loads import loads, mass_model
+from ballbar.ident.loads.logged_tension import LoggedTorque
+from ballbar.ident.loads.payload import PayloadEstimate, payload_of_recordings
+from ballbar.ident.loads.undeclared import undeclared_columns
+from ballbar.ident.remarks import loaded_otherwise, offset_remark
 from tests.helpers.logged_torques import logged
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 

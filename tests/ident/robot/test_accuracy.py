@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry, robot_frames
-from cell.robot_angles import joints_to_axes
-from ident.robot.accuracy import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.ident.robot.accuracy import (
     _grid_points,
     accuracy_grid,
     position_error,

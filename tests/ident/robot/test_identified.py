@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry, robot_frames, robot_geometry
-from cell.load import load_robot
-from cell.payload import Payload, with_payload
-from cell.placement import Placement
-from cell.rotation import matrix_from_rotvec
-from ident.corrections import CORRECTIONS
-from ident.corrections.joint_harmonics import joint_harmonics
-from ident.corrections.unit_weights import unit_weights
-from ident.loads.at_rest import UNDECIDED, UNDECIDED_WRIST, backlash_flanks
-from ident.loads.gear_loads import mass_model, own_weight
-from ident.robot.identified import IdentifiedRobot
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.geometry import Geometry, robot_frames, robot_geometry
+from ballbar.cell.load import load_robot
+from ballbar.cell.payload import Payload, with_payload
+from ballbar.cell.placement import Placement
+from ballbar.cell.rotation import matrix_from_rotvec
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.corrections.joint_harmonics import joint_harmonics
+from ballbar.ident.corrections.unit_weights import unit_weights
+from ballbar.ident.loads.at_rest import UNDECIDED, UNDECIDED_WRIST, backlash_flanks
+from ballbar.ident.loads.gear_loads import mass_model, own_weight
+from ballbar.ident.robot.identified import IdentifiedRobot
 from tests.helpers.six_axes import INDEX
 
 CHOSEN = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain", "encoder_harmonics")

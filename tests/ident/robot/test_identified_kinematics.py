@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from ballbar.cell.arrays import Array
+from ballbar.cell.chain import forward
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, nominal_chain, robot_frames
+from ballbar.cell.numerical_inverse import dexterity, turned_near
+from ballbar.cell.payload import Payload, with_deviations
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.cell.rotation import rotvec_from_matrix
 from ballbar.export.formats import exported
 from ballbar.export.result import load_result
+from ballbar.ident.corrections.joint_compliance import joint_compliance
+from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
+from ballbar.ident.robot.tool_covariance import ToolCovariance
 from ballbar.result.calibration import Calibration
 from ballbar.result.machine_entries import covariance_entry
-from cell.arrays import Array
-from cell.chain import forward
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, nominal_chain, robot_frames
-from cell.numerical_inverse import dexterity, turned_near
-from cell.payload import Payload, with_deviations
-from cell.robot_angles import controller_to_joints, joints_to_axes
-from cell.rotation import rotvec_from_matrix
-from ident.corrections.joint_compliance import joint_compliance
-from ident.robot.accuracy import accuracy_grid
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
-from ident.robot.tool_covariance import ToolCovariance
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.pose_results import RANGE, write_pose_result
 from tests.helpers.simulated_recordings import perturbed

@@ -8,14 +8,14 @@ from typing import cast
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.errors import InputError
-from cell.geometry import Geometry, robot_frames
-from cell.robot_angles import joints_to_axes
-from ident.corrections import CORRECTIONS
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.inverse_calibration import TargetError, corrected_targets
+from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.synthetic_recording import minute
 

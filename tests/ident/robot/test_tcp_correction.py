@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from cell.statistics import rms
-from ident.corrections import CORRECTIONS
-from ident.result import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.statistics import rms
+from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
     NamedCovariance,
     RobotEstimate,
     identified_robot,
 )
-from ident.robot.accuracy import accuracy_grid, position_error, rigid_basis
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.tcp_correction import correction_parts
-from ident.robot.tcp_uncertainty import TcpUncertainty
+from ballbar.ident.robot.accuracy import accuracy_grid, position_error, rigid_basis
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.tcp_correction import correction_parts
+from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 CHANGED = {"ra2": 1.5e-3, "rd4": -0.8e-3, "ralpha3": 1e-3, "rtheta5": -1.2e-3, "ra5": 2e-3}

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry, robot_frames
-from cell.statistics import rms
-from ident.robot.accuracy import accuracy_grid, tcp_error
-from ident.robot.identified import IdentifiedRobot
-from ident.robot.tcp_uncertainty import (
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.cell.statistics import rms
+from ballbar.ident.robot.accuracy import accuracy_grid, tcp_error
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.tcp_uncertainty import (
     SCALE,
     TcpUncertainty,
     parts_without_scale,
     scale_direction,
     tcp_uncertainty,
 )
-from ident.robot.tool_covariance import ToolCovariance
+from ballbar.ident.robot.tool_covariance import ToolCovariance
 from tests.helpers.six_axes import INDEX
 from tests.helpers.synthetic_recording import CELL
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from cell.arrays import Array
-from cell.clock import Clock
-from ident.signals.motion import MotionByLog
-from ident.signals.smooth_log import interpolating_log
+from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
+from ballbar.ident.signals.motion import MotionByLog
+from ballbar.ident.signals.smooth_log import interpolating_log
 
 T = np.arange(0.0, 20.0, 0.01)  # [s] rows
 AT = np.linspace(3.0, 17.0, 50)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ident.signals.smooth_log import smooth_log
-from ident.signals.steps import find_steps
+from ballbar.ident.signals.smooth_log import smooth_log
+from ballbar.ident.signals.steps import find_steps
 
 
 def motion(t: np.ndarray) -> np.ndarray:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from ident.signals.smooth_log import SmoothLog, smooth_log
-from ident.signals.stamp_noise import stamp_noise
+from ballbar.cell.arrays import Array
+from ballbar.ident.signals.smooth_log import SmoothLog, smooth_log
+from ballbar.ident.signals.stamp_noise import stamp_noise
 
 T = 0.004 * np.arange(8000)
 NOISE = 2e-6

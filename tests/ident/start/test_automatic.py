@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.clock import Clock
-from cell.geometry import Geometry, robot_frames
-from ident.estimator import gauss_newton
-from ident.estimator.noise import ExcessNoise
-from ident.signals.smooth_log import SmoothLog
-from ident.start import automatic
-from ident.start.automatic import (
+from ballbar.cell.clock import Clock
+from ballbar.cell.geometry import Geometry, robot_frames
+from ballbar.ident.estimator import gauss_newton
+from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.signals.smooth_log import SmoothLog
+from ballbar.ident.start import automatic
+from ballbar.ident.start.automatic import (
     GEOMETRY_SIGMA,
     Hypothesis,
     StartError,
@@ -20,7 +20,7 @@ from ident.start.automatic import (
     length_hypotheses,
     start_parameters,
 )
-from sim.errors.static_errors import THESIS_3_1
+from ballbar.sim.errors.static_errors import THESIS_3_1
 from tests.helpers.six_axes import FIXED, NAMES, TABLE
 from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NOMINAL, closed, exact_log, minute

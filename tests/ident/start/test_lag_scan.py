@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ident.start.lag_scan import (
+from ballbar.ident.start.lag_scan import (
     DIRECTION_SIGMA,
     MIN_OVERLAP,
     WITHIN,
@@ -18,7 +18,7 @@ from ident.start.lag_scan import (
     scan_lags,
     subsample,
 )
-from ident.start.speed_scan import likely_pairs, scan_speeds, speed_correlation
+from ballbar.ident.start.speed_scan import likely_pairs, scan_speeds, speed_correlation
 
 STEP = 0.02  # [s]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ident.start.lag_scan import subsample
-from ident.start.length_scan import best_lengths
+from ballbar.ident.start.lag_scan import subsample
+from ballbar.ident.start.length_scan import best_lengths
 
 STEP = 0.05  # [s]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ident.start.sphere import FIT_SIGMA, RADIUS_SIGMA, sphere_candidates
+from ballbar.ident.start.sphere import FIT_SIGMA, RADIUS_SIGMA, sphere_candidates
 
 
 def test_the_sphere_is_found_from_points_on_a_patch_of_it() -> None:

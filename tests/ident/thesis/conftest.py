@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from sim.errors.static_errors import THESIS_3_1
-from sim.path import ReferencePath
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.sim.errors.static_errors import THESIS_3_1
+from ballbar.sim.path import ReferencePath
 from tests.helpers.synthetic_recording import NOMINAL, closed, minute
 
 

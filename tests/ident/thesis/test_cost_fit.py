@@ -7,12 +7,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from ident.thesis.cost_fit import fit_cost, identifiable_by
-from ident.thesis.costs import Form, cost_named
-from ident.thesis.names import ENCODERS_NEEDED, CostName
-from sim.path import ReferencePath
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.thesis.cost_fit import fit_cost, identifiable_by
+from ballbar.ident.thesis.costs import Form, cost_named
+from ballbar.ident.thesis.names import ENCODERS_NEEDED, CostName
+from ballbar.sim.path import ReferencePath
 from tests.helpers.six_axes import INDEX, NAMES
 from tests.helpers.synthetic_recording import closed
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from ident.thesis.cost_fit import identifiable_by
-from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift, with_matched_offsets
-from ident.thesis.costs import cost_named
-from ident.thesis.names import CostName
-from ident.thesis.paired_samples import through_samples
-from sim.path import ReferencePath
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.ident.thesis.cost_fit import identifiable_by
+from ballbar.ident.thesis.cost_shift import (
+    REACH,
+    best_shift,
+    fit_cost_with_shift,
+    with_matched_offsets,
+)
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.names import CostName
+from ballbar.ident.thesis.paired_samples import through_samples
+from ballbar.sim.path import ReferencePath
 from tests.helpers.synthetic_recording import closed, exact_log
 
 LATE = 0.03  # [s] by which the ball-bar's log is taken too late

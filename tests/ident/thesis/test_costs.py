@@ -7,12 +7,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.inverse import refine
-from ident.estimator.closure import close_loop
-from ident.thesis.costs import EQUATIONS, Form, cost_named
-from ident.thesis.names import CostName
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
+from ballbar.cell.inverse import refine
+from ballbar.ident.estimator.closure import close_loop
+from ballbar.ident.thesis.costs import EQUATIONS, Form, cost_named
+from ballbar.ident.thesis.names import CostName
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
 from tests.helpers.synthetic_recording import Loop

@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.arrays import Array
-from cell.geometry import Geometry
-from cell.logs import BallBarLog, RobotLog
-from ident.thesis.costs import cost_named
-from ident.thesis.pairing import PERIOD, is_standing, moving_average, pair_logs, rough_offset
-from sim.path import ReferencePath
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry
+from ballbar.cell.logs import BallBarLog, RobotLog
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.pairing import (
+    PERIOD,
+    is_standing,
+    moving_average,
+    pair_logs,
+    rough_offset,
+)
+from ballbar.sim.path import ReferencePath
 from tests.helpers.synthetic_recording import exact_log
 
 OFFSET = 0.7131  # [s] robot time at the ball-bar's first row

@@ -9,7 +9,29 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import bar_frames
+from ballbar.cell.inverse import refine
 from ballbar.commands.identifiability import parse_encoders
+from ballbar.ident.estimator.dependencies import (
+    Dependency,
+    groups,
+    influence,
+    select,
+    spectrum,
+    zero_jacobian,
+)
+from ballbar.ident.thesis.cost_fit import fit_cost
+from ballbar.ident.thesis.costs import cost_named
+from ballbar.ident.thesis.tables import (
+    MOST,
+    REMOVED,
+    TABLE_3_2,
+    TABLE_3_3,
+    TABLE_3_4,
+    TABLE_3_5_IDENTIFIED,
+    THESIS_COSTS,
+)
 from ballbar.identifiability import (
     KinematicLoop,
     Study,
@@ -21,9 +43,6 @@ from ballbar.identifiability import (
     vector_text,
 )
 from ballbar.scenario import load_scenario
-from cell.errors import InputError
-from cell.geometry import bar_frames
-from cell.inverse import refine
 from generators import identifiability_page
 from generators.identifiability_page import (
     PAGE,
@@ -33,25 +52,6 @@ from generators.identifiability_page import (
     missing_and_extra,
     page_text,
     turned,
-)
-from ident.estimator.dependencies import (
-    Dependency,
-    groups,
-    influence,
-    select,
-    spectrum,
-    zero_jacobian,
-)
-from ident.thesis.cost_fit import fit_cost
-from ident.thesis.costs import cost_named
-from ident.thesis.tables import (
-    MOST,
-    REMOVED,
-    TABLE_3_2,
-    TABLE_3_3,
-    TABLE_3_4,
-    TABLE_3_5_IDENTIFIED,
-    THESIS_COSTS,
 )
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS

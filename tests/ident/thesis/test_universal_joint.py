@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.geometry import Geometry, bar_frames, parameter_screw, robot_frames
-from cell.inverse import UnreachableError, bar_angles
-from ident.estimator.closure import Closure, close_loop
-from ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
+from ballbar.cell.geometry import Geometry, bar_frames, parameter_screw, robot_frames
+from ballbar.cell.inverse import UnreachableError, bar_angles
+from ballbar.ident.estimator.closure import Closure, close_loop
+from ballbar.ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
 from tests.helpers.six_axes import PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 
