@@ -16,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -83,7 +84,12 @@ def second_process(*modules: str) -> Iterator[Begin]:
 
     It imports the modules at once. Before it has done so, of what it has not begun when the result
     is asked for, and where it died, the work is done in this process.
+
+    Raises ModuleNotFoundError at once for a module of a package that is not installed.
     """
+    for module in modules:
+        if find_spec(module.partition(".")[0]) is None:
+            raise ModuleNotFoundError(f"No module named {module!r}", name=module)
     with process_pool(1, _import, modules) as pool:
         ready = pool.submit(os.getpid)
 

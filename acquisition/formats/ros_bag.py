@@ -20,7 +20,7 @@ from ballbar.acquisition.report import Finding, finding
 from ballbar.acquisition.table.header import Layout
 from ballbar.acquisition.table.table import Form, Table
 from ballbar.acquisition.table.text import require_file
-from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.errors import LogError, imports_for
 
 if TYPE_CHECKING:
     import sqlite3
@@ -41,8 +41,8 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     """Stamps [ns] and the wanted positions; the lines are message numbers within the topic, from 1.
 
     Messages without stamp (zero) are left out and reported, as are those of other joints.
-    Raises LogError if the bag is damaged or several topics hold the joints, DescriptionError if a
-    package is missing.
+    Raises LogError if the bag is damaged or several topics hold the joints, InputError if a package
+    is missing.
     """
     _check_stored(path, file)
     findings: list[Finding] = []
@@ -82,13 +82,8 @@ def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[Jo
 
     Raises LogError if the bag or a message is damaged, or there are none.
     """
-    try:
+    with imports_for(f"{file}: a ROS bag", "ballbar-bench[ros]"):
         from ballbar.acquisition.formats.ros_messages import decode, mcap_messages  # noqa: PLC0415
-    except ImportError as error:
-        raise DescriptionError(
-            f"{file}: ROS bags need the package {error.name}, which is not installed. Install the "
-            "extra: pip install 'ballbar-bench[ros]'"
-        ) from None
     with path.open("rb") as opened:
         sqlite = opened.read(len(_SQLITE)) == _SQLITE
     messages = _sqlite_messages(path, file, findings) if sqlite else None
