@@ -10,6 +10,7 @@ import importlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -59,6 +60,9 @@ def stop_signals_blocked() -> Iterator[None]:
 
     Both signals go to all processes of a group at once; who started them receives them and decides.
     """
+    if sys.platform == "win32":  # which has no masks: until they ignore it, Ctrl-C ends them
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
@@ -68,8 +72,11 @@ def stop_signals_blocked() -> Iterator[None]:
 
 @contextmanager
 def on_stop_signals(handle: Callable[..., None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM (the end of a batch job) call `handle` instead of ending this process."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    """Ctrl-C and SIGTERM (the end of a batch job) call `handle` instead of ending this process.
+
+    So does SIGBREAK, with which one process of Windows stops another.
+    """
+    numbers = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGBREAK", signal.SIGTERM)}
     before = {number: signal.signal(number, lambda *_: handle()) for number in numbers}
     try:
         yield

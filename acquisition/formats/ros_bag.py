@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import quote
 
 import numpy as np
 
@@ -135,7 +134,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         findings.append(finding("write-ahead log", file, sentence, count=1))
     _check_size(path, file)
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
-    connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
+    connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     try:
         # No view, trigger or function runs, and nothing else runs long.
         checks_left = iter(range(checks))

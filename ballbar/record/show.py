@@ -203,7 +203,7 @@ def _cell_names(options: RecordOptions) -> tuple[CellNames, list[Path]]:
     if described is not None:
         stated += dict.fromkeys(source.dialect for source in described.sources.named.values())
     files = [base / name for name in stated if name.endswith(".yaml")]
-    if len({*(file.name for file in files), "recording.yaml"}) <= len(files):
+    if len({*(file.name.casefold() for file in files), "recording.yaml"}) <= len(files):
         what = "two files of one folder, or one and recording.yaml, cannot have the same name."
         raise InputError.at(", ".join(map(str, files)), what, "Rename one of them.")
     robot, ballbar, plate = (Path(n).name if n.endswith(".yaml") else n for n in stated[:3])

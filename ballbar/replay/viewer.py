@@ -143,8 +143,14 @@ def _apart(command: list[str]) -> subprocess.Popen[bytes]:
 
     It has a session of its own: the Ctrl-C that ends a recording does not close the window too.
     """
-    none = subprocess.DEVNULL
-    return subprocess.Popen(command, start_new_session=True, stdout=none, stderr=none, env=_quiet())
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        env=_quiet(),
+    )
 
 
 def live_viewer() -> str:

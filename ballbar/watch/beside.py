@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -12,6 +13,9 @@ from ballbar.cell.threads import one_thread_each
 from ballbar.watch.show import Data
 
 LAST = 120.0  # [s] for the complete fit of the whole recording
+# How a process is kept from Ctrl-C on Windows, and asked to end there
+OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+END = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
 
 class WatchBeside:
@@ -27,7 +31,11 @@ class WatchBeside:
         self._duration, self._finished, self._left_out = duration, False, False
         with one_thread_each():  # Ctrl-C is for the recorder, which ends this one when it has ended
             self._process = subprocess.Popen(
-                command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+                command,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                creationflags=OWN_GROUP,
             )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -56,7 +64,7 @@ class WatchBeside:
         """
         self._finished = not self.failure
         if self._process.poll() is None:
-            self._process.terminate()
+            self._process.send_signal(END)
         try:
             self._process.wait(LAST)
         except (subprocess.TimeoutExpired, KeyboardInterrupt) as reason:

@@ -50,7 +50,7 @@ def installed_by(name: str) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A site-packages with our package and what requirements-identify.txt installs, nothing else."""
+    """A site-packages with our package and what requirements-identify.txt installs alone."""
     folder = tmp_path_factory.mktemp("small")
     for name in closure(SMALL):
         for entry in installed_by(name):
