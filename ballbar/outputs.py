@@ -35,7 +35,7 @@ def write_outputs(
     """
     from ballbar.report.page import write_report  # noqa: PLC0415  imports Jinja
 
-    rows = sum(recording.robot_log.t.size for _, _, recording in run.read)
+    rows = sum(recording.robot_log.t.size for _, recording in run.read)
     if rows > SENT_ROWS or not run.recordings:
         # a second process would hold the logs twice more; poses compute what they cache meanwhile
         begin = partial
@@ -46,7 +46,7 @@ def write_outputs(
     except RefusedResultError as error:
         refusal = error
     if run.recordings:
-        reports = {name: recording for name, _, recording in run.read}
+        reports = dict(run.read)
         write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     progress("writing the report")
     write_report(out / REPORT, run, command=command)

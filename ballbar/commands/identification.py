@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +14,7 @@ from rich.markup import escape
 from ballbar.cell.errors import InputError
 from ballbar.commands.options import AsJson, Out, command, command_line, say_json
 from ballbar.ident.corrections import CORRECTIONS
-from ballbar.ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
+from ballbar.ident.options import DEFAULT_SAMPLES, FitOptions, ForceSource, ModelName
 from ballbar.terminal import out, progress_bar
 
 if TYPE_CHECKING:
@@ -91,15 +92,12 @@ def identify(
     ):
         from ballbar.ident.options import Listener
         from ballbar.report.terminal import say_identification
-        from ballbar.result.run_recordings import identify_files
+        from ballbar.result.identify import identify as identify_measured
 
-        run = identify_files(
-            recordings,
-            validate or [],
-            settings=settings,
-            joint_errors=joint_errors,
-            listener=Listener(progress),
-        )
+        options, listener = _options(settings, joint_errors), Listener(progress)
+        run = identify_measured(
+            *recordings, validate=validate or [], options=options, listener=listener
+        ).data
         if not as_json:
             with progress.removed():
                 say_identification(out, run)
@@ -114,6 +112,17 @@ def identify(
     raise typer.Exit(0 if run.acceptable else 1)
 
 
+def _options(settings: IdentifySettings, joint_errors: str) -> FitOptions:
+    """The options of the fit; joint_errors : `auto`, `none`, or the path of a calibration."""
+    from ballbar.result.calibration import load
+
+    if joint_errors == "auto":
+        return settings.options
+    if joint_errors == "none":
+        return replace(settings.options, joint_errors="none")
+    return replace(settings.options, joint_errors=load(joint_errors).joint_errors())
+
+
 def _say_json(run: RunData, folder: Path) -> None:
     from ballbar.commands.result_json import run_data
 
@@ -123,7 +132,7 @@ def _say_json(run: RunData, folder: Path) -> None:
 def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
     """The folder of the result, held for the files that such recordings leave."""
     from ballbar.cell.files import claimed_folder
-    from ballbar.recordings.followed import gives_poses
+    from ballbar.recordings.read import gives_poses
     from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
 
     poses = all(gives_poses(recording) for recording in recordings)

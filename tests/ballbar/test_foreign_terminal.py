@@ -16,7 +16,7 @@ from ballbar.cell.files import write_yaml
 from ballbar.cell.foreign_text import printable
 from ballbar.cell.strict_yaml import load_yaml
 from ballbar.commands import cli
-from ballbar.result.run_recordings import distinct_names
+from ballbar.result.identify import distinct_names
 from ballbar.terminal import PlainConsole, wide_console
 from tests.helpers.command_line import ballbar
 from tests.helpers.device_logs import robot_lines, write

@@ -19,7 +19,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from ballbar import Calibration
+from ballbar import load
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import forward
 from ballbar.cell.errors import DescriptionError, InputError
@@ -357,17 +357,17 @@ def test_a_result_that_was_edited_wrongly_is_refused_by_name(
     edit(data)
     file.write_text(yaml.safe_dump(data, sort_keys=False))
     with pytest.raises(DescriptionError, match=re.escape(said)) as refusal:
-        Calibration.load(file)
+        load(file)
     assert str(refusal.value).startswith(str(file))
 
 
 def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
     tmp_path: Path, result: Result
 ) -> None:
-    loaded = Calibration.load(result.file.parent)
+    loaded = load(result.file.parent)
     assert loaded.sigma.keys() == set(loaded.file.identified)
     assert loaded.ranges.shape == (loaded.robot.joints, 2)
-    assert Calibration.load(str(result.file)).targets.keys() == loaded.targets.keys()
+    assert load(str(result.file)).targets.keys() == loaded.targets.keys()
     code, _, _ = ballbar("compare", tmp_path / "none", result.file)
     assert code == 2
     for use in (lambda: loaded.geometry, loaded.cell, lambda: loaded.encoders):
@@ -379,18 +379,18 @@ def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
 
 def test_joint_errors_that_were_kept_from_another_result_are_read_back(tmp_path: Path) -> None:
     """`identify --joint-errors RESULT` ended with a result that its reader refused."""
-    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    first = load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
     data = yaml.safe_load(first.path.read_text())
     data["corrections"]["learned_harmonics"] = data["corrections"].pop("joint_harmonics")
     (tmp_path / "b.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
-    second = Calibration.load(tmp_path / "b.yaml")
+    second = load(tmp_path / "b.yaml")
     q = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6))
     assert np.array_equal(second.identified_robot().tool(q), first.identified_robot().tool(q))
     assert second.joint_errors() == first.joint_errors()
 
 
 def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: Path) -> None:
-    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    first = load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
     same = compare(first, first)
     assert same.tcp.maximum < EXACT
     assert not any(same.z.values())
@@ -402,12 +402,12 @@ def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: 
     assert code == 0
     assert "rtheta4 -1.0000 mrad (z -35.4)" in said, "1 mrad over sqrt(2) times 20 urad"
     assert "less than half of the fitted range is common: axes 3" in said
-    second = Calibration.load(tmp_path / "b.yaml")
+    second = load(tmp_path / "b.yaml")
     tcp = compare(first, second).tcp
     assert 2e-5 < tcp.mean < 1e-3
     code, said, _ = ballbar("compare", tmp_path / "a.yaml", tmp_path / "b.yaml", "--json")
     assert json.loads(said)["tcp_difference"]["mean_m"] == pytest.approx(tcp.mean)
-    other = Calibration.load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
+    other = load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
     with pytest.raises(InputError, match="Compare calibrations of the same robot"):
         compare(first, other)
 

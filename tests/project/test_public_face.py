@@ -81,5 +81,5 @@ def test_the_example_from_a_recording_writes_its_calibration(
     monkeypatch.setattr(sys, "argv", ["from_recording.py", str(file), str(recorded.folder)])
     runpy.run_path(str(ROOT / "examples/from_recording.py"), run_name="__main__")
     assert "raw/ballbar.csv: overrun (" in capsys.readouterr().out
-    length = ballbar.load_calibration(file).geometry["ra2"]
+    length = ballbar.load(file).geometry["ra2"]
     assert length == pytest.approx(recorded.simulation.truth.geometry["ra2"], abs=20e-6)
