@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ballbar.cell.files import write_whole
 from ballbar.cell.processes import Begin
+from ballbar.ident.options import SILENT
 from ballbar.recordings.check import import_reports
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
@@ -22,9 +23,9 @@ def write_outputs(
     out: Path,
     run: RunData,
     *,
-    command: str,
-    replay: bool,
-    progress: Progress,
+    command: str = "ballbar.identify",
+    replay: bool = False,
+    progress: Progress = SILENT.progress,
     begin: Begin = partial,
 ) -> None:
     """Writes calibration.yaml, report.html, with `replay` run.rrd, and of logs import_report.json.
@@ -45,7 +46,9 @@ def write_outputs(
         write_calibration(out / CALIBRATION, run)
     except RefusedResultError as error:
         refusal = error
-    if run.recordings:
+    if not run.recordings:
+        (out / IMPORT_REPORT).unlink(missing_ok=True)  # of logs that were identified before
+    else:
         reports = dict(run.read)
         write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     progress("writing the report")

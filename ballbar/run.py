@@ -20,7 +20,7 @@ from ballbar.cell.recording import load_recording_file
 from ballbar.ident.options import SILENT, Listener
 from ballbar.plan.found_path import with_found_path
 from ballbar.result.identify import identify
-from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
+from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.scenario import (
     SCENARIOS,
@@ -168,7 +168,7 @@ def run_scenario(
     accept, moves = scenario.accept, scenario.path is not None
     logs = (out / RECORDING, out / HELD_OUT) if moves else (out / RECORDING,)
     known = {
-        *(OUTPUTS if moves else POSE_OUTPUTS),
+        *OUTPUTS,
         *(f.name for log in logs for f in (log, truth_path(log), scenario_path(log))),
     }
     with claimed_folder(out, known, "a run"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -73,8 +73,9 @@ def identify(
         (none), or keep those of another result.
     --rerun : Write the replay file run.rrd as well.
     """
+    from ballbar.cell.files import claimed_folder
     from ballbar.cell.processes import second_process
-    from ballbar.result.names import REPLAY_MODULES
+    from ballbar.result.names import OUTPUTS, REPLAY_MODULES
 
     settings = _settings(
         corrections,
@@ -86,7 +87,7 @@ def identify(
     )
     folder = out_dir or _beside(recordings[0])
     with (
-        _claimed(folder, recordings),
+        claimed_folder(folder, OUTPUTS, "the result"),
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
@@ -127,16 +128,6 @@ def _say_json(run: RunData, folder: Path) -> None:
     from ballbar.commands.result_json import run_data
 
     say_json(run_data(run, folder))
-
-
-def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
-    """The folder of the result, held for the files that such recordings leave."""
-    from ballbar.cell.files import claimed_folder
-    from ballbar.recordings.read import gives_poses
-    from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
-
-    poses = all(gives_poses(recording) for recording in recordings)
-    return claimed_folder(folder, POSE_OUTPUTS if poses else OUTPUTS, "the result")
 
 
 def _beside(recording: Path) -> Path:

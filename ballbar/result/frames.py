@@ -19,17 +19,12 @@ def parameters(file: CalibrationFile) -> pd.DataFrame:
     """
     own = {recording.name: recording.parameters for recording in file.logs}
     rows = {
-        (recording, name): {
-            "unit": parameter_named(name).unit,
-            "nominal": entry.nominal,
-            "value": entry.value,
-            "sigma": np.nan if entry.sigma is None else entry.sigma,
-            "identified": entry.identified,
-        }
+        (recording, name): {"unit": parameter_named(name).unit} | entry.model_dump()
         for recording, entries in ({"": file.parameters} | own).items()
         for name, entry in entries.items()
     }
-    return pd.DataFrame(list(rows.values()), index=_index(rows, "recording", "parameter"))
+    frame = pd.DataFrame(list(rows.values()), index=_index(rows, "recording", "parameter"))
+    return frame.astype({"sigma": float})
 
 
 def corrections(file: CalibrationFile) -> pd.DataFrame:

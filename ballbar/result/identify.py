@@ -33,7 +33,9 @@ from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import FittedRecording, RunData, Validation
 from ballbar.result.write_calibration import calibration_of
 
-Named = tuple[str, Measured]
+# what was measured, with its name
+Moving = tuple[str, Recording]
+Still = tuple[str, PoseImport]
 
 
 def identify(
@@ -77,27 +79,31 @@ def identified(
 ) -> RunData:
     """The same with all that the report shows; arguments and errors as of `identify`."""
     names = distinct_names([*things, *held_out_things])
-    fitted = list(zip(names, things, strict=False))
-    others = list(zip(names[len(things) :], held_out_things, strict=True))
-    _check_one_robot([thing for _, thing in fitted + others if isinstance(thing, PoseImport)])
-    recordings = [(name, thing) for name, thing in fitted if isinstance(thing, Recording)]
+    recordings, tables = _by_kind(names, things)
+    tried, held = _by_kind(names[len(things) :], held_out_things)
+    _check_one_robot([content for _, content in tables + held])
     if not recordings:
-        return _from_poses(fitted, others, options, listener)
+        return _from_poses(tables, tried, held, options, listener)
     _check_options(options, recordings)
-    if still := [name for name, thing in others if isinstance(thing, PoseImport)]:
+    if held:
         raise InputError(
-            f"{still[0]}: is a table of still poses. A robot that was identified from recordings "
+            f"{held[0][0]}: is a table of still poses. A robot that was identified from recordings "
             "is tried on recordings; name the table among those that are fitted."
         )
-    tables = [(name, thing) for name, thing in fitted if isinstance(thing, PoseImport)]
-    tried = [(name, thing) for name, thing in others if isinstance(thing, Recording)]
     return _from_recordings(recordings, tables, tried, cell, options, listener)
 
 
+def _by_kind(names: Sequence[str], things: Sequence[Measured]) -> tuple[list[Moving], list[Still]]:
+    """Recordings and tables of still poses, each with its name."""
+    named = list(zip(names, things, strict=False))
+    moving = [(name, thing) for name, thing in named if isinstance(thing, Recording)]
+    return moving, [(name, thing) for name, thing in named if isinstance(thing, PoseImport)]
+
+
 def _from_recordings(
-    recordings: Sequence[tuple[str, Recording]],
-    tables: Sequence[tuple[str, PoseImport]],
-    tried: Sequence[tuple[str, Recording]],
+    recordings: Sequence[Moving],
+    tables: Sequence[Still],
+    tried: Sequence[Moving],
     cell: Cell | None,
     options: FitOptions,
     listener: Listener,
@@ -126,18 +132,20 @@ def _from_recordings(
 
 
 def _from_poses(
-    fitted: Sequence[Named], others: Sequence[Named], options: FitOptions, listener: Listener
+    tables: Sequence[Still],
+    logs: Sequence[Moving],
+    held: Sequence[Still],
+    options: FitOptions,
+    listener: Listener,
 ) -> RunData:
-    if logs := [name for name, thing in others if isinstance(thing, Recording)]:
+    if logs:
         raise InputError(
-            f"{logs[0]}: holds no poses.yaml. A robot that was identified from still poses alone "
-            "is tried on still poses; name the recording among those that are fitted."
+            f"{logs[0][0]}: holds no poses.yaml. A robot that was identified from still poses "
+            "alone is tried on still poses; name the recording among those that are fitted."
         )
     if stated := options.of_logs:
         what = f"gives poses, and these settings are of a ball-bar's logs: {', '.join(stated)}."
-        raise InputError.at(_place(fitted[0][1]) or fitted[0][0], what, "Leave them out.")
-    tables = tuple((name, thing) for name, thing in fitted if isinstance(thing, PoseImport))
-    held = [(name, thing) for name, thing in others if isinstance(thing, PoseImport)]
+        raise InputError.at(_place(tables[0][1]) or tables[0][0], what, "Leave them out.")
     poses = fit_table(_joined(tables), options, listener)
     outcomes = tuple(
         (content, held_out_poses(poses, replace(content.table, name=name)))
@@ -148,7 +156,7 @@ def _from_poses(
         name=" + ".join(name for name, _ in tables),
         recordings=(),
         identification=result_at_rest(poses, elsewhere=elsewhere),
-        tables=tables,
+        tables=tuple(tables),
         held_out_tables=outcomes,
     )
 
@@ -160,7 +168,7 @@ def _cell_of(recording: Recording) -> Cell:
     return load(named.robot, named.measured_by, named.plate, relative_to=recording.folder)
 
 
-def _joined(tables: Sequence[tuple[str, PoseImport]]) -> PoseTable:
+def _joined(tables: Sequence[Still]) -> PoseTable:
     """Several tables as one: each has seats of its own, targets of one name are one target."""
     if len(tables) == 1:
         name, content = tables[0]
@@ -245,7 +253,7 @@ def logs_of(name: str, recording: Recording) -> Logs:
     )
 
 
-def _check_options(options: FitOptions, recordings: Sequence[tuple[str, Recording]]) -> None:
+def _check_options(options: FitOptions, recordings: Sequence[Moving]) -> None:
     if options.joint_errors != "auto":
         name, recording = recordings[0]
         what = "is a recording, and joint errors are chosen for still poses alone."
@@ -269,7 +277,7 @@ def _check_one_robot(tables: Sequence[PoseImport]) -> None:
             raise InputError.at(places[0], what, remedy)
 
 
-def _check_same_cell(recordings: Sequence[tuple[str, Recording]]) -> None:
+def _check_same_cell(recordings: Sequence[Moving]) -> None:
     first = recordings[0][1]
     for _, other in recordings[1:]:
         for what, attribute in (("robot", "robot"), ("instrument", "measured_by"), ("plate",) * 2):
@@ -287,7 +295,7 @@ def description_identity(name: str, folder: Path | None) -> str | bytes:
     return ((folder or Path()) / name).read_bytes() if name.endswith(".yaml") else name
 
 
-def _check_force(options: FitOptions, recordings: Sequence[tuple[str, Recording]]) -> None:
+def _check_force(options: FitOptions, recordings: Sequence[Moving]) -> None:
     for name, recording in recordings:
         place = recording.folder or name
         if options.force == "sensor" and recording.force_log is None:

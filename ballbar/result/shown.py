@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ballbar.cell.errors import InputError
-from ballbar.ident.options import SILENT
 from ballbar.ident.verdict import Status
 from ballbar.result.calibration_schema import CalibrationFile
-from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
+from ballbar.result.names import OUTPUTS
 from ballbar.result.run_data import RunData
 
 if TYPE_CHECKING:  # a result is computed without tables and figures
@@ -36,8 +35,8 @@ class Shown:
         """
         if self.run is None:
             raise InputError(
-                "the calibration was read back from calibration.yaml, which holds neither logs nor "
-                "residuals. Identify again, or keep the result of ballbar.identify by pickle."
+                "the calibration was read back, and its file holds neither logs nor residuals. "
+                "Identify again, or keep the result of ballbar.identify by pickle."
             )
         return self.run
 
@@ -106,11 +105,9 @@ class Shown:
         from ballbar.cell.files import claimed_folder  # noqa: PLC0415
         from ballbar.outputs import write_outputs  # noqa: PLC0415  writes what this module shows
 
-        data, out = self.data, Path(folder)
-        with claimed_folder(out, OUTPUTS if data.recordings else POSE_OUTPUTS, "the result"):
-            write_outputs(
-                out, data, command="ballbar.identify", replay=False, progress=SILENT.progress
-            )
+        data = self.data
+        with claimed_folder(Path(folder), OUTPUTS, "the result"):
+            write_outputs(Path(folder), data)
 
     def __repr__(self) -> str:
         return f"<Calibration of {self.file.robot}: {self.sentence}>"

@@ -29,7 +29,7 @@ from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
 from ballbar.result.calibration import load
-from ballbar.result.identify import distinct_names, identify
+from ballbar.result.identify import identify, names_of_places
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
@@ -427,9 +427,9 @@ def test_a_recording_counts_once(two: tuple[Path, Path], tmp_path: Path, option:
 
 def test_recordings_are_named_by_what_tells_them_apart() -> None:
     folders = [Path("/data/monday/recording"), Path("/data/tuesday/recording"), Path("/data/x")]
-    assert distinct_names(folders) == ["monday/recording", "tuesday/recording", "x"]
+    assert names_of_places(folders) == ["monday/recording", "tuesday/recording", "x"]
     with pytest.raises(InputError, match="given twice"):
-        distinct_names([Path("/data/x"), Path("/data/y/../x")])
+        names_of_places([Path("/data/x"), Path("/data/y/../x")])
 
 
 def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_path: Path) -> None:
@@ -565,7 +565,7 @@ def outcome_of(normalised_innovation: float, *step_faults: StepFault) -> HeldOut
 
 def with_validation(data: RunData, outcome: HeldOut) -> RunData:
     first = data.recordings[0]
-    return replace(data, validations=(Validation(first.folder, first.recording, outcome),))
+    return replace(data, validations=(Validation(first.recording, outcome),))
 
 
 def test_a_held_out_misfit_makes_the_page_and_the_run_not_acceptable(light: RunData) -> None:

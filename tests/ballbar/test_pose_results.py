@@ -37,6 +37,7 @@ from tests.helpers.dh_tables import along_table, table
 from tests.helpers.drawn_pose_tables import drawn_robot, point_table
 from tests.helpers.pose_results import write_pose_result, write_pose_table
 from tests.helpers.published_urdf import PUBLISHED, PublishedUrdf
+from tests.helpers.simulated_recordings import Recorded
 
 SHIPPED = Path(__file__).parents[2] / "cell" / "robots"
 ROBOTS = ("ur10", "panda", "irb2400", "irb1600")
@@ -502,18 +503,22 @@ def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
     assert copy.stat().st_size == first
 
 
-def test_an_option_that_is_not_of_what_is_fitted_is_refused(tmp_path: Path) -> None:
+def test_an_option_that_is_not_of_what_is_fitted_is_refused(
+    recorded: Recorded, tmp_path: Path
+) -> None:
     drawn = drawn_robot("ur10", rng := np.random.default_rng(7))
     q = drawn.angles(60, rng)
     poses = write_pose_table(tmp_path / "t", point_table(drawn, q, 3e-5, rng), "ur10", q, "ball")
     out = ("--out", tmp_path / "out")
     code, _, error = ballbar("identify", poses, "--model", "dh", "--samples", 300, *out)
     assert code == 2
-    assert f"{poses}: gives poses, and these settings are of a ball-bar's logs: sam" in error
-    for folders in ([tmp_path / "logs"], [poses, tmp_path / "logs"]):
+    assert f"{poses}: gives poses, and these settings are of a ball-bar's logs: model, sam" in error
+    for folders in ([recorded.folder], [poses, recorded.folder]):
         code, _, error = ballbar("identify", *folders, "--joint-errors", "none", *out)
         assert code == 2
-        assert "logs: is a recording, and joint errors are chosen for still poses alone" in error
+        assert (
+            "recording: is a recording, and joint errors are chosen for still poses alone" in error
+        )
     assert not (tmp_path / "out").exists()
 
 

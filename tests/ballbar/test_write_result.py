@@ -74,9 +74,9 @@ def run_data(result: Identification, names: Sequence[str] = ("made",)) -> RunDat
     description = SimpleNamespace(
         robot="irb2400", measured_by="lund_600", plate="plate_250", temperature_C=None
     )
-    recording = cast(Recording, SimpleNamespace(description=description))
+    recording = cast(Recording, SimpleNamespace(description=description, folder=Path()))
     fits = zip(names, result.recordings, strict=True)
-    recordings = tuple(FittedRecording(name, Path(name), recording, each) for name, each in fits)
+    recordings = tuple(FittedRecording(name, recording, each) for name, each in fits)
     return RunData("made", recordings, result)
 
 

@@ -17,7 +17,7 @@ from ballbar.cell.statistics import rms
 from ballbar.ident import complete_fit
 from ballbar.ident.complete_fit import fit_pose
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.identify import identify, identify_together
+from ballbar.ident.identify import identify_together
 from ballbar.ident.options import FitOptions, Listener
 from ballbar.ident.result import Identification, RecordingEstimate
 from ballbar.ident.robot.accuracy import accuracy_grid
@@ -34,6 +34,7 @@ from ballbar.scenario import load_scenario
 from ballbar.sim.recording_files import truth_path
 from ballbar.truth.compare import identification_against_truth
 from tests.helpers.minute_logs import TRUE, minute_logs
+from tests.helpers.one_recording import identify
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES
 from tests.helpers.synthetic_recording import CELL

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from ballbar.cell.recording import load_recording_file
-from ballbar.ident.identify import identify as identify_logs
 from ballbar.ident.options import FitOptions
 from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
 from ballbar.ident.verdict import Status
@@ -18,6 +17,7 @@ from ballbar.planning.questions import ENCODERS
 from ballbar.report.machine import Steps, advised_steps, diagnosis_section, recorded_passage
 from ballbar.result.identify import identify
 from ballbar.result.run_data import RunData
+from tests.helpers.one_recording import identify as identify_logs
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 PATHS = {
