@@ -19,7 +19,7 @@ from ballbar.cell.processes import Begin
 from ballbar.cell.recording import load_recording_file
 from ballbar.ident.options import SILENT, Listener
 from ballbar.plan.found_path import with_found_path
-from ballbar.result.identify import identify
+from ballbar.result.identify import identified
 from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.scenario import (
@@ -179,7 +179,7 @@ def run_scenario(
         for other in held_out:
             simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
         options, listener = scenario.identify.options, Listener(progress)
-        data = identify(folder, validate=held_out, options=options, listener=listener).data
+        data = identified([folder], held_out, options=options, listener=listener)
         comparison = against_simulation(data.identification, simulation)
         outcomes = [validation.outcome for validation in data.validations]
         limits = (

@@ -93,12 +93,10 @@ def identify(
     ):
         from ballbar.ident.options import Listener
         from ballbar.report.terminal import say_identification
-        from ballbar.result.identify import identify as identify_measured
+        from ballbar.result.identify import identified
 
         options, listener = _options(settings, joint_errors), Listener(progress)
-        run = identify_measured(
-            *recordings, validate=validate or [], options=options, listener=listener
-        ).data
+        run = identified(recordings, validate or [], options=options, listener=listener)
         if not as_json:
             with progress.removed():
                 say_identification(out, run)
@@ -115,12 +113,12 @@ def identify(
 
 def _options(settings: IdentifySettings, joint_errors: str) -> FitOptions:
     """The options of the fit; joint_errors : `auto`, `none`, or the path of a calibration."""
-    from ballbar.result.calibration import load
-
     if joint_errors == "auto":
         return settings.options
     if joint_errors == "none":
         return replace(settings.options, joint_errors="none")
+    from ballbar.result.calibration import load
+
     return replace(settings.options, joint_errors=load(joint_errors).joint_errors())
 
 

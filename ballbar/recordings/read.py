@@ -1,4 +1,4 @@
-"""What was measured of a robot, whatever measured it: folders, files, and arrays as given.
+"""Measurements of a robot, whatever took them: folders, files, and arrays as given.
 
 A recording is of a moving robot that a ball-bar or a length holds. Poses are those of a table, or
 of a tracker that follows the robot.
@@ -51,7 +51,7 @@ def read(path: str | PathLike[str]) -> Measured:
 
 
 def measured(thing: Thing, cell: Cell | None = None) -> Measured:
-    """What a path names, or arrays as if they were read.
+    """The measurements that a path names, or arrays as if they were read.
 
     cell : in which logs that are given as arrays were taken. Raises as `read`, and InputError for
     such logs without cell.

@@ -24,7 +24,7 @@ from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
 from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
-from ballbar.result.identify import identify
+from ballbar.result.identify import identified
 from ballbar.result.verification import verify
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
@@ -183,7 +183,7 @@ def _identified(
     """Identifies recordings, and compares with the truth of the first."""
     folders = [day.recording(recording) for recording in recordings]
     listener = Listener(day.progress)
-    data = identify(*folders, options=day.scenario.identify.options, listener=listener).data
+    data = identified(folders, options=day.scenario.identify.options, listener=listener)
     write_outputs(day.folder / name, data, command=day.command, replay=False, progress=day.progress)
     robot, verdict = data.identification.robot, data.identification.verdict
     comparison = against_simulation(data.identification, made)

@@ -1,8 +1,7 @@
 """A calibration, fresh or read back: what it says of the robot, whatever measured it.
 
 Recordings of a ball-bar identify the robot with the offset plate and the ball-bar, still poses
-identify it up to its flange with the targets that it carried. A question that a result cannot
-answer is refused with the reason.
+identify it up to its flange with the targets that it carried. What a result cannot tell is refused.
 """
 
 from __future__ import annotations
@@ -43,15 +42,14 @@ from ballbar.result.machine_entries import RESTORE, CoefficientEntry
 from ballbar.result.names import CALIBRATION
 from ballbar.result.recording_entries import CrossValidationEntry
 from ballbar.result.run_data import RunData
-from ballbar.result.shown import Shown
+from ballbar.result.views import Views
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(Shown):
+class Calibration(Views):
     """An identified robot: what `identify` returns, and what `load` reads back.
 
-    A fresh one knows what was measured and fitted, too: residuals, report and the covariance of
-    still poses.
+    A fresh one has residuals and report, too, and the covariance of still poses.
     """
 
     file: CalibrationFile

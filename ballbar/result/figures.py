@@ -16,11 +16,11 @@ def parameters(frame: pd.DataFrame, axes: Axes | None) -> Axes:
     mrad, and two standard deviations.
     """
     axes = axes or pyplot.subplots(layout="constrained")[1]
-    found = frame[frame["identified"]]
-    size = (found["value"] - found["nominal"]).to_numpy() * 1e3
-    places = np.arange(len(found))
-    names = [" ".join(filter(None, name)) for name in found.index]
-    sigma = 2e3 * found["sigma"].to_numpy()
+    identified = frame[frame["identified"]]
+    size = (identified["value"] - identified["nominal"]).to_numpy() * 1e3
+    places = np.arange(len(identified))
+    names = [" ".join(filter(None, name)) for name in identified.index]
+    sigma = 2e3 * identified["sigma"].to_numpy()
     axes.errorbar(places, size, sigma, fmt="o", color=AFTER, markersize=3, capsize=2)
     axes.axhline(0.0, color=BEFORE, linewidth=0.8)
     axes.set_xticks(places, names, rotation=90, fontsize="small")

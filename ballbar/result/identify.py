@@ -1,4 +1,4 @@
-"""What was measured of one robot, moving or still, to its calibration; held-out parts try it.
+"""From measurements of one robot, moving or still, to its calibration, tried on held-out ones.
 
 Recordings that are fitted or validated together must be of the same robot, ball-bar and plate,
 tables of the same robot: their files must say so.
@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ballbar.acquisition.pose_tables import PoseImport
 from ballbar.acquisition.recording import Recording
@@ -28,12 +29,13 @@ from ballbar.ident.start.automatic import StartError
 from ballbar.ident.table_fit import fit_table
 from ballbar.ident.tracker import judged_by_tracker
 from ballbar.recordings.read import Measured, Thing, measured
-from ballbar.result.calibration import Calibration
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import FittedRecording, RunData, Validation
-from ballbar.result.write_calibration import calibration_of
 
-# what was measured, with its name
+if TYPE_CHECKING:
+    from ballbar.result.calibration import Calibration
+
+# Measurements with their name
 Moving = tuple[str, Recording]
 Still = tuple[str, PoseImport]
 
@@ -56,31 +58,29 @@ def identify(
     """
     if not things:
         raise InputError("nothing to identify: name a recording or a table of still poses.")
-    read = things_read(things, cell, listener), things_read(validate, cell, SILENT)
-    data = identified(*read, cell=cell, options=options, listener=listener)
+    # The answer of a command comes before the schema of its file
+    from ballbar.result.calibration import Calibration  # noqa: PLC0415
+    from ballbar.result.write_calibration import calibration_of  # noqa: PLC0415
+
+    data = identified(things, validate, cell=cell, options=options, listener=listener)
     return Calibration(calibration_of(data), data.folder / CALIBRATION, data)
 
 
-def things_read(
-    things: Sequence[Thing], cell: Cell | None = None, listener: Listener = SILENT
-) -> list[Measured]:
-    """What the paths among things name; raises as `ballbar.recordings.read.measured`."""
-    listener.progress("reading the recordings" if len(things) > 1 else "reading the recording")
-    return [measured(thing, cell) for thing in things]
-
-
 def identified(
-    things: Sequence[Measured],
-    held_out_things: Sequence[Measured] = (),
+    things: Sequence[Thing],
+    validate: Sequence[Thing] = (),
     *,
     cell: Cell | None = None,
     options: FitOptions = DEFAULTS,
     listener: Listener = SILENT,
 ) -> RunData:
-    """The same with all that the report shows; arguments and errors as of `identify`."""
-    names = distinct_names([*things, *held_out_things])
-    recordings, tables = _by_kind(names, things)
-    tried, held = _by_kind(names[len(things) :], held_out_things)
+    """The fit of one robot, with all that its report shows; arguments and errors as `identify`."""
+    count, every = len(things), [*things, *validate]
+    listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
+    read = [measured(thing, cell) for thing in every]
+    names = distinct_names(read)
+    recordings, tables = _by_kind(names[:count], read[:count])
+    tried, held = _by_kind(names[count:], read[count:])
     _check_one_robot([content for _, content in tables + held])
     if not recordings:
         return _from_poses(tables, tried, held, options, listener)
@@ -95,7 +95,7 @@ def identified(
 
 def _by_kind(names: Sequence[str], things: Sequence[Measured]) -> tuple[list[Moving], list[Still]]:
     """Recordings and tables of still poses, each with its name."""
-    named = list(zip(names, things, strict=False))
+    named = list(zip(names, things, strict=True))
     moving = [(name, thing) for name, thing in named if isinstance(thing, Recording)]
     return moving, [(name, thing) for name, thing in named if isinstance(thing, PoseImport)]
 

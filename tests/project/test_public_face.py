@@ -22,7 +22,7 @@ PAGE = (ROOT / "docs/api.md").read_text()
 
 
 def script(text: str, folder: Path) -> str:
-    """What a plain script prints: no `__main__` guard, and warnings are errors."""
+    """The output of a plain script: no `__main__` guard, and warnings are errors."""
     file = folder / "script.py"
     file.write_text(text)
     command = [sys.executable, "-W", "error", file]
@@ -75,7 +75,7 @@ def test_the_functions_are_five_beside_descriptions_and_kinematics() -> None:
 
 def test_the_api_page_lists_every_public_name() -> None:
     listed = dict(reversed(line.rsplit(".", 1)) for line in re.findall(r"^::: (\S+)$", PAGE, re.M))
-    assert listed.pop("Shown") == "ballbar.result.shown"  # methods that a Calibration inherits
+    assert listed.pop("Views") == "ballbar.result.views"  # methods that a Calibration inherits
     assert listed == ballbar._HOME
 
 

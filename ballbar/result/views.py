@@ -1,4 +1,4 @@
-"""What a user sees of a calibration: tables, figures, page, files, and its words in a notebook."""
+"""Views of a calibration: tables, figures, page, files, and its words in a notebook."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FrameName = Literal["parameters", "corrections", "residuals"]
 SHORT = 12  # rows of parameters in a notebook
 
 
-class Shown:
+class Views:
     """Views of a calibration; those of residuals, report and files need a fresh one."""
 
     file: CalibrationFile
@@ -29,7 +29,7 @@ class Shown:
 
     @property
     def data(self) -> RunData:
-        """What was measured and fitted.
+        """Measurements and fit.
 
         Raises InputError for a calibration that was read back from its file, which lacks it.
         """
@@ -97,7 +97,7 @@ class Shown:
         write_report(Path(path), self.data, command=command)
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write what `ballbar identify --out FOLDER` writes: calibration, report, import report.
+        """Write calibration, report and import report, as `ballbar identify --out FOLDER` does.
 
         Raises InputError where the folder holds anything else, for a calibration that was read
         back, and for arrays of a robot, ball-bar or plate that is not shipped.
