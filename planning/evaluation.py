@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from cell.arrays import Array
 from cell.closed_form import has_closed_form
@@ -79,7 +79,9 @@ class Evaluator:
     force_model: ForceModel | None  # None where nothing holds the rod's length
     stroke_model: StrokeModel | None  # None where the length is not sensed
     clearance: Clearance
-    gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
+    # (p, p) upper triangle, off the diagonal doubled, of the sum over the grid of products of the
+    # tool's columns, base aligned
+    gram: Array
     coarse: CoarsePredictor  # of many candidates at once
     followed: PoseSetup | None  # where an instrument follows the target
 
@@ -176,6 +178,7 @@ def evaluator_of(
     robot = IdentifiedRobot(cell, nominal, on.corrections, x[layout.coefficients])
     moves = robot.jacobian(on.grid, layout.shared)
     columns = aligned_columns(robot.tool(on.grid), moves)
+    gram = columns.T @ columns
     return Evaluator(
         request=request,
         rod=rod,
@@ -185,7 +188,7 @@ def evaluator_of(
         force_model=forces,
         stroke_model=None if setup else stroke_model(cell, seed=request.seed),
         clearance=clearance(cell, request.cell),
-        gram=np.asarray(columns.T @ columns),
+        gram=np.asarray(np.triu(gram) + np.triu(gram, 1)),
         coarse=coarse_predictor(on),
         followed=setup,
     )
@@ -284,11 +287,14 @@ def tcp_rms_before(evaluator: Evaluator) -> float:
 
 
 def rms_of_normal(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
-    """[m] root mean square of the predicted TCP sigma by an information matrix (P, P)."""
-    columns_of, s = layout.machine, 1.0 / np.sqrt(np.diag(normal))
-    columns = np.zeros((s.size, columns_of.size))
-    columns[columns_of, np.arange(columns_of.size)] = s[columns_of]
-    factor = np.linalg.cholesky(normal * np.outer(s, s))
-    # covariance = half' half
-    half = solve_triangular(factor, columns, lower=True, check_finite=False)
-    return float(np.sqrt(((half @ evaluator.gram) * half).sum() / len(evaluator.predictor.grid)))
+    """[m] root mean square of the predicted TCP sigma by an information matrix (P, P).
+
+    normal : its upper triangle counts.
+    """
+    machine, s = layout.machine, 1.0 / np.sqrt(np.diag(normal))
+    factor, wrong = dpotrf(np.asfortranarray(normal * np.outer(s, s)), overwrite_a=True)
+    if wrong:
+        raise np.linalg.LinAlgError("the information matrix is not positive definite")
+    covariance, _ = dpotri(factor, overwrite_c=True)
+    products = evaluator.gram * covariance[np.ix_(machine, machine)]
+    return float(np.sqrt(s[machine] @ products @ s[machine] / len(evaluator.predictor.grid)))

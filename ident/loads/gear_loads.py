@@ -41,6 +41,7 @@ class Loads:
     bearing: Array
     bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
     rubbed: Array  # (J, N) [1] at the gears, per newton metre of friction in the ball-bar's joints
+    on_bar: Array  # (6, N) [-, m] wrench of the tool on the ball-bar per newton
 
     def part(self, samples: NDArray[np.intp]) -> Loads:
         """The loads at some of the samples."""
@@ -91,14 +92,21 @@ def link_masses(robot: Robot) -> MassModel:
 
 
 def loads(
-    masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
+    masses: MassModel,
+    geometry: Geometry,
+    q: Array,
+    b: Array,
+    speed: Array,
+    acceleration: Array,
+    frames: tuple[Frames, Frames] | None = None,
 ) -> Loads:
     """Loads along a motion.
 
     q, speed, acceleration : (N, J) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
-    ball-bar angles as the encoders read. masses : of the cell.
+    ball-bar angles as the encoders read. masses : of the cell. frames : of robot and ball-bar
+    there, if they are known.
     """
-    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    robot, bar = frames or (robot_frames(geometry, q), bar_frames(geometry, b))
     own = joint_moments(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
     )
@@ -120,6 +128,7 @@ def loads(
         bearing=_across_axes(robot, moments),
         bearing_per_newton=_across_axes(robot, per_newton_at_joints),
         rubbed=np.zeros(q.T.shape),
+        on_bar=per_newton,
     )
 
 
@@ -157,6 +166,7 @@ def no_loads(joints: int, samples: int) -> Loads:
         bearing=bearings,
         bearing_per_newton=bearings,
         rubbed=gears,
+        on_bar=np.zeros((6, samples)),
     )
 
 
