@@ -8,7 +8,7 @@ errors: a report looks at several robots.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri
@@ -27,16 +27,10 @@ from ident.robot.identified import IdentifiedRobot
 from planning.candidate import PathCandidate, Space, space_of
 from planning.clearance import Clearance, clearance
 from planning.coarse_crlb import CoarsePredictor, coarse_predictor
-from planning.crlb import (
-    PathPrediction,
-    Predictor,
-    before,
-    planned_unknowns,
-    predictions,
-    predictor,
-)
-from planning.followed_path import followed, predict_followed
+from planning.crlb import PathPrediction, Predictor, before, planned_unknowns, predict, predictor
+from planning.followed_path import followed, placed_along, predict_followed
 from planning.force import (
+    DRAWS,
     ForceModel,
     Forces,
     StrokeModel,
@@ -84,12 +78,25 @@ class Evaluator:
     gram: Array
     coarse: CoarsePredictor  # of many candidates at once
     followed: PoseSetup | None  # where an instrument follows the target
+    beside: PoseSetup | None  # that of a tracker beside the ball-bar
 
-    def predictions(self, trajectory: Trajectory, tensions: Array) -> tuple[PathPrediction, ...]:
-        """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
+    def predictions(
+        self, trajectory: Trajectory, forces: Forces | None, *, robots: int = DRAWS
+    ) -> tuple[PathPrediction, ...]:
+        """Predictions of a trajectory with the rod tensions of some robots of planning.force."""
+        setup = self.beside
         if self.followed is not None:
             return (predict_followed(self.followed, self.request, trajectory),)
-        return predictions(self.predictor, trajectory, tensions)
+        on = replace(self.predictor, exact_scale=setup is None)  # a tracker tells the scale
+        out: list[PathPrediction] = []
+        for tension in tensions_of(trajectory, forces)[:robots]:
+            previous, beside, left = (out[0] if out else None), None, None
+            if setup is not None and forces is not None:
+                loads = forces.carried.over_time(trajectory.t, tension)
+                beside = placed_along(setup, self.request, trajectory, loads=loads)
+                left = setup.unexplained
+            out.append(predict(on, trajectory, tension, previous, beside=beside, unexplained=left))
+        return tuple(out)
 
     @property
     def typical(self) -> Spread:
@@ -126,7 +133,7 @@ def evaluators(request: PlanRequest, known: Known | None = None) -> dict[str, Ev
     InputError for a robot of fewer axes than a path needs.
     """
     chosen = request.cell
-    free = followed(request) is not None  # nothing holds the tool: a path as about a wire
+    free = followed(request, chosen.instrument) is not None  # a path as about a wire
     cells = {
         rod: load_measured_cell(chosen.robot, FREE if free else rod, chosen.plate)
         for rod in chosen.rods
@@ -170,7 +177,7 @@ def evaluator_of(
             f"limits.{', '.join(right)} instead"
         )
     on = predictor(cell, request.sensors, request.timing, request.workspace, known=known)
-    setup, forces = followed(request), None
+    setup, forces = followed(request, request.cell.instrument), None
     if cell.ballbar.stroke is None:
         forces = force_model(cell, request.servo, seed=request.seed)
     nominal = nominal_geometry(cell, np.zeros(3))  # the columns do not depend on the base pose
@@ -191,6 +198,7 @@ def evaluator_of(
         gram=np.asarray(np.triu(gram) + np.triu(gram, 1)),
         coarse=coarse_predictor(on),
         followed=setup,
+        beside=followed(request, request.cell.tracker),
     )
 
 
@@ -217,10 +225,9 @@ def evaluate(evaluator: Evaluator, candidate: PathCandidate, *, robots: int = RO
     best = check(evaluator, candidate)
     if best.violations or best.trajectory is None:
         return best
-    tensions = tensions_of(best.trajectory, best.forces)[:robots]
     tcp = [
         tcp_rms(evaluator, prediction)
-        for prediction in evaluator.predictions(best.trajectory, tensions)
+        for prediction in evaluator.predictions(best.trajectory, best.forces, robots=robots)
     ]
     mean = float(np.sqrt(np.mean(np.square(tcp))))
     return Assessment(candidate, (), best.trajectory, best.forces, mean)

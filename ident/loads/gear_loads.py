@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
 
 from cell.arrays import Array
 from cell.bodies import bar_bodies, carried_bodies, link_bodies
@@ -54,6 +55,11 @@ class Loads:
     def plate_moment(self, tension: Array) -> Array:
         """(N,) [N m] at a rod tension (N,) [N]."""
         return self.plate + self.plate_per_newton * tension
+
+    def over_time(self, t: Array, tension: Array) -> BSpline:
+        """(J + 2 BEARINGS,) [N m] of gears and bearings over the times (N,) [s], which increase."""
+        bearing = self.bearings(tension).reshape(2 * BEARINGS, -1)
+        return make_interp_spline(t, np.concatenate((self.gears(tension), bearing)).T, k=3)
 
     def bearings(self, tension: Array) -> Array:
         """(BEARINGS, 2, N) [N m] at a rod tension (N,) [N]."""
