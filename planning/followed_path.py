@@ -97,7 +97,7 @@ def placed_along(
     loads: BSpline | None = None,
     samples: int = SAMPLES,
 ) -> PlacedPoses:
-    """What the instrument measures along a path; loads : as of `MotionByLog`."""
+    """The rows that the instrument measures along a path; loads : as of `MotionByLog`."""
     robot, (station,), sensors = setup.robot, setup.stations, request.sensors
     t = np.linspace(trajectory.t[0], trajectory.t[-1], samples + 2)[1:-1]
     spacing = float(t[1] - t[0])

@@ -68,7 +68,7 @@ class PoseSetup:
 
     @property
     def unexplained(self) -> ExcessNoise:
-        """What the model leaves of a position, and of a rotation where the instrument tells any."""
+        """Noise of a position, and of a rotation if measured, that the model leaves unexplained."""
         turned = self.request.unexplained_rad if self.instrument.kind.target_turns else 0.0
         return ExcessNoise(position=self.request.unexplained_m, rotation=turned)
 
