@@ -70,8 +70,8 @@ def amplitude_variance(size: Array, along: Array) -> tuple[float, float]:
 
 
 def _scores(fit: Fit) -> tuple[Array, Array, Array]:
-    """Of the amplitudes, cosines and sines of every order and gear: their products (K, K), those
-    with the unknowns (P, K), and their scores (K,).
+    """The products (K, K) of the columns of the amplitudes, those with the unknowns' (P, K), and
+    the scores (K,); a cosine and a sine of every order of every gear.
     """
     model, per_gear, gears = fit.model, 2 * ORDERS, fit.model.gearing.to_gear.shape[1]
     waves = np.zeros((gears, per_gear, gears, per_gear))
