@@ -137,10 +137,7 @@ def main() -> None:
         ]
         for job in jobs:
             rows += job.result()
-            said = (
-                f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}"
-                for r in job.result()
-            )
+            said = (f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}" for r in job.result())
             print(f"{rows[-1]['robot']} {rows[-1]['seed']}: {', '.join(said)}", flush=True)
     out = options.out or STUDIES / f"everything_on_{options.robot}_{options.robots}.csv"
     write_table(out, rows, ".5g")
