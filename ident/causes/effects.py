@@ -24,7 +24,7 @@ from cell.arrays import Array
 from ident.corrections.base import BAR, GEAR
 from ident.estimator.fit import Fit
 from ident.estimator.model import Evaluation
-from ident.estimator.normal_equations import gradient_of, jacobian
+from ident.estimator.normal_equations import jacobian, products
 from ident.estimator.whitening import Whitening
 from ident.loads.gear_loads import stop
 
@@ -60,9 +60,7 @@ def effects_beside(fit: Fit) -> list[Effect]:
             flat = own.reshape(count, -1)
             power += flat @ flat.T
             score += flat @ residual.reshape(-1)
-            for block in blocks[k]:
-                each = [gradient_of(fit.model, k, block, c[:, block.samples]) for c in own]
-                shared += np.stack(each, axis=1)
+            shared += np.stack([products(fit.model, k, blocks[k], c) for c in own], axis=1)
         scale = np.sqrt(np.maximum(np.diag(power), np.finfo(float).tiny))
         rest = (power - shared.T @ fit.covariance @ shared) / np.outer(scale, scale)
         size = -np.linalg.pinv(rest, rcond=_DEPENDENT, hermitian=True) @ (score / scale)
@@ -86,7 +84,8 @@ def _columns(fit: Fit) -> Iterator[tuple[Words, str, Columns]]:
         zero = [w(p.columns[gear : gear + 1]) for p, w in points]
         if len(points) > 1:
             yield (lambda _: ""), "", _in_each(zero)
-        own = [z * _share_of_time(p) for z, (p, _) in zip(zero, points, strict=True)]
+        times = [p.recording.times for p, _ in points]
+        own = [z * (t - t[0]) / np.ptp(t) for z, t in zip(zero, times, strict=True)]
         yield partial(_drift, gear + 1), remedy, _in_each(own)
     frequency, sway = _sway(fit)
     remedy = "Stand robot and ball-bar on one foundation, away from what shakes it"
@@ -148,20 +147,13 @@ def _sway(fit: Fit) -> tuple[float, Columns]:
         coarse = np.exp(turn * (lowest / step + most * np.arange(most)[:, None]))
         fine = np.exp(turn * np.arange(most)[:, None])
         power += (np.abs((score[:, None] * coarse) @ fine.T) ** 2).sum(axis=0)
-    best = lowest + step * int(
-        power.reshape(-1)[: int(np.ceil((HIGHEST - lowest) / step))].argmax()
-    )
+    count = int(np.ceil((HIGHEST - lowest) / step))
+    best = lowest + step * int(power.reshape(-1)[:count].argmax())
     own = []
     for base, (point, _, _) in zip(bases, fit.recorded, strict=True):
         angle = 2.0 * np.pi * best * point.recording.times
         own.append(np.concatenate([base * np.cos(angle), base * np.sin(angle)]))
     return float(best), _in_each(own)
-
-
-def _share_of_time(point: Evaluation) -> Array:
-    """(N,) 0 to 1 along a recording."""
-    t = point.recording.times
-    return np.asarray((t - t[0]) / (t[-1] - t[0]))
 
 
 def _in_each(own: Columns) -> Columns:

@@ -57,9 +57,8 @@ class TimeBlocks:
 
     def added(self, *parts: NDArray[np.bool_]) -> TimeBlocks:
         """Parts (B,) of the blocks, each as one block."""
-        within = np.array(parts, dtype=float)
         normal, gradient, cost = (
-            np.tensordot(within, values, 1) for values in (self.normal, self.gradient, self.cost)
+            np.tensordot(parts, values, 1) for values in (self.normal, self.gradient, self.cost)
         )
         first = [int(np.argmax(part)) for part in parts]
         return replace(
