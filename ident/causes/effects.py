@@ -144,11 +144,11 @@ def _sway(fit: Fit) -> tuple[float, Columns]:
         score = (base * residual).sum(axis=1)  # (3, N)
         # every frequency is the lowest, a multiple of `most` steps, and up to so many steps
         turn = 2j * np.pi * step * point.recording.times
-        coarse = np.exp(turn * (lowest / step + most * np.arange(most)[:, None]))
         fine = np.exp(turn * np.arange(most)[:, None])
-        power += (np.abs((score[:, None] * coarse) @ fine.T) ** 2).sum(axis=0)
-    count = int(np.ceil((HIGHEST - lowest) / step))
-    best = lowest + step * int(power.reshape(-1)[:count].argmax())
+        coarse = score[:, None] * np.exp(turn * (lowest / step + most * np.arange(most)[:, None]))
+        power += (np.abs(coarse @ fine.T) ** 2).sum(axis=0)
+    below = power.reshape(-1)[: int(np.ceil((HIGHEST - lowest) / step))]
+    best = lowest + step * int(below.argmax())
     own = []
     for base, (point, _, _) in zip(bases, fit.recorded, strict=True):
         angle = 2.0 * np.pi * best * point.recording.times

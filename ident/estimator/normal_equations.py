@@ -275,7 +275,7 @@ def gradient_of(model: Model, k: int, block: JacobianBlock, residual: Array) -> 
 
 def products(model: Model, k: int, blocks: Sequence[JacobianBlock], vector: Array) -> Array:
     """(P,) columns of recording k times a whitened vector (E, N); blocks : all of it."""
-    return np.sum([gradient_of(model, k, b, vector[:, b.samples]) for b in blocks], axis=0)
+    return np.asarray(sum(gradient_of(model, k, b, vector[:, b.samples]) for b in blocks))
 
 
 def add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> None:
