@@ -36,11 +36,7 @@ from ident.estimator.model import Evaluation
 from ident.estimator.normal_equations import whole_jacobian
 from ident.estimator.observations import FollowedPoses
 from ident.estimator.regions import pose_regions
-from ident.estimator.uncertainty import (
-    correlation_time,
-    inflation_factors,
-    variance_by_blocks,
-)
+from ident.estimator.uncertainty import correlation_time, inflation_factors, variance_by_blocks
 from ident.estimator.whitening import Whitening
 from ident.signals.smooth_log import WIDEST_KNOT_SPACING
 
@@ -260,24 +256,27 @@ def robust_covariance(fit: Fit) -> Array:
     inflation = inflation_factors(fit.covariance, scores @ scores.T, sums)
     prior = fit.covariance @ (fit.covariance / layout.sigma[:, None] ** 2)
     data = fit.covariance - prior
-    if block := _time_block(fit):
-        variance, count = variance_by_blocks(fit, block)
-        white = np.maximum(np.diag(data), np.finfo(float).tiny)
-        few = (count - 1.0) / max(1.0, count - 3.0)
-        inflation = np.maximum(inflation, np.sqrt(few * variance / white))
+    inflation = np.maximum(inflation, _inflation_in_time(fit, np.diag(data)))
     robust = data * np.outer(inflation, inflation) + prior
     return np.asarray(0.5 * (robust + robust.T))
 
 
-def _time_block(fit: Fit) -> float:
-    """[s] of a block of a robot that moved; 0 where none did."""
-    out = 0.0
+def _inflation_in_time(fit: Fit, white: Array) -> Array | float:
+    """(P,) deviation by blocks of time over that of independent rows; 0 where no robot moved.
+
+    white : (P,) variances of independent rows, without what the priors tell.
+    """
+    block = 0.0
     for part, residual in zip(fit.model.parts, fit.linear.residuals, strict=True):
         if isinstance(part, FollowedPoses) and part.size > 1:
             span = float(np.ptp(part.times))
             time = CORRELATION_TIMES * correlation_time(residual, part.times)
-            out = max(out, float(np.clip(time, span / MOST_BLOCKS, span / FEWEST_BLOCKS)))
-    return out
+            block = max(block, float(np.clip(time, span / MOST_BLOCKS, span / FEWEST_BLOCKS)))
+    if not block:
+        return 0.0
+    variance, count = variance_by_blocks(fit, block)
+    few = (count - 1.0) / max(1.0, count - 3.0)
+    return np.asarray(np.sqrt(few * variance / np.maximum(white, np.finfo(float).tiny)))
 
 
 def position_rows(point: Evaluation) -> Whitening:
