@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.neighbours import Rows
 
 DWELL = 2.0  # times the source's period: values that stay for longer are those of a dwell
 NOTABLE = 0.05  # share of repeated rows among those of the motion from which values are held
@@ -65,7 +66,7 @@ def whole_and_torn_rows(channels: Sequence[Array]) -> tuple[NDArray[np.intp], ND
     return np.delete(fresh, torn), fresh[torn]
 
 
-def _stops(channel: Array) -> NDArray[np.intp]:
+def _stops(channel: Array) -> Rows:
     """(K,) rows at which a channel (F,) stops for a single row.
 
     Before and after it goes on by many of its smallest steps in one direction; a motion that is
@@ -73,8 +74,7 @@ def _stops(channel: Array) -> NDArray[np.intp]:
     """
     step = np.diff(channel)
     held = np.flatnonzero(step[1:-1] == 0.0) + 1
-    before, after = step[held - 1], step[held + 1]
-    held = held[before * after > 0.0]
+    held = held[step[held - 1] * step[held + 1] > 0.0]
     if not held.size:
         return held
     decade = np.log10(np.maximum(np.abs(channel[1:]), _LEAST)).astype(np.intp)

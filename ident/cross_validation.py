@@ -237,10 +237,10 @@ def _joint_sigma(fit: Fit) -> float:
 def robust_covariance(fit: Fit) -> Array:
     """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
 
-    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space. Of
-    a robot that moved neighbours in time share it too, and a region that is visited again and again
-    averages over what changes with time, as the clock's rate does: there the estimates without each
-    block of time count too, as the few blocks that they are (variance of Student's distribution).
+    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space. A
+    region that is visited early and late averages over what a clock is seen by: for the clocks of
+    what followed a moving robot the estimates without each block of time count too, as the few
+    blocks that they are (variance of Student's distribution).
     """
     equations, layout = fit.linear, fit.model.unknowns
     blocks = pose_regions(fit.model.poses, BLOCKS)
@@ -261,22 +261,24 @@ def robust_covariance(fit: Fit) -> Array:
     return np.asarray(0.5 * (robust + robust.T))
 
 
-def _inflation_in_time(fit: Fit, white: Array) -> Array | float:
-    """(P,) deviation by blocks of time over that of independent rows; 0 where no robot moved.
+def _inflation_in_time(fit: Fit, white: Array) -> Array:
+    """(P,) deviation of clocks by blocks of time over that of independent rows; 0 of all else.
 
     white : (P,) variances of independent rows, without what the priors tell.
     """
-    block = 0.0
+    block, out = 0.0, np.zeros(white.size)
     for part, residual in zip(fit.model.parts, fit.linear.residuals, strict=True):
         if isinstance(part, FollowedPoses) and part.size > 1:
             span = float(np.ptp(part.times))
             time = CORRELATION_TIMES * correlation_time(residual, part.times)
             block = max(block, float(np.clip(time, span / MOST_BLOCKS, span / FEWEST_BLOCKS)))
     if not block:
-        return 0.0
+        return out
     variance, count = variance_by_blocks(fit, block)
-    few = (count - 1.0) / max(1.0, count - 3.0)
-    return np.asarray(np.sqrt(few * variance / np.maximum(white, np.finfo(float).tiny)))
+    variance *= (count - 1.0) / max(1.0, count - 3.0)
+    for clock in fit.model.unknowns.placed.clocks.values():
+        out[clock] = np.sqrt(variance[clock] / np.maximum(white[clock], 1e-300))
+    return out
 
 
 def position_rows(point: Evaluation) -> Whitening:

@@ -59,6 +59,7 @@ from ident.estimator.normal_equations import gradient_of, jacobian, normal_equat
 from ident.estimator.priors import beyond_priors, robot_unknowns
 from ident.estimator.time_blocks import BLOCK, each_block
 from ident.estimator.unknowns import Unknowns
+from ident.estimator.unlisted_ripple import unlisted_ripple
 from ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -153,14 +154,15 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
 
 
 def _left_out(fit: Fit) -> Array:
-    """(P, K) shifts by terms that the fit left out, and by bearings that gears hold."""
+    """(P, K) shifts by terms that the fit left out, bearings that gears hold, unlisted ripple."""
     layout = fit.model.unknowns
     second = np.diag(fit.covariance) + fit.x**2
     sizes = dict(zip(layout.names, np.sqrt(second).tolist(), strict=True))
     for part in fit.left_out:
         sizes |= part.sizes
     tilts = held_tilts(layout.names, sizes)
-    return np.column_stack([tilts, *(part.of(layout.names) for part in fit.left_out)])
+    terms = (part.of(layout.names) for part in fit.left_out)
+    return np.column_stack([tilts, *terms, unlisted_ripple(fit)])
 
 
 def variance_by_blocks(fit: Fit, length: float = BLOCK) -> tuple[Array, int]:

@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 
 from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
+from planning import coarse
 from planning import search as searching
 from planning.candidate import PathCandidate, genome_of, rounded, space_of
 from planning.capsules import segment_distance
@@ -64,21 +65,22 @@ def random_path(k: int) -> PathCandidate:
 
 @pytest.mark.slow
 def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, genomes: Array) -> None:
-    coarse = objectives(evaluator, genomes)
+    fast = objectives(evaluator, genomes)
     full = np.array([objective(evaluator, genome) for genome in genomes])
-    assert (coarse < INFEASIBLE).tolist() == (full < INFEASIBLE).tolist()
-    assert ((coarse > SCREENED_OUT) == (full > SCREENED_OUT)).all()
+    assert (fast < INFEASIBLE).tolist() == (full < INFEASIBLE).tolist()
+    assert ((fast > SCREENED_OUT) == (full > SCREENED_OUT)).all()
     runnable = full < INFEASIBLE
     assert 14 <= runnable.sum() < len(genomes)
-    above = coarse[runnable] - full[runnable]
+    above = fast[runnable] - full[runnable]
     assert 0.0 < above.mean() < 0.2  # planning.coarse_crlb: 0.13
-    assert np.corrcoef(coarse[runnable], full[runnable])[0, 1] > 0.99
+    assert np.corrcoef(fast[runnable], full[runnable])[0, 1] > 0.99
 
 
-def test_with_as_many_samples_the_coarse_prediction_is_the_full_one(
-    evaluator: Evaluator, genomes: Array
+def test_with_more_samples_the_coarse_prediction_is_the_full_one(
+    evaluator: Evaluator, genomes: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A tension that is free at each of 229 samples, or a spline through 240."""
+    """A tension that is free at each of 114 samples, or a spline through 240."""
+    monkeypatch.setattr(coarse, "STEP", 0.5)
     fine = replace(evaluator, coarse=coarse_predictor(evaluator.predictor, samples=114))
     full = objective(evaluator, genomes[0])
     assert objectives(fine, genomes[:1])[0] == pytest.approx(full, abs=0.06)
