@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.neighbours import Rows
 
 DWELL = 2.0  # times the source's period: values that stay for longer are those of a dwell
 NOTABLE = 0.05  # share of repeated rows among those of the motion from which values are held
 # Times the smallest change: where most changes are smaller, values repeat since they are rounded.
 ROUNDED = 3.0
-COARSE = 10.0  # smallest steps of a channel: what goes on by more does not stop for one tick
-_LEAST = 1e-9  # of a value whose decade counts
+# Smallest steps of a channel: what goes on by more stops for no tick. A value whose decade counts.
+COARSE, LEAST = 10.0, 1e-9
 
 
 def changed_rows(channels: Sequence[Array] | Array) -> NDArray[np.bool_]:
@@ -66,18 +65,17 @@ def whole_and_torn_rows(channels: Sequence[Array]) -> tuple[NDArray[np.intp], ND
     return np.delete(fresh, torn), fresh[torn]
 
 
-def _stops(channel: Array) -> Rows:
+def _stops(channel: Array) -> NDArray[np.intp]:
     """(K,) rows at which a channel (F,) stops for a single row.
 
     Before and after it goes on by many of its smallest steps in one direction; a motion that is
     finer than they are holds values too.
     """
     step = np.diff(channel)
-    held = np.flatnonzero(step[1:-1] == 0.0) + 1
-    held = held[step[held - 1] * step[held + 1] > 0.0]
+    held = np.flatnonzero((step[1:-1] == 0.0) & (step[:-2] * step[2:] > 0.0)) + 1
     if not held.size:
         return held
-    decade = np.log10(np.maximum(np.abs(channel[1:]), _LEAST)).astype(np.intp)
+    decade = np.log10(np.maximum(np.abs(channel[1:]), LEAST)).astype(np.intp)
     decade -= decade.min()  # numbers of so many digits are coarser above 100 than below
     finest = np.full(decade.max() + 1, np.inf)
     np.minimum.at(finest, decade, np.where(step == 0.0, np.inf, np.abs(step)))
