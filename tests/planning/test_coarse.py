@@ -20,7 +20,7 @@ from planning.capsules import segment_distance
 from planning.clearance import FAR
 from planning.coarse import STEP, objectives
 from planning.coarse_crlb import coarse_predictor
-from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
+from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, evaluators, objective
 from planning.force import predicted_forces
 from planning.plan import first_path, known_path
 from planning.request import load_request
@@ -61,6 +61,36 @@ def random_path(k: int) -> PathCandidate:
     )
     shape = Lissajous(np.radians(centre), np.radians(amplitude), cycles, np.radians(phase))
     return PathCandidate(shape, np.array([float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]))
+
+
+SHARE = coarse.CALM
+
+
+@pytest.fixture(autouse=True)
+def _same_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse and full objectives with one limit of acceleration, as far as they are compared."""
+    monkeypatch.setattr(coarse, "CALM", 1.0)
+
+
+@pytest.mark.slow
+def test_a_search_keeps_some_acceleration_for_what_friction_adds(
+    evaluator: Evaluator, genomes: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    allowed = SHARE * evaluator.limits.axis_acceleration_deg_per_s2
+
+    def fastest(genome: Array) -> float:
+        found = check(evaluator, evaluator.space.candidate(genome)).trajectory
+        assert found is not None
+        axes = found.acceleration @ evaluator.cell.robot.joint_to_axis
+        return float(np.degrees(np.abs(axes).max()))
+
+    plain = objectives(evaluator, genomes)
+    monkeypatch.setattr(coarse, "CALM", SHARE)
+    kept = objectives(evaluator, genomes)
+    lost = (kept >= INFEASIBLE) & (plain < INFEASIBLE)
+    assert lost.any()
+    assert all(fastest(genome) > 0.99 * allowed for genome in genomes[lost])
+    np.testing.assert_allclose(kept[kept < INFEASIBLE], plain[kept < INFEASIBLE], rtol=1e-9)
 
 
 @pytest.mark.slow
