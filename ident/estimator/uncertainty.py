@@ -115,7 +115,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     sigma = layout.sigma
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
-    variance, blocks = _without_blocks(fit)
+    variance, blocks = variance_by_blocks(fit)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
@@ -165,15 +165,17 @@ def _left_out(fit: Fit) -> Array:
     return np.column_stack([tilts, *terms, unlisted_ripple(fit)])
 
 
-def _without_blocks(fit: Fit) -> tuple[Array, int]:
+def variance_by_blocks(fit: Fit, length: float = BLOCK) -> tuple[Array, int]:
     """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
+
+    length : [s] of a block.
 
     The jackknife: `(B - 1) / B` times the sum of squares over B blocks (Efron & Stein 1981).
     Without a block of normal matrix N and gradient g the estimate moves by `(H - N)^-1 g`, so what
     single blocks hold alone counts for what it is.
     """
     variance, count = np.zeros(fit.model.unknowns.count), 0
-    for block in each_block(fit, BLOCK, followed=True):
+    for block in each_block(fit, length, followed=True):
         own = np.flatnonzero(np.diag(block.normal))
         normal, covariance = block.normal[np.ix_(own, own)], fit.covariance[:, own]
         without = np.eye(own.size) - normal @ covariance[own]
@@ -181,6 +183,19 @@ def _without_blocks(fit: Fit) -> tuple[Array, int]:
         variance += moved**2
         count += 1
     return variance * (count - 1) / count, count
+
+
+def correlation_time(residual: Array, times: Array) -> float:
+    """[s] correlation time of residuals (E, N) at times (N,) [s], white noise in them aside.
+
+    The integral of their autocovariance up to its first zero, over its largest value there: of
+    `exp(-t / T)` beside white noise it is T. At least one row.
+    """
+    power = (np.abs(np.fft.rfft(residual, 2 * times.size)) ** 2).sum(axis=0)
+    later = np.fft.irfft(power)[1 : times.size]
+    later = later[: int(np.argmax(np.append(later, 0.0) <= 0.0))]
+    rows = later.sum() / later.max() if later.size else 1.0
+    return float(rows * np.median(np.diff(times)))
 
 
 def mean_autocorrelation(fit: Fit) -> float:
