@@ -178,8 +178,8 @@ def _passage() -> Iterator[tuple[str, str, str]]:
     )
     for (low, high), (force, fast), (_, without) in zip(BANDS, rubbing, smooth, strict=True):
         yield (
-            f"b4 {low:g} to {high:g} deg from its singularity, path of 60 s: largest force; "
-            "oscillation above 2 Hz, rms, with and without friction of the bearings",
+            f"force with b4 {low:g} to {high:g} deg from singularity; above 2 Hz, rms, with and "
+            "without friction of the bearings",
             "larger force, oscillating",
             f"{force:.0f} N; {fast:.3f} N, {without:.3f} N",
         )

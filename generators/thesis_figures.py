@@ -51,7 +51,7 @@ Tables 3.2 to 3.4 are explained on [Identifiability](identifiability.md). Left o
 photographs and the pictures of logs (Figs. 1.1 to 2.4, 4.1 to 4.3, 4.5 to 5.4, 5.6, 5.10, 5.11,
 A.1). The curves of the thesis are not printed as numbers, so its sentences about them are compared.
 
-| thesis | what | beside ours |
+|thesis|what|beside ours|
 |---|---|---|
 """
 EXPERIMENTS = """
@@ -60,7 +60,7 @@ EXPERIMENTS = """
 Simulated by `python -m generators.thesis_5_3` with `scenarios/irb2400_push_pull.yaml`,
 `irb2400.yaml` and `irb2400_full.yaml` ([rows](studies/experiments.csv)).
 
-| what | thesis | here |
+|what|thesis|here|
 |---|---|---|
 {rows}
 
@@ -119,8 +119,8 @@ def main() -> None:
 def page_text() -> str:
     """The page. Raises ValueError where the pages and tables that it reads lack what it names."""
     entries = [Entry(**item) for item in yaml.safe_load(LISTED.read_text())]
-    rows = [f"| {entry.label} | {entry.title} | {beside(entry)} |\n" for entry in entries]
-    lines = "\n".join(f"| {' | '.join(row)} |" for row in _experiments())
+    rows = [f"|{entry.label}|{entry.title}|{beside(entry)}|\n" for entry in entries]
+    lines = "\n".join(f"|{'|'.join(row)}|" for row in _experiments())
     return HEAD + "".join(rows) + EXPERIMENTS.format(rows=lines)
 
 
@@ -131,8 +131,8 @@ def beside(entry: Entry) -> str:
     """
     words = [COMPUTED[entry.label]()] if entry.label in COMPUTED else []
     for start in entry.experiments:
-        what, theirs, here = next(row for row in _experiments() if row[0].startswith(start))
-        words.append(f"{what}: {here} beside {theirs}")
+        _, theirs, here = next(row for row in _experiments() if row[0].startswith(start))
+        words.append(f"{here} beside {theirs}")
     if entry.topic:
         claims = _claims_of(entry)
         for verdict in ("holds", "differs"):
@@ -159,7 +159,7 @@ def claim_sections() -> dict[str, dict[str, str]]:
     """Name and verdict of every claim of docs/claims.md, by the title of their section."""
     page = (DOCS / "claims.md").read_text()
     sections = re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", page, re.MULTILINE | re.DOTALL)
-    row = re.compile(r"^\| `(\w+)`: .* \| (holds|differs)\b[^|]*\|$", re.MULTILINE)
+    row = re.compile(r"^\|`(\w+)`: .*\|(holds|differs)\b[^|]*\|$", re.MULTILINE)
     return {title: dict(row.findall(text.replace("\\|", "/"))) for title, text in sections}
 
 

@@ -83,9 +83,9 @@ def page_text() -> str:
 def section(study: Study) -> str:
     """Heading, sentences, commands and table of a study."""
     links = ", ".join(f"[{name}](studies/{name}.csv)" for name in study.rows or ("figures",))
-    made = "\n".join(f"`{command}` · {rest}\\" for command, rest in map(_parted, study.made_by))
+    made = "<br>\n".join(f"`{command}` · {rest}" for command, rest in map(_parted, study.made_by))
     lines = [_line(row) for row in (table(study) if study.rows else figure_rows(study.title))]
-    lines.insert(1, "|" + "---|" * (lines[0].count("|") - 1))
+    lines.insert(1, "|" + "---|" * (lines[0].replace("\\|", "").count("|") - 1))
     text = "\n".join(lines)
     return f"\n{'#' * study.level} {study.title}\n\n{study.says}\n\n{made} · {links}\n\n{text}\n"
 
@@ -150,8 +150,8 @@ def _parted(made_by: str) -> tuple[str, str]:
 
 
 def _line(cells: Sequence[str]) -> str:
-    shown = (str(text).replace("|", "\\|").strip() for text in cells)
-    return f"| {' | '.join(shown)} |"
+    shown = (str(text).replace("|", "\\|") for text in cells)
+    return f"|{'|'.join(shown)}|"
 
 
 if __name__ == "__main__":

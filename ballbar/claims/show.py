@@ -131,12 +131,12 @@ def _section(result: Judged, images: Sequence[str], command: str) -> Iterator[st
     yield " ".join(filter(None, (f"Thesis {file.place}.", command and f"`{command}`{runs}.")))
     if images:
         yield from ("", *(f"![{result.topic.name}]({image})" for image in images))
-    yield from ("", "| thesis | here | verdict |", "|---|---|---|")
+    yield from ("", "|thesis|here|verdict|", "|---|---|---|")
     for verdict in result.verdicts:
         claim = verdict.claim
         says = f'`{claim.name}`: "{claim.says}" ({claim.source})'
         cells = (says, _first(verdict.outcomes[RESTS_ON]), _verdict(verdict))
-        yield f"| {' | '.join(map(_cell, cells))} |"
+        yield f"|{'|'.join(map(_cell, cells))}|"
 
 
 def _first(outcomes: Sequence[CheckOutcome]) -> str:

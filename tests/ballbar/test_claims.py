@@ -522,10 +522,10 @@ def test_the_page_has_every_claim_with_the_verdict_that_its_file_expects() -> No
             word, says = claim.expects("core"), " ".join(claim.says.split()).replace("|", "\\|")
             if "all" in file_.sets and claim.expects("all") != word:
                 word += f" ({claim.expects('all')} with all)"
-            row = re.escape(f'| `{claim.name}`: "{says}" (')
-            assert re.search(
-                rf"^{row}.* \| {re.escape(word)}(\. .*)? \|$", page, re.MULTILINE
-            ), f"{file.stem}: {claim.name}"
+            row = re.escape(f'|`{claim.name}`: "{says}" (')
+            assert re.search(rf"^{row}.*\|{re.escape(word)}(\. .*)?\|$", page, re.MULTILINE), (
+                f"{file.stem}: {claim.name}"
+            )
     for image in re.findall(r"\]\((images/.*?)\)", page):
         assert (ROOT / "docs" / image).is_file()
 
