@@ -43,7 +43,7 @@ of a dotted key, such as `seed=2`; it may be repeated.
 `ballbar --show-completion`, which prints the script. `ballbar --version` prints the release and a
 digest of the code.
 
-Below stand purpose, usage and options of each command; `ballbar COMMAND --help` says more.
+Below stand purpose, usage and options of each command; its `--help` says more.
 
 ## Fields of --json
 
