@@ -242,17 +242,17 @@ def by_thesis_recipe(
 
 def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
     yield from ("## The thesis's recipe", "")
-    found = []
+    differences = []
     for cost in ENCODERS_NEEDED:
         s = studies[cost].selection
         left_out = {*s.without_effect, *(d.name for d in s.dependent)}
         diagonal = by_thesis_recipe(loop, cost, errors={})
         below = {name for name, r in diagonal.items() if r < THESIS_LIMIT}
-        found.append(f"{THESIS_COSTS[cost]} {_more_or_less(below, left_out)}")
+        differences.append(f"{THESIS_COSTS[cost]} {_more_or_less(below, left_out)}")
     yield (
         "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "
         f"1e-6 on the diagonal of R is left out. {THESIS_SAMPLES} samples, against the list above: "
-        f"{'; '.join(found)}. The scalars of all but C_l have a Jacobian that vanishes where the "
+        f"{'; '.join(differences)}. The scalars of all but C_l have a Jacobian that vanishes where the "
         "loop closes, so noise makes the absolute limit a loose relative one."
     )
     yield ""

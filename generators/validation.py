@@ -132,7 +132,7 @@ def _part(rows: pd.DataFrame, text: str) -> str:
 
 @cache
 def figures() -> pd.DataFrame:
-    """What was measured of studies without rows of their own: study, what, measured, sought."""
+    """Measured figures of studies without rows of their own: study, what, measured, sought."""
     return pd.read_csv(STUDIES / "figures.csv", dtype=str, keep_default_na=False)
 
 
