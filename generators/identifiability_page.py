@@ -252,8 +252,8 @@ def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
     yield (
         "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "
         f"1e-6 on the diagonal of R is left out. {THESIS_SAMPLES} samples, against the list above: "
-        f"{'; '.join(differences)}. The scalars of all but C_l have a Jacobian that vanishes where the "
-        "loop closes, so noise makes the absolute limit a loose relative one."
+        f"{'; '.join(differences)}. The scalars of all but C_l have a Jacobian that vanishes where "
+        "the loop closes, so noise makes the absolute limit a loose relative one."
     )
     yield ""
 
