@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.bodies import bar_bodies, carried_bodies, link_bodies
@@ -41,6 +42,7 @@ class Loads:
     bearing: Array
     bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
     rubbed: Array  # (J, N) [1] at the gears, per newton metre of friction in the ball-bar's joints
+    on_bar: Array  # (6, N) [-, m] wrench of the tool on the ball-bar per newton
 
     def part(self, samples: NDArray[np.intp]) -> Loads:
         """The loads at some of the samples."""
@@ -53,6 +55,11 @@ class Loads:
     def plate_moment(self, tension: Array) -> Array:
         """(N,) [N m] at a rod tension (N,) [N]."""
         return self.plate + self.plate_per_newton * tension
+
+    def over_time(self, t: Array, tension: Array) -> BSpline:
+        """(J + 2 BEARINGS,) [N m] of gears and bearings over the times (N,) [s], which increase."""
+        bearing = self.bearings(tension).reshape(2 * BEARINGS, -1)
+        return make_interp_spline(t, np.concatenate((self.gears(tension), bearing)).T, k=3)
 
     def bearings(self, tension: Array) -> Array:
         """(BEARINGS, 2, N) [N m] at a rod tension (N,) [N]."""
@@ -92,14 +99,21 @@ def link_masses(robot: Robot) -> MassModel:
 
 
 def loads(
-    masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
+    masses: MassModel,
+    geometry: Geometry,
+    q: Array,
+    b: Array,
+    speed: Array,
+    acceleration: Array,
+    frames: tuple[Frames, Frames] | None = None,
 ) -> Loads:
     """Loads along a motion.
 
     q, speed, acceleration : (N, J) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
-    ball-bar angles as the encoders read. masses : of the cell.
+    ball-bar angles as the encoders read. masses : of the cell. frames : of robot and ball-bar
+    there, if they are known.
     """
-    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    robot, bar = frames or (robot_frames(geometry, q), bar_frames(geometry, b))
     own = joint_moments(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
     )
@@ -121,6 +135,7 @@ def loads(
         bearing=_across_axes(robot, moments),
         bearing_per_newton=_across_axes(robot, per_newton_at_joints),
         rubbed=np.zeros(q.T.shape),
+        on_bar=per_newton,
     )
 
 
@@ -158,6 +173,7 @@ def no_loads(joints: int, samples: int) -> Loads:
         bearing=bearings,
         bearing_per_newton=bearings,
         rubbed=gears,
+        on_bar=np.zeros((6, samples)),
     )
 
 
