@@ -117,7 +117,9 @@ def _closed(model: Model, trajectory: Trajectory, carried: Loads | None) -> Eval
     if model.corrections:
         if carried is None and model.masses is not None:
             frames = (trajectory.robot, trajectory.bar)
-            carried = loads(model.masses, nominal, q, b, speed, bend, frames)
+            carried = loads(
+                model.masses, nominal, q=q, b=b, speed=speed, acceleration=bend, frames=frames
+            )
         state = State(
             t=samples.times,
             recording=0,

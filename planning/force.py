@@ -124,7 +124,15 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     """Tension of the rod along a trajectory; each of its runs begins without force."""
     geometry, cell, q, b = trajectory.nominal, model.cell, trajectory.q, trajectory.b
     frames = robot, bar = trajectory.robot, trajectory.bar
-    carried = loads(model.masses, geometry, q, b, trajectory.speed, trajectory.acceleration, frames)
+    carried = loads(
+        model.masses,
+        geometry,
+        q=q,
+        b=b,
+        speed=trajectory.speed,
+        acceleration=trajectory.acceleration,
+        frames=frames,
+    )
     levers = _levers(model, geometry, robot, bar, carried.on_bar)
     to_gear, per_newton = cell.robot.gear_to_joint, carried.gear_per_newton
     links = np.zeros((len(to_gear), *per_newton.shape))  # (J, J, N) at the gears, of each link

@@ -147,8 +147,7 @@ def _sway(fit: Fit) -> tuple[float, Columns]:
         fine = np.exp(turn * np.arange(most)[:, None])
         coarse = score[:, None] * np.exp(turn * (lowest / step + most * np.arange(most)[:, None]))
         power += (np.abs(coarse @ fine.T) ** 2).sum(axis=0)
-    below = power.reshape(-1)[: int(np.ceil((HIGHEST - lowest) / step))]
-    best = lowest + step * int(below.argmax())
+    best = lowest + step * int(power.reshape(-1)[: -int((lowest - HIGHEST) // step)].argmax())
     own = []
     for base, (point, _, _) in zip(bases, fit.recorded, strict=True):
         angle = 2.0 * np.pi * best * point.recording.times

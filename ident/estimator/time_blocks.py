@@ -58,7 +58,8 @@ class TimeBlocks:
     def added(self, *parts: NDArray[np.bool_]) -> TimeBlocks:
         """Parts (B,) of the blocks, each as one block."""
         normal, gradient, cost = (
-            np.tensordot(parts, values, 1) for values in (self.normal, self.gradient, self.cost)
+            np.stack([values[part].sum(axis=0) for part in parts])
+            for values in (self.normal, self.gradient, self.cost)
         )
         first = [int(np.argmax(part)) for part in parts]
         return replace(

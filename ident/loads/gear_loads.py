@@ -12,10 +12,10 @@ and plate (mass model of the cell files) and `-w` at the tool.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.bodies import bar_bodies, carried_bodies, link_bodies
@@ -24,6 +24,9 @@ from ballbar.cell.descriptions import Cell, Link, Robot
 from ballbar.cell.dynamics import joint_moments, joint_torques
 from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
 from ballbar.cell.typical_machine import with_typical
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 TRAVEL = 1e-4  # [rad] over which friction of a ball-bar's joint builds up after a reversal; assumed
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
@@ -58,6 +61,8 @@ class Loads:
 
     def over_time(self, t: Array, tension: Array) -> BSpline:
         """(J + 2 BEARINGS,) [N m] of gears and bearings over the times (N,) [s], which increase."""
+        from scipy.interpolate import make_interp_spline  # noqa: PLC0415  --help needs none
+
         bearing = self.bearings(tension).reshape(2 * BEARINGS, -1)
         return make_interp_spline(t, np.concatenate((self.gears(tension), bearing)).T, k=3)
 
@@ -101,6 +106,7 @@ def link_masses(robot: Robot) -> MassModel:
 def loads(
     masses: MassModel,
     geometry: Geometry,
+    *,
     q: Array,
     b: Array,
     speed: Array,
