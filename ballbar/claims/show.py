@@ -106,22 +106,18 @@ def page_text(
     images, commands : name of a claim file -> its plots as links from the page, and the command
     that repeats its runs.
     """
-    counts = Counter(verdict.word for result in judged for verdict in result.verdicts)
+    verdicts = [verdict for result in judged for verdict in result.verdicts]
+    counts = Counter(verdict.word for verdict in verdicts)
     failed = f", {counts[FAILS]} come out otherwise than stated" if counts[FAILS] else ""
-    other = sum(
-        verdict.comes_out("all") != verdict.comes_out("core")
-        for result in judged
-        for verdict in result.verdicts
-        if "all" in verdict.outcomes
-    )
+    both = [verdict for verdict in verdicts if "all" in verdict.outcomes]
+    other = sum(verdict.comes_out("all") != verdict.comes_out("core") for verdict in both)
     summary = f"{counts['holds']} hold, {counts['differs']} differ{failed}"
-    lines = [
-        f"{_HEAD}{counts.total()} claims: {summary}. {other} have the other verdict with *all*."
-    ]
+    page = f"{_HEAD}{len(verdicts)} claims: {summary}. {other} have the other verdict with *all*.\n"
     for result in judged:
         name = result.topic.name
-        lines += ["", *_section(result, images.get(name, ()), commands.get(name, ""))]
-    return "\n".join(lines) + "\n"
+        lines = _section(result, images.get(name, ()), commands.get(name, ""))
+        page += "\n" + "\n".join(lines) + "\n"
+    return page
 
 
 def _section(result: Judged, images: Sequence[str], command: str) -> Iterator[str]:
