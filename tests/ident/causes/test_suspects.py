@@ -18,12 +18,13 @@ from ballbar.cell.logs import BallBarLog, RobotLog
 from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
 from ballbar.ident.causes.channels import channel_errors
 from ballbar.ident.causes.suspects import AGREES, SHORT, Causes, suspects
-from ballbar.ident.identify import identify, identify_together
+from ballbar.ident.identify import identify_together
 from ballbar.ident.options import FitOptions
 from ballbar.ident.recording_fit import Logs, fit_recording
 from ballbar.ident.start.automatic import StartError
 from ballbar.ident.verdict import Status
 from tests.helpers.minute_logs import minute_logs
+from tests.helpers.one_recording import identify
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 FEW = FitOptions(samples=300)
