@@ -59,21 +59,31 @@ def measured(thing: Thing, cell: Cell | None = None) -> Measured:
     if isinstance(thing, Recording | PoseImport):
         return thing
     if isinstance(thing, PoseTable):
-        described = PosesFile.model_construct(
-            schema_="ballbar-poses/1",
-            kind="real",
-            robot=thing.robot.name,
-            instrument=thing.groups[0].measured,
-            tables=(),
-        )
-        return PoseImport(described, thing, _NOTHING_READ)
+        return PoseImport(_description_of_poses(thing), thing, _NOTHING_READ)
     if not isinstance(thing, Logs):
         return read(thing)
     if cell is None:
         remedy = "Give `cell`, such as load_cell('irb2400', 'lund_600', 'plate_250')."
         raise InputError(f"logs as arrays do not say what stands in the cell. {remedy}")
+    description = _description_of(cell)
+    logs = thing.robot, thing.ballbar, thing.force, _NOTHING_READ
+    return Recording(
+        description, *logs, length_log=thing.length, tracker_log=thing.tracker, name=thing.name
+    )
+
+
+def _description_of_poses(table: PoseTable) -> PosesFile:
+    """The names of a table's robot and of the kind of its first instrument, without files."""
+    kind = table.groups[0].measured
+    return PosesFile.model_construct(
+        schema_="ballbar-poses/1", kind="real", robot=table.robot.name, instrument=kind, tables=()
+    )
+
+
+def _description_of(cell: Cell) -> RecordingFile:
+    """The descriptions of a cell by their names, without device files."""
     rigid = cell.ballbar.stroke is None
-    description = RecordingFile.model_construct(
+    return RecordingFile.model_construct(
         schema_="ballbar-recording/1",
         kind="real",
         robot=cell.robot.name,
@@ -81,16 +91,6 @@ def measured(thing: Thing, cell: Cell | None = None) -> Measured:
         instrument=None if rigid else cell.ballbar.name,
         plate=cell.plate.name,
         sources=Sources.model_construct(robot=SourceFile.model_construct(files=(), dialect="")),
-    )
-    return Recording(
-        description,
-        thing.robot,
-        thing.ballbar,
-        thing.force,
-        _NOTHING_READ,
-        length_log=thing.length,
-        tracker_log=thing.tracker,
-        name=thing.name,
     )
 
 
