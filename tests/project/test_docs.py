@@ -143,7 +143,7 @@ def test_every_page_is_in_the_navigation_and_nothing_else() -> None:
 def test_a_notebook_is_stored_without_results(notebook: Path) -> None:
     """The build of the documentation runs it, and fails where a cell does."""
     cells = [c for c in json.loads(notebook.read_text())["cells"] if c["cell_type"] == "code"]
-    assert len(cells) > 2
+    assert len(cells) > 1
     assert not any(cell["outputs"] or cell["execution_count"] for cell in cells)
 
 
@@ -328,7 +328,7 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
     for notebook in GALLERY:
         page = (tmp_path / "site/gallery" / notebook.with_suffix(".html").name).read_text()
         assert "Good fit" in page or notebook.stem in ("mix_of_instruments", "an_error_source")
-        assert '<img src="data:image/png' in page or notebook.stem == "own_logs"
+        assert page.count("data:image/png") > 1 or notebook.stem == "own_logs"
     assert 'id="ballbar.result.identify.identify"' in (tmp_path / "site/api.html").read_text()
     for page, script in (
         ("tutorial.html", "assets/search_from_disk.js"),
