@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import subprocess
@@ -27,6 +28,7 @@ from tests.helpers.command_line import commands as every_command
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+GALLERY = sorted((DOCS / "gallery").glob("*.ipynb"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 TUTORIAL = DOCS / "tutorial.md"
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -137,7 +139,16 @@ def test_every_page_is_in_the_navigation_and_nothing_else() -> None:
 
     listed = list(files(site["nav"]))
     assert len(listed) == len(set(listed))
-    assert set(listed) == {str(page.relative_to(DOCS)) for page in PAGES if DOCS in page.parents}
+    pages = [*(page for page in PAGES if DOCS in page.parents), *GALLERY]
+    assert set(listed) == {str(page.relative_to(DOCS)) for page in pages}
+
+
+@pytest.mark.parametrize("notebook", GALLERY, ids=lambda file: file.stem)
+def test_a_notebook_is_stored_without_results(notebook: Path) -> None:
+    """The build of the documentation runs it, and fails where a cell does."""
+    cells = [c for c in json.loads(notebook.read_text())["cells"] if c["cell_type"] == "code"]
+    assert len(cells) > 1
+    assert not any(cell["outputs"] or cell["execution_count"] for cell in cells)
 
 
 def test_the_site_asks_nothing_of_other_servers() -> None:
@@ -370,6 +381,10 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
     assert ">errors.rod_backlash<" in (tmp_path / "site/scenario_reference.html").read_text(), (
         "Markdown in its table is read"
     )
+    for notebook in GALLERY:
+        page = (tmp_path / "site/gallery" / notebook.with_suffix(".html").name).read_text()
+        assert "Good fit" in page or notebook.stem in ("mix_of_instruments", "an_error_source")
+        assert page.count("data:image/png") > 1 or notebook.stem == "own_logs"
     assert 'id="ballbar.result.identify.identify"' in (tmp_path / "site/api.html").read_text()
     for page, script in (
         ("tutorial.html", "assets/search_from_disk.js"),
