@@ -12,18 +12,18 @@ from ballbar.units import MM
 
 
 def parameters(frame: pd.DataFrame, axes: Axes | None) -> Axes:
-    """Axes with the deviation of each identified parameter of a frame from the catalogue, in mm and
-    mrad, and two standard deviations.
+    """Axes with the deviation of each identified parameter of robot and ball-bar from the
+    catalogue, in mm and mrad, and two standard deviations. Where the instrument stood has none.
     """
     axes = axes or pyplot.subplots(layout="constrained")[1]
-    identified = frame[frame["identified"]]
+    shared = frame.loc[""]
+    identified = shared[shared["identified"]]
     size = (identified["value"] - identified["nominal"]).to_numpy() * 1e3
     places = np.arange(len(identified))
-    names = [" ".join(filter(None, name)) for name in identified.index]
     sigma = 2e3 * identified["sigma"].to_numpy()
     axes.errorbar(places, size, sigma, fmt="o", color=AFTER, markersize=3, capsize=2)
     axes.axhline(0.0, color=BEFORE, linewidth=0.8)
-    axes.set_xticks(places, names, rotation=90, fontsize="small")
+    axes.set_xticks(places, identified.index, rotation=90, fontsize="small")
     axes.set_ylabel("deviation from the catalogue [mm, mrad]")
     return axes
 

@@ -196,7 +196,7 @@ def test_figures_take_axes_and_return_them(fresh: Calibration, still: Calibratio
         axes = Figure().subplots(2)
         assert result.plot_parameters(axes[0]) is axes[0]
         assert result.plot_residuals(axes[1]) is axes[1]
-        identified = result.to_frame()["identified"].sum()
+        identified = result.to_frame().loc[""]["identified"].sum()
         assert len(axes[0].get_xticks()) == identified
         assert [text.get_text() for text in axes[1].get_legend().get_texts()] == [
             "nominal robot", "identified robot"
