@@ -256,7 +256,7 @@ class Cell:
     plate: Plate
 
 
-def same_contents(one: object, other: object) -> bool:
+def same_contents(first: object, second: object) -> bool:
     """Whether two descriptions, or parts of them, agree in every name and digit."""
     with np.printoptions(floatmode="unique", threshold=sys.maxsize):
-        return repr(one) == repr(other)
+        return repr(first) == repr(second)
