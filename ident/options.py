@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 from ballbar.ident.corrections import CORRECTIONS
@@ -44,6 +44,12 @@ class FitOptions:
             if name not in CORRECTIONS:
                 known = ", ".join(CORRECTIONS)
                 raise ValueError(f"unknown correction {name!r}; there are {known}")
+
+    @property
+    def of_logs(self) -> list[str]:
+        """Names of the options that are not at their defaults and that still poses do not have."""
+        changed = [f.name for f in fields(self) if getattr(self, f.name) != f.default]
+        return [name for name in changed if name != "joint_errors"]
 
 
 @dataclass(frozen=True)

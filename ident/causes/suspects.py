@@ -62,7 +62,7 @@ DECISIVE = 3.0  # times less than as declared
 COMPARABLE = 2.0  # times the best: a suspect that is named too
 STILL = 1e-3  # [rad] range of a column that stands still
 MOVES = 0.1  # [rad] range of a joint that does not
-# [m] rms from the sphere; robots with errors of 10 mm and mrad stay below (notes/start)
+# [m] rms from the sphere; robots off by 10 mm and mrad stay below (notes/identification sec. 8)
 OFF_SPHERE = 0.010
 # [m] smallest error of the rod that is named, and in standard deviations of the sphere's radius
 ROD_ERROR, ROD_SIGMAS = 5e-4, 2.0
@@ -280,7 +280,7 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str], *, contested: bool = 
         cause = _logged_wrongly(error, names)
         evidence.setdefault(error.channel, (error.left, cause, error.remedy))
     effects = effects_beside(fit)
-    changed = min(effect.left for effect in effects if not effect.cause)
+    changed = min((effect.left for effect in effects if not effect.cause), default=1.0)
     limit = min(changed, 1.0 - 2.0 * BESIDE) if contested else 1.0 - BESIDE
     for effect in effects:
         if effect.cause and effect.left < limit:
