@@ -10,6 +10,7 @@ import importlib
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -52,6 +53,20 @@ def process_pool(
             for process in set(multiprocessing.active_children()) - others:
                 process.kill()
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def process_apart(
+    command: list[str], output: int = subprocess.DEVNULL, env: dict[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """A process that does not write into this terminal, and that Ctrl-C here does not reach.
+
+    output : of its standard output.
+    """
+    group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)  # of Windows, which has no sessions
+    streams = {"stdout": output, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen(
+        command, env=env, start_new_session=True, creationflags=group, **streams
+    )
 
 
 @contextmanager

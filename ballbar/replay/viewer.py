@@ -17,6 +17,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.processes import process_apart
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
 _MAGIC = b"RRF"  # first bytes of a rerun recording, before the version of its format
@@ -138,21 +139,6 @@ def web_server(
         server.wait()
 
 
-def _apart(command: list[str]) -> subprocess.Popen[bytes]:
-    """A process that does not write into the caller's terminal.
-
-    It has a session of its own: the Ctrl-C that ends a recording does not close the window too.
-    """
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-        env=_quiet(),
-    )
-
-
 def live_viewer() -> str:
     """Start a native viewer that waits for data on this machine alone, and return its address.
 
@@ -163,7 +149,8 @@ def live_viewer() -> str:
     _check_screen("Leave out --live.")  # without one the viewer answers first, and ends then
     port = _free_port()
     address = ["--bind", LOOPBACK, "--port", str(port)]
-    viewer = _apart([_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"])
+    command = [_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"]
+    viewer = process_apart(command, env=_quiet())
     try:
         _wait_for(viewer, port, "the viewer")
     except ViewerError as error:

@@ -9,12 +9,12 @@ import sys
 import threading
 from pathlib import Path
 
+from ballbar.cell.processes import process_apart
 from ballbar.cell.threads import one_thread_each
 from ballbar.watch.show import Data
 
 LAST = 120.0  # [s] for the complete fit of the whole recording
-# How a process is kept from Ctrl-C on Windows, and asked to end there
-OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+# Asks a process to end, on Windows and elsewhere
 END = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
 
@@ -30,13 +30,7 @@ class WatchBeside:
         self.updates = 0
         self._duration, self._finished, self._left_out = duration, False, False
         with one_thread_each():  # Ctrl-C is for the recorder, which ends this one when it has ended
-            self._process = subprocess.Popen(
-                command,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-                creationflags=OWN_GROUP,
-            )
+            self._process = process_apart(command, subprocess.PIPE)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 

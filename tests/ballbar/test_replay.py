@@ -376,7 +376,13 @@ def test_no_viewer_collects_usage_data(file, tmp_path, monkeypatch):
     assert not list(tmp_path.rglob("*analytics*"))
     note = tmp_path / "note"
     program = f"import os; open({str(note)!r}, 'w').write(os.environ['CI'])"
-    assert viewer._apart([sys.executable, "-c", program]).wait() == 0  # the live window
+    command = [sys.executable, "-c", program]
+    monkeypatch.setattr(viewer, "_rerun", lambda: command[0])
+    monkeypatch.setattr(viewer, "_check_screen", lambda _: None)
+    monkeypatch.setattr(viewer, "_wait_for", lambda window, *_: window.wait())
+    start = viewer.process_apart
+    monkeypatch.setattr(viewer, "process_apart", lambda _, env: start(command, env=env))
+    viewer.live_viewer()
     assert note.read_text() == "1"
 
 

@@ -138,13 +138,16 @@ print(folder.exists())
 
 def test_processes_start_and_stop_by_what_windows_has() -> None:
     program = """
-from ballbar.cell.processes import on_stop_signals, stop_signals_blocked
+from ballbar.cell.processes import on_stop_signals, process_apart, stop_signals_blocked
 from ballbar.watch import beside
 with stop_signals_blocked():
     pass
 with on_stop_signals(lambda: print("stopped")):
     os.kill(os.getpid(), signal.SIGBREAK)
-print(beside.END, beside.OWN_GROUP)
+def started(command, **options):
+    print(beside.END, options["creationflags"])
+subprocess.Popen = started
+process_apart(["viewer"])
 from ballbar import __main__ as command
 from ballbar.commands import cli
 def main():
