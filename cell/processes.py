@@ -63,9 +63,9 @@ def process_apart(
     output : of its standard output.
     """
     group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)  # of Windows, which has no sessions
-    streams = {"stdout": output, "stderr": subprocess.DEVNULL}
+    none = subprocess.DEVNULL
     return subprocess.Popen(
-        command, env=env, start_new_session=True, creationflags=group, **streams
+        command, -1, None, None, output, none, env=env, start_new_session=True, creationflags=group
     )
 
 
